@@ -1,0 +1,120 @@
+//! What can stop a run, and whose mistake it was.
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use thiserror::Error;
+
+/// Short for this crate's results.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// An error that ends the command. What can happen to a single point of an
+/// experiment is not an error but an [`Outcome`](crate::record::Outcome).
+#[derive(Debug, Error, Diagnostic)]
+pub enum Error {
+    /// The user's mistake: exit code 2.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Input(#[from] Box<InputError>),
+    /// The run could not go on: exit code 1.
+    #[error("{message}")]
+    Run {
+        /// What happened, in a sentence.
+        message: String,
+        /// What the user can do about it.
+        #[help]
+        help: Option<String>,
+    },
+}
+
+/// A mistake in what the user gave: a file, a line in it, or an argument.
+#[derive(Debug, Error, Diagnostic)]
+#[error("{message}")]
+pub struct InputError {
+    /// What is wrong, with the value and what was expected.
+    pub message: String,
+    /// The file the mistake is in, shown around `span`.
+    #[source_code]
+    pub source_code: Option<NamedSource<String>>,
+    /// Where in the file.
+    #[label("{label}")]
+    pub span: Option<SourceSpan>,
+    /// The words under the marked place.
+    pub label: String,
+    /// The remedy.
+    #[help]
+    pub help: Option<String>,
+}
+
+impl Error {
+    /// A mistake in the user's input that has no place in a file.
+    pub fn input(message: impl Into<String>) -> Self {
+        Self::Input(Box::new(InputError {
+            message: message.into(),
+            source_code: None,
+            span: None,
+            label: String::new(),
+            help: None,
+        }))
+    }
+
+    /// A mistake at `span` of the file `name` with the given text.
+    pub fn in_file(
+        name: impl AsRef<str>,
+        text: impl Into<String>,
+        span: std::ops::Range<usize>,
+        message: impl Into<String>,
+        label: impl Into<String>,
+    ) -> Self {
+        Self::Input(Box::new(InputError {
+            message: message.into(),
+            source_code: Some(NamedSource::new(name, text.into())),
+            span: Some(span.into()),
+            label: label.into(),
+            help: None,
+        }))
+    }
+
+    /// A run that cannot go on.
+    pub fn run(message: impl Into<String>) -> Self {
+        Self::Run { message: message.into(), help: None }
+    }
+
+    /// Adds the remedy.
+    #[must_use]
+    pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
+        match &mut self {
+            Self::Input(error) => error.help = Some(remedy.into()),
+            Self::Run { help, .. } => *help = Some(remedy.into()),
+        }
+        self
+    }
+
+    /// The exit code the command ends with.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Run { .. } => 1,
+        }
+    }
+}
+
+/// The candidate most like `word`, if any is like enough to be what was meant.
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
+        .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 3)
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, candidate)| candidate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_finds_a_misspelt_name_and_refuses_a_strange_one() {
+        let names = ["private", "global", "local"];
+        assert_eq!(nearest("globl", names), Some("global"));
+        assert_eq!(nearest("zzzzzzzz", names), None);
+    }
+}

@@ -1,0 +1,19 @@
+//! Pictures: radiance, its 8-bit form, and files.
+
+/// Radiance at every pixel, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Radiance {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Red, green and blue of each pixel; `width * height` of them.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+impl Radiance {
+    /// A black image.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
+    }
+}

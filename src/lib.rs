@@ -1,0 +1,26 @@
+//! Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
+//!
+//! The rooms, in the order an experiment passes through them:
+//! [`config`] reads a TOML experiment; [`scene`] loads what it names;
+//! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
+//! [`program`] assembles and builds kernels from `cl/`; [`launch`] runs them;
+//! [`verify`] compares their image with the [`reference`]; [`measure`] times them;
+//! [`record`] keeps what was found. [`image`] turns radiance into pictures.
+//! [`cli`] holds one file a subcommand.
+
+pub mod cli;
+pub mod config;
+pub mod device;
+pub mod error;
+pub mod experiment;
+pub mod image;
+pub mod launch;
+pub mod measure;
+pub mod program;
+pub mod record;
+pub mod reference;
+pub mod scene;
+pub mod strategy;
+pub mod verify;
+
+pub use error::{Error, Result};

@@ -1,0 +1,76 @@
+//! From where a scene is seen, and which ray belongs to which pixel.
+
+use glam::{DVec3, Vec3};
+
+/// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis;
+/// a pixel's row 0 is at the top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// The eye.
+    pub position: Vec3,
+    /// Unit vector towards larger pixel x.
+    pub right: Vec3,
+    /// Unit vector towards smaller pixel y.
+    pub up: Vec3,
+    /// Unit vector along the view.
+    pub forward: Vec3,
+    /// Tangent of half the field of view.
+    pub tan_half_fov: f32,
+    /// Whether the field of view spans the height (else the width).
+    pub fov_is_vertical: bool,
+    /// Only hits whose depth along `forward` is larger than this are seen.
+    pub z_near: f32,
+}
+
+/// The rays of an image: the ray through pixel coordinates (x, y), with centres
+/// at half-integers, leaves `eye` along `corner + x * step_x + y * step_y`. That
+/// direction has depth 1 along the camera's forward axis and is not normalised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelFrame {
+    /// Where every ray starts.
+    pub eye: DVec3,
+    /// The direction through the image's top left corner.
+    pub corner: DVec3,
+    /// What one pixel to the right adds.
+    pub step_x: DVec3,
+    /// What one pixel down adds.
+    pub step_y: DVec3,
+    /// The smallest visible depth.
+    pub z_near: f64,
+}
+
+impl Camera {
+    /// The paper's camera: at the origin, along -z, 90 degrees across the width, z_near 0.1.
+    pub const PAPER: Self = Self {
+        position: Vec3::ZERO,
+        right: Vec3::X,
+        up: Vec3::Y,
+        forward: Vec3::NEG_Z,
+        tan_half_fov: 1.0,
+        fov_is_vertical: false,
+        z_near: 0.1,
+    };
+
+    /// The rays of an image of `width` x `height` pixels.
+    pub fn pixel_frame(&self, width: u32, height: u32) -> PixelFrame {
+        let (width, height) = (f64::from(width), f64::from(height));
+        let tan = f64::from(self.tan_half_fov);
+        let (tan_x, tan_y) =
+            if self.fov_is_vertical { (tan * width / height, tan) } else { (tan, tan * height / width) };
+        let (right, up, forward) = (self.right.as_dvec3(), self.up.as_dvec3(), self.forward.as_dvec3());
+        PixelFrame {
+            eye: self.position.as_dvec3(),
+            corner: forward - right * tan_x + up * tan_y,
+            step_x: right * (2.0 * tan_x / width),
+            step_y: up * (-2.0 * tan_y / height),
+            z_near: f64::from(self.z_near),
+        }
+    }
+}
+
+impl PixelFrame {
+    /// The direction through pixel coordinates (x, y), of depth 1.
+    pub fn direction(&self, x: f64, y: f64) -> DVec3 {
+        self.corner + self.step_x * x + self.step_y * y
+    }
+}

@@ -1,0 +1,69 @@
+//! Indexed triangles, as OBJ has them: one set of positions, one of normals.
+
+use super::Material;
+use glam::Vec3;
+
+/// One triangle of a [`Mesh`], as indices into its sets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Triangle {
+    /// Its corners in `Mesh::positions`.
+    pub positions: [u32; 3],
+    /// Its corners' normals in `Mesh::normals`.
+    pub normals: [u32; 3],
+    /// Its material in `Mesh::materials`.
+    pub material: u32,
+}
+
+/// Triangles with their materials. Normals need not have unit length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Corner positions, in the scene's units.
+    pub positions: Vec<Vec3>,
+    /// Corner normals.
+    pub normals: Vec<Vec3>,
+    /// The triangles.
+    pub triangles: Vec<Triangle>,
+    /// The materials the triangles name.
+    pub materials: Vec<Material>,
+}
+
+impl Mesh {
+    /// The three corners of a triangle.
+    pub fn corners(&self, triangle: &Triangle) -> [Vec3; 3] {
+        triangle.positions.map(|index| self.positions[index as usize])
+    }
+
+    /// The normals at a triangle's corners.
+    pub fn corner_normals(&self, triangle: &Triangle) -> [Vec3; 3] {
+        triangle.normals.map(|index| self.normals[index as usize])
+    }
+
+    /// A triangle's material.
+    pub fn material(&self, triangle: &Triangle) -> &Material {
+        &self.materials[triangle.material as usize]
+    }
+
+    /// The smallest and largest corner, or `None` without triangles.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        self.triangles.iter().flat_map(|triangle| self.corners(triangle)).fold(None, |bounds, p| match bounds
+        {
+            None => Some((p, p)),
+            Some((low, high)) => Some((low.min(p), high.max(p))),
+        })
+    }
+
+    /// Adds another mesh's triangles, shifting its indices.
+    pub fn append(&mut self, other: Mesh) {
+        let position = self.positions.len() as u32;
+        let normal = self.normals.len() as u32;
+        let material = self.materials.len() as u32;
+        self.triangles.extend(other.triangles.into_iter().map(|t| Triangle {
+            positions: t.positions.map(|i| i + position),
+            normals: t.normals.map(|i| i + normal),
+            material: t.material + material,
+        }));
+        self.positions.extend(other.positions);
+        self.normals.extend(other.normals);
+        self.materials.extend(other.materials);
+    }
+}

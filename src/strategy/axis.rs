@@ -1,0 +1,172 @@
+//! The axes: each value has a name, a line that explains it, and (where it is
+//! code) one file under `cl/`. This is the only list of them.
+
+use crate::error::{Error, Result, nearest};
+
+/// An axis of the strategy space, known by its name at run time.
+#[derive(Clone, Copy, Debug)]
+pub struct AxisInfo {
+    /// The axis's name in configs.
+    pub name: &'static str,
+    /// What it decides.
+    pub about: &'static str,
+    /// Each value's name and what it means.
+    pub values: &'static [(&'static str, &'static str)],
+}
+
+/// A type whose values are those of one axis.
+pub trait Axis: Sized + Copy + Eq + 'static {
+    /// Its name, its values and their meaning.
+    const INFO: AxisInfo;
+    /// Every value, in the order of `INFO.values`.
+    const ALL: &'static [Self];
+
+    /// The value's name in configs and records.
+    fn name(self) -> &'static str {
+        let place = Self::ALL.iter().position(|&value| value == self).unwrap_or_default();
+        Self::INFO.values[place].0
+    }
+
+    /// The value called `name`; the error names the nearest one.
+    fn parse(name: &str) -> Result<Self> {
+        Self::ALL.iter().copied().find(|value| value.name() == name).ok_or_else(|| {
+            let names: Vec<_> = Self::INFO.values.iter().map(|(name, _)| *name).collect();
+            let error = Error::input(format!(
+                "'{name}' is not a value of '{}'; expected one of {}",
+                Self::INFO.name,
+                names.join(", ")
+            ));
+            match nearest(name, names) {
+                Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
+                None => error,
+            }
+        })
+    }
+}
+
+macro_rules! axis {
+    ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
+        $($value:ident $name:literal $meaning:literal,)+
+    }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum $type {
+            $(#[doc = $meaning] $value,)+
+        }
+        impl Axis for $type {
+            const INFO: AxisInfo = AxisInfo {
+                name: $axis,
+                about: $about,
+                values: &[$(($name, $meaning)),+],
+            };
+            const ALL: &'static [Self] = &[$(Self::$value),+];
+        }
+    };
+}
+
+axis! {
+    /// How the triangles that a ray may hit are found.
+    Traversal "traversal" "how the triangles that a ray may hit are found" {
+        Exhaustive "exhaustive" "every ray tests every triangle, as the paper does",
+        Raster "raster" "one work-item a triangle, depth resolved by atomics, then a shading pass",
+    }
+}
+axis! {
+    /// Where a work-item's nine working vectors live.
+    Vectors "vectors" "where a work-item's nine working vectors live" {
+        Private "private" "private arrays, which compilers keep in registers",
+        Global "global" "a preallocated scratch buffer in global memory",
+        Heap "heap" "taken inside the kernel from a global pool by an atomic allocator, as the paper's malloc",
+        Local "local" "__local memory, 108 bytes a ray: the paper's optimisation 1",
+    }
+}
+axis! {
+    /// Where triangles are read from.
+    Triangles "triangles" "where triangles are read from" {
+        Global "global" "global memory",
+        Constant "constant" "__constant memory",
+        Local "local" "the whole scene copied to __local memory: the paper's optimisation 2",
+        Tiled "tiled" "streamed through __local memory in tiles: any scene size",
+        SplitVertices "split-vertices" "vertices in __local memory, normals in global: the paper's next step",
+        SplitNormals "split-normals" "normals in __local memory, vertices in global: its reverse",
+    }
+}
+axis! {
+    /// How triangles are laid out in memory.
+    Layout "layout" "how triangles are laid out in memory" {
+        Soup "soup" "104 bytes a triangle, nothing shared, as the paper has it",
+        Indexed16 "indexed16" "the OBJ's sets of positions and normals, 16-bit indices",
+        Indexed32 "indexed32" "the OBJ's sets of positions and normals, 32-bit indices",
+    }
+}
+axis! {
+    /// When a hit is shaded.
+    Shading "shading" "when a hit is shaded" {
+        Eager "eager" "at every hit nearer than the best so far, as the paper does",
+        Deferred "deferred" "once, at the nearest hit",
+    }
+}
+axis! {
+    /// How many kernels a frame takes.
+    Passes "passes" "how many kernels a frame takes" {
+        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays",
+        Separate "separate" "one kernel finds the nearest hits, another shades them: timed apart",
+    }
+}
+axis! {
+    /// The ray-triangle test.
+    Intersector "intersector" "the ray-triangle test" {
+        MollerTrumbore "moller-trumbore" "Moeller and Trumbore 1997, as the paper does",
+        Watertight "watertight" "Woop, Benthin and Wald 2013: no leaks at edges and vertices",
+        CommonOrigin "common-origin" "edge planes through the eye or the light, prepared once a frame",
+    }
+}
+axis! {
+    /// Which faces are seen.
+    Culling "culling" "which faces are seen" {
+        None "none" "both sides, as the paper's figures need",
+        Back "back" "front faces only, as the book's code does",
+    }
+}
+axis! {
+    /// When a test counts as parallel or outside.
+    Epsilons "epsilons" "when a test counts as parallel or outside" {
+        Paper "paper" "the paper's absolute numbers: |a| <= 1e-7, weights < -1e-10",
+        Relative "relative" "none that depend on the scene's scale",
+    }
+}
+axis! {
+    /// Rays a work-item casts side by side.
+    Width "width" "rays a work-item casts side by side, in vector types" {
+        W1 "1" "one, as the paper does",
+        W2 "2" "2 x 1 pixels",
+        W4 "4" "2 x 2 pixels",
+        W8 "8" "4 x 2 pixels",
+        W16 "16" "4 x 4 pixels: a CPU's widest vectors",
+    }
+}
+axis! {
+    /// What the compiler may do to arithmetic.
+    Math "math" "what the compiler may do to arithmetic" {
+        Strict "strict" "IEEE single precision as OpenCL C defines it",
+        Fast "fast" "-cl-fast-relaxed-math",
+    }
+}
+
+impl Width {
+    /// The number of rays.
+    pub fn rays(self) -> usize {
+        1 << (self as usize)
+    }
+
+    /// The block of pixels these rays make: (across, down).
+    pub fn block(self) -> (usize, usize) {
+        match self {
+            Self::W1 => (1, 1),
+            Self::W2 => (2, 1),
+            Self::W4 => (2, 2),
+            Self::W8 => (4, 2),
+            Self::W16 => (4, 4),
+        }
+    }
+}

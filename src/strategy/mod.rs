@@ -1,0 +1,141 @@
+//! A strategy: one value of every axis. Presets name the paper's rows.
+
+mod axis;
+mod presets;
+mod requirements;
+
+pub use axis::{
+    Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, Math, Passes, Shading, Traversal, Triangles,
+    Vectors, Width,
+};
+pub use presets::{PRESETS, Preset, preset};
+pub use requirements::{Infeasible, Requirements, Workload};
+
+use crate::error::{Error, Result, nearest};
+
+/// Declares [`Strategy`] and everything that must name each of its axes once.
+macro_rules! strategy {
+    ($($(#[$doc:meta])* $field:ident: $type:ident,)+) => {
+        /// One value of every axis.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub struct Strategy {
+            $($(#[$doc])* pub $field: $type,)+
+        }
+
+        /// Every axis, in the order a strategy is spelled out.
+        pub const AXES: &[AxisInfo] = &[$($type::INFO),+];
+
+        impl Strategy {
+            /// Changes one axis by name. An unknown name or value is the user's mistake.
+            pub fn set(&mut self, axis: &str, value: &str) -> Result<()> {
+                match axis {
+                    $(stringify!($field) => self.$field = $type::parse(value)?,)+
+                    _ => return Err(unknown_axis(axis)),
+                }
+                Ok(())
+            }
+
+            /// Each axis's name and this strategy's value of it.
+            pub fn axes(&self) -> Vec<(&'static str, &'static str)> {
+                vec![$((stringify!($field), self.$field.name())),+]
+            }
+        }
+    };
+}
+
+strategy! {
+    /// How the triangles that a ray may hit are found.
+    traversal: Traversal,
+    /// Where the nine working vectors live.
+    vectors: Vectors,
+    /// Where triangles are read from.
+    triangles: Triangles,
+    /// How triangles are laid out.
+    layout: Layout,
+    /// When a hit is shaded.
+    shading: Shading,
+    /// How many kernels a frame takes.
+    passes: Passes,
+    /// The ray-triangle test.
+    intersector: Intersector,
+    /// Which faces are seen.
+    culling: Culling,
+    /// When a test counts as parallel or outside.
+    epsilons: Epsilons,
+    /// Rays a work-item.
+    width: Width,
+    /// What the compiler may do to arithmetic.
+    math: Math,
+}
+
+fn unknown_axis(axis: &str) -> Error {
+    let names: Vec<_> = AXES.iter().map(|info| info.name).collect();
+    let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
+    match nearest(axis, names) {
+        Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
+        None => error,
+    }
+}
+
+impl std::fmt::Display for Strategy {
+    /// All axes spelled out: `traversal=exhaustive vectors=private ...`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let axes: Vec<_> = self.axes().iter().map(|(axis, value)| format!("{axis}={value}")).collect();
+        f.write_str(&axes.join(" "))
+    }
+}
+
+impl Strategy {
+    /// Refuses combinations that make no sense on any device, with the reason.
+    pub fn check(&self) -> Result<()> {
+        match self.contradiction() {
+            Some(reason) => Err(Error::input(format!("this strategy makes no sense: {reason}"))),
+            None => Ok(()),
+        }
+    }
+
+    /// Why this combination makes no sense on any device, if so.
+    pub fn contradiction(&self) -> Option<&'static str> {
+        let raster = self.traversal == Traversal::Raster;
+        let eager = self.shading == Shading::Eager;
+        let tiled = self.triangles == Triangles::Tiled;
+        let in_place = matches!(self.triangles, Triangles::Global | Triangles::Constant);
+        let common_origin = self.intersector == Intersector::CommonOrigin;
+        let rules = [
+            (eager && tiled, "shading = eager with triangles = tiled would put a barrier in divergent flow"),
+            (
+                eager && self.passes == Passes::Separate,
+                "shading = eager shades inside the traversal, so passes must be fused",
+            ),
+            (
+                raster && (eager || self.passes == Passes::Fused),
+                "traversal = raster resolves depth before it shades: shading = deferred, passes = separate",
+            ),
+            (
+                raster && !in_place,
+                "traversal = raster reads each triangle once, so there is nothing to keep in __local memory: triangles = global or constant",
+            ),
+            (
+                raster && self.intersector != Intersector::MollerTrumbore,
+                "traversal = raster has its own edge functions for primary rays and moller-trumbore for shadow rays",
+            ),
+            (
+                self.math == Math::Fast && self.intersector == Intersector::Watertight,
+                "intersector = watertight needs exact signs, which math = fast does not keep",
+            ),
+            (
+                self.epsilons == Epsilons::Paper && self.intersector != Intersector::MollerTrumbore,
+                "epsilons = paper are numbers of the moller-trumbore test",
+            ),
+            (
+                common_origin && self.layout != Layout::Soup,
+                "intersector = common-origin reads a table of its own, a row a triangle: layout = soup",
+            ),
+            (
+                common_origin && !(self.triangles == Triangles::Global || tiled),
+                "intersector = common-origin reads a table that differs between the eye and each light: triangles = global or tiled",
+            ),
+        ];
+        rules.into_iter().find(|(broken, _)| *broken).map(|(_, reason)| reason)
+    }
+}

@@ -1,0 +1,151 @@
+//! Named strategies: the paper's rows and the fast ones.
+
+use super::{
+    Culling, Epsilons, Intersector, Layout, Math, Passes, Shading, Strategy, Traversal, Triangles, Vectors,
+    Width,
+};
+use crate::error::{Error, Result, nearest};
+
+/// A named strategy.
+#[derive(Clone, Copy, Debug)]
+pub struct Preset {
+    /// Its name in configs.
+    pub name: &'static str,
+    /// What it stands for.
+    pub about: &'static str,
+    /// Its value of every axis.
+    pub strategy: Strategy,
+}
+
+/// The paper's kernel, before it is said where anything lives.
+const PAPER: Strategy = Strategy {
+    traversal: Traversal::Exhaustive,
+    vectors: Vectors::Heap,
+    triangles: Triangles::Global,
+    layout: Layout::Soup,
+    shading: Shading::Eager,
+    passes: Passes::Fused,
+    intersector: Intersector::MollerTrumbore,
+    culling: Culling::None,
+    epsilons: Epsilons::Paper,
+    width: Width::W1,
+    math: Math::Strict,
+};
+
+/// What raycl starts from when it is free to choose.
+const MODERN: Strategy = Strategy {
+    vectors: Vectors::Private,
+    shading: Shading::Deferred,
+    passes: Passes::Separate,
+    epsilons: Epsilons::Relative,
+    ..PAPER
+};
+
+/// Every preset, the paper's first.
+pub const PRESETS: &[Preset] = &[
+    Preset {
+        name: "naive",
+        about: "the paper's first kernel: vectors from an in-kernel malloc, triangles in global memory",
+        strategy: PAPER,
+    },
+    Preset {
+        name: "naive-scratch",
+        about: "naive without the malloc: vectors in a preallocated global buffer",
+        strategy: Strategy { vectors: Vectors::Global, ..PAPER },
+    },
+    Preset {
+        name: "private",
+        about: "the paper's static arrays, which failed to launch there",
+        strategy: Strategy { vectors: Vectors::Private, ..PAPER },
+    },
+    Preset {
+        name: "local-vectors",
+        about: "the paper's optimisation 1: vectors in __local memory",
+        strategy: Strategy { vectors: Vectors::Local, ..PAPER },
+    },
+    Preset {
+        name: "local-triangles",
+        about: "the paper's optimisation 2: all triangles in __local memory",
+        strategy: Strategy { triangles: Triangles::Local, ..PAPER },
+    },
+    Preset {
+        name: "compounded",
+        about: "both optimisations, which the paper could not compound",
+        strategy: Strategy { vectors: Vectors::Local, triangles: Triangles::Local, ..PAPER },
+    },
+    Preset {
+        name: "constant-triangles",
+        about: "vectors in private memory, triangles in __constant memory",
+        strategy: Strategy { vectors: Vectors::Private, triangles: Triangles::Constant, ..PAPER },
+    },
+    Preset {
+        name: "split-vertices",
+        about: "the paper's next step: indexed, vertices in __local memory and normals in global",
+        strategy: Strategy { triangles: Triangles::SplitVertices, layout: Layout::Indexed16, ..PAPER },
+    },
+    Preset {
+        name: "split-normals",
+        about: "its reverse: indexed, normals in __local memory and vertices in global",
+        strategy: Strategy { triangles: Triangles::SplitNormals, layout: Layout::Indexed16, ..PAPER },
+    },
+    Preset {
+        name: "raster",
+        about: "the paper's other next step: the book's rasteriser, shaded as the ray caster is",
+        strategy: Strategy { traversal: Traversal::Raster, ..MODERN },
+    },
+    Preset { name: "deferred", about: "private vectors, shaded once at the nearest hit", strategy: MODERN },
+    Preset {
+        name: "tiled",
+        about: "deferred, with triangles streamed through __local memory",
+        strategy: Strategy { triangles: Triangles::Tiled, ..MODERN },
+    },
+    Preset {
+        name: "watertight",
+        about: "deferred, with the test that leaks no ray at edges and vertices",
+        strategy: Strategy { intersector: Intersector::Watertight, ..MODERN },
+    },
+    Preset {
+        name: "wide",
+        about: "deferred, 16 rays a work-item in vector types: what a CPU wants",
+        strategy: Strategy { width: Width::W16, ..MODERN },
+    },
+    Preset {
+        name: "wide-common-origin",
+        about: "wide, with edge planes prepared for the eye and each light: fastest on a CPU",
+        strategy: Strategy { width: Width::W16, intersector: Intersector::CommonOrigin, ..MODERN },
+    },
+    Preset {
+        name: "tiled-common-origin",
+        about: "common-origin planes streamed through __local memory, 4 rays a work-item: fastest on a GPU",
+        strategy: Strategy {
+            width: Width::W4,
+            intersector: Intersector::CommonOrigin,
+            triangles: Triangles::Tiled,
+            ..MODERN
+        },
+    },
+];
+
+/// The preset called `name`; the error names the nearest one.
+pub fn preset(name: &str) -> Result<&'static Preset> {
+    PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
+        let names: Vec<_> = PRESETS.iter().map(|preset| preset.name).collect();
+        let error = Error::input(format!("'{name}' is not a preset; the presets are {}", names.join(", ")));
+        match nearest(name, names) {
+            Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
+            None => error,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_makes_sense() {
+        for preset in PRESETS {
+            assert_eq!(preset.strategy.contradiction(), None, "{}", preset.name);
+        }
+    }
+}
