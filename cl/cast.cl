@@ -1,0 +1,203 @@
+// The entry points. They own the argument lists and the __local declarations, and call what the axes provide.
+// {braces} name an axis: the host puts the file of the strategy's value there.
+
+#if !defined(LOCAL_X) || !defined(LOCAL_Y)
+#error "LOCAL_X, LOCAL_Y: work-items of a work-group across and down"
+#endif
+#if !defined(CULL_BACK) || !defined(PAPER_EPSILONS) || !defined(FAST_MATH)
+#error "CULL_BACK, PAPER_EPSILONS, FAST_MATH: 0 or 1"
+#endif
+#ifndef TRIANGLES
+#error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
+#endif
+
+#include "shared/width.cl"
+#include "shared/vec3.cl"
+#include "shared/camera.cl"
+#include "shared/hit.cl"
+#include "vectors/names.cl"
+#include "vectors/{vectors}.cl"
+#include "triangles/{triangles}.cl"
+#include "triangles/staging.cl"
+#include "layout/rows.cl"
+#include "layout/{layout}.cl"
+#include "intersect/{intersector}.cl"
+#include "triangles/rows.cl"
+#include "shared/gather.cl"
+#define ANY_HIT 1
+#include "traversal/exhaustive.cl"
+#undef ANY_HIT
+#include "shared/shade.cl"
+#include "shading/{shading}.cl"
+#define ANY_HIT 0
+#include "traversal/exhaustive.cl"
+#undef ANY_HIT
+
+#if PLANES_OF_ORIGIN
+#define PREPARED_PARAMETER , const __global float *restrict prepared
+#define BIND_PREPARED(scene) scene.prepared = prepared;
+#else
+#define PREPARED_PARAMETER
+#define BIND_PREPARED(scene)
+#endif
+
+#define SCENE_PARAMETERS \
+    GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias PREPARED_PARAMETER
+#define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
+#define BIND_SCENE(scene)            \
+    BIND_GEOMETRY(scene.geometry)    \
+    scene.lights = lights;           \
+    scene.light_count = light_count; \
+    scene.bias = bias;               \
+    BIND_PREPARED(scene)             \
+    BIND_TILE(scene)                 \
+    if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
+
+#define GROUP_SHAPE __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1)))
+
+// Puts the camera's rays into the working vectors and says from where hits count.
+varying begin_rays(Working *working, CAMERA_PARAMETERS, Pixels pixels) {
+    const Ray ray = camera_ray(eye, corner, step_x, step_y, pixels);
+    const varying zero = (varying)(0.0f);
+    working_set(working, RAY_ORIGIN, ray.origin);
+    working_set(working, RAY_DIRECTION, ray.direction);
+    working_set(working, WEIGHTS, vec3(zero, zero, zero));
+    working_set(working, RADIANCE, vec3(zero, zero, zero));
+    return ray.t_min;
+}
+
+// Writes radiance and, as the fourth component, 1 where the ray hit and 0 where it did not.
+void write_radiance(__global float4 *image, int2 image_size, float4 background, const Working *working,
+                    Pixels pixels, Mask hits) {
+    const Vec3 sum = working_get(working, RADIANCE);
+    Lanes red, green, blue, hit;
+    IntLanes x, y, inside;
+    red.all = SELECT(hits, sum.x, (varying)(background.x));
+    green.all = SELECT(hits, sum.y, (varying)(background.y));
+    blue.all = SELECT(hits, sum.z, (varying)(background.z));
+    hit.all = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (inside.each[lane])
+            image[(size_t)y.each[lane] * image_size.x + x.each[lane]] =
+                (float4)(red.each[lane], green.each[lane], blue.each[lane], hit.each[lane]);
+}
+
+// A whole frame: primary rays, shading, shadow rays.
+__kernel GROUP_SHAPE void cast_frame(SCENE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
+                                     const float4 background, __global float4 *restrict image WORKING_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const Pixels pixels = own_pixels(image_size);
+    const varying t_min = begin_rays(&working, eye, corner, step_x, step_y, pixels);
+    Nearest nearest;
+    closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+    const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
+    after_closest_hit(&working, &scene, &nearest, hits);
+    write_radiance(image, image_size, background, &working, pixels, hits);
+}
+
+// The nearest triangle of every pixel, or NO_HIT.
+__kernel GROUP_SHAPE void cast_primary(SCENE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
+                                       __global int *restrict nearest_triangle WORKING_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const Pixels pixels = own_pixels(image_size);
+    const varying t_min = begin_rays(&working, eye, corner, step_x, step_y, pixels);
+    Nearest nearest;
+    closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+    IntLanes x, y, inside, triangle;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    triangle.all = nearest.triangle;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (inside.each[lane])
+            nearest_triangle[(size_t)y.each[lane] * image_size.x + x.each[lane]] = triangle.each[lane];
+}
+
+// Shades the nearest triangle of every pixel, whoever found it.
+__kernel GROUP_SHAPE void shade_nearest(SCENE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
+                                        const float4 background, __global float4 *restrict image,
+                                        const __global int *restrict nearest_triangle WORKING_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const Pixels pixels = own_pixels(image_size);
+    begin_rays(&working, eye, corner, step_x, step_y, pixels);
+    IntLanes x, y, inside, triangle;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++)
+        triangle.each[lane] =
+            inside.each[lane] ? nearest_triangle[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
+    Nearest nearest;
+    nearest.t = (varying)(FAR);
+    nearest.triangle = triangle.all;
+    const Mask hits = nearest.triangle != NO_HIT;
+    after_closest_hit(&working, &scene, &nearest, hits);
+    write_radiance(image, image_size, background, &working, pixels, hits);
+}
+
+// Casts any rays, for tests and for who wants more than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
+__kernel GROUP_SHAPE void cast_rays(SCENE_PARAMETERS, const __global float4 *restrict rays, const int ray_count,
+                                    __global int *restrict nearest_triangle WORKING_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const int first = (get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
+    Lanes ray[7];
+    IntLanes triangle;
+    for (int lane = 0; lane < WIDTH; lane++) {
+        const int at = min(first + lane, ray_count - 1);
+        const float4 from = rays[2 * at], to = rays[2 * at + 1];
+        ray[0].each[lane] = from.x, ray[1].each[lane] = from.y, ray[2].each[lane] = from.z;
+        ray[3].each[lane] = to.x, ray[4].each[lane] = to.y, ray[5].each[lane] = to.z;
+        ray[6].each[lane] = from.w;
+    }
+    working_set(&working, RAY_ORIGIN, vec3(ray[0].all, ray[1].all, ray[2].all));
+    working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
+    Nearest nearest;
+    closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
+    triangle.all = nearest.triangle;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (first + lane < ray_count) nearest_triangle[first + lane] = triangle.each[lane];
+}
+
+#if PLANES_OF_ORIGIN
+// The planes of every triangle (first dimension) for the eye and each light (second dimension).
+__kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restrict lights, const float4 eye,
+                              __global float *restrict prepared) {
+    const int triangle = get_global_id(0);
+    const int origin = get_global_id(1);
+    const Uniform3 from = origin ? LOAD3(lights + 6 * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
+    // A shadow ray runs towards the light: its front faces are those that face away from the light.
+    const float front = origin ? 1.0f : -1.0f;
+    Row corner;
+    corner.a = LOAD3(soup + SOUP_STRIDE * triangle);
+    corner.b = LOAD3(soup + SOUP_STRIDE * triangle + 3);
+    corner.c = LOAD3(soup + SOUP_STRIDE * triangle + 6);
+    store_planes(corner, from, front, prepared + PLANE_FLOATS * ((size_t)origin * triangle_count + triangle));
+}
+#endif
+
+#if RASTER
+#include "traversal/raster.cl"
+#endif

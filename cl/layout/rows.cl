@@ -1,0 +1,28 @@
+// What a layout hands out, whatever it is made of.
+
+// What a ray-triangle test reads: three corners, or three planes prepared for a common origin.
+typedef struct {
+    Uniform3 a, b, c;
+} Row;
+
+// What shading reads, for the triangle of each lane.
+typedef struct {
+    Vec3 n0, n1, n2;
+    Vec3 lambertian, glossy;
+    varying shininess, kind;
+} Surface;
+
+#define FLOATS_OF_SURFACE 17
+
+// A Surface from one lane's numbers a column: normals (9), k_L (3), k_G (3), s, kind.
+Surface surface_of(const Lanes *column) {
+    Surface s;
+    s.n0 = vec3(column[0].all, column[1].all, column[2].all);
+    s.n1 = vec3(column[3].all, column[4].all, column[5].all);
+    s.n2 = vec3(column[6].all, column[7].all, column[8].all);
+    s.lambertian = vec3(column[9].all, column[10].all, column[11].all);
+    s.glossy = vec3(column[12].all, column[13].all, column[14].all);
+    s.shininess = column[15].all;
+    s.kind = column[16].all;
+    return s;
+}

@@ -1,0 +1,11 @@
+// Shading once, at the nearest hit.
+
+void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {}
+
+void after_closest_hit(Working *working, const Scene *scene, const Nearest *nearest, Mask hits) {
+    const Hit hit = meet_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
+                                working_get(working, RAY_DIRECTION));
+    working_set(working, WEIGHTS, vec3(1.0f - hit.w1 - hit.w2, hit.w1, hit.w2));
+    const Surface surface = gather_surfaces(&scene->geometry, nearest->triangle);
+    shade(working, scene, &surface, hit.t, hits);
+}

@@ -1,0 +1,13 @@
+// Shading at every hit nearer than the best so far, as the paper does: overdraw pays for shadow rays that are
+// thrown away.
+
+void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
+    const Vec3 weights = vec3(1.0f - hit->w1 - hit->w2, hit->w1, hit->w2);
+    working_set(working, WEIGHTS, select3(nearer, weights, working_get(working, WEIGHTS)));
+    Lanes column[FLOATS_OF_SURFACE];
+    for (int lane = 0; lane < WIDTH; lane++) gather_surface(&scene->geometry, triangle, lane, column);
+    const Surface surface = surface_of(column);
+    shade(working, scene, &surface, hit->t, nearer);
+}
+
+void after_closest_hit(Working *working, const Scene *scene, const Nearest *nearest, Mask hits) {}

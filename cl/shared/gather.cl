@@ -1,0 +1,41 @@
+// Lanes' own triangles, gathered one lane after another.
+
+// The surface of each lane's triangle; lanes without a hit read nothing and hold zeros.
+Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
+    Lanes column[FLOATS_OF_SURFACE];
+    IntLanes id;
+    id.all = triangle;
+    for (int i = 0; i < FLOATS_OF_SURFACE; i++) column[i].all = (varying)(0.0f);
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (id.each[lane] != NO_HIT) gather_surface(geometry, id.each[lane], lane, column);
+    return surface_of(column);
+}
+
+// Where each lane's ray meets the plane of its triangle: t and the weights, with no test of the edges, so that a
+// hit found by any intersector or rasterised is shaded the same way.
+Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
+    Lanes column[9];
+    IntLanes id;
+    id.all = triangle;
+    for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (id.each[lane] == NO_HIT) continue;
+        const Row row = corners(geometry, id.each[lane]);
+        const Uniform3 e1 = uniform_difference(row.b, row.a);
+        const Uniform3 e2 = uniform_difference(row.c, row.a);
+        column[0].each[lane] = row.a.x, column[1].each[lane] = row.a.y, column[2].each[lane] = row.a.z;
+        column[3].each[lane] = e1.x, column[4].each[lane] = e1.y, column[5].each[lane] = e1.z;
+        column[6].each[lane] = e2.x, column[7].each[lane] = e2.y, column[8].each[lane] = e2.z;
+    }
+    const Vec3 e1 = vec3(column[3].all, column[4].all, column[5].all);
+    const Vec3 e2 = vec3(column[6].all, column[7].all, column[8].all);
+    const Vec3 s = subtract(origin, vec3(column[0].all, column[1].all, column[2].all));
+    const Vec3 q = cross3(direction, e2);
+    const Vec3 r = cross3(s, e1);
+    const varying per_a = 1.0f / dot3(e1, q);
+    Hit hit;
+    hit.t = dot3(e2, r) * per_a;
+    hit.w1 = dot3(s, q) * per_a;
+    hit.w2 = dot3(direction, r) * per_a;
+    return hit;
+}

@@ -1,0 +1,14 @@
+// What a test finds, and what a traversal keeps.
+
+#define FAR MAXFLOAT        // not infinity: fast math may assume there is none
+#define NO_HIT 0x7fffffff   // the triangle of a ray that hits nothing
+
+typedef struct {
+    varying t;      // distance along the unit direction
+    varying w1, w2; // barycentric weights of the second and third corner
+} Hit;
+
+typedef struct {
+    varying t;
+    varying_int triangle;
+} Nearest;

@@ -1,0 +1,66 @@
+// Three-component vectors: Vec3 of varyings, and Uniform3 of what all lanes share.
+
+typedef struct {
+    varying x, y, z;
+} Vec3;
+
+typedef struct {
+    float x, y, z;
+} Uniform3;
+
+Vec3 vec3(varying x, varying y, varying z) {
+    Vec3 v;
+    v.x = x;
+    v.y = y;
+    v.z = z;
+    return v;
+}
+
+Vec3 splat(Uniform3 u) { return vec3((varying)(u.x), (varying)(u.y), (varying)(u.z)); }
+Vec3 add(Vec3 a, Vec3 b) { return vec3(a.x + b.x, a.y + b.y, a.z + b.z); }
+Vec3 subtract(Vec3 a, Vec3 b) { return vec3(a.x - b.x, a.y - b.y, a.z - b.z); }
+Vec3 multiply(Vec3 a, Vec3 b) { return vec3(a.x * b.x, a.y * b.y, a.z * b.z); }
+Vec3 scale(Vec3 a, varying s) { return vec3(a.x * s, a.y * s, a.z * s); }
+Vec3 negate(Vec3 a) { return vec3(-a.x, -a.y, -a.z); }
+varying dot3(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+Vec3 cross3(Vec3 a, Vec3 b) {
+    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+// origin + t * direction
+Vec3 along(Vec3 origin, varying t, Vec3 direction) {
+    return vec3(origin.x + t * direction.x, origin.y + t * direction.y, origin.z + t * direction.z);
+}
+
+// The unit vector along a, or zero where a is zero.
+Vec3 normalize_or_zero(Vec3 a) {
+    const varying squared = dot3(a, a);
+    return scale(a, SELECT(squared > 0.0f, 1.0f / sqrt(squared), (varying)(0.0f)));
+}
+
+Vec3 select3(Mask mask, Vec3 yes, Vec3 no) {
+    return vec3(SELECT(mask, yes.x, no.x), SELECT(mask, yes.y, no.y), SELECT(mask, yes.z, no.z));
+}
+
+Uniform3 uniform3(float x, float y, float z) {
+    Uniform3 u;
+    u.x = x;
+    u.y = y;
+    u.z = z;
+    return u;
+}
+
+Uniform3 uniform_difference(Uniform3 a, Uniform3 b) { return uniform3(a.x - b.x, a.y - b.y, a.z - b.z); }
+float uniform_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+Uniform3 uniform_cross(Uniform3 a, Uniform3 b) {
+    return uniform3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+// The first three numbers at a pointer of any address space.
+#define LOAD3(pointer) uniform3((pointer)[0], (pointer)[1], (pointer)[2])
+#define STORE3(pointer, u) \
+    (pointer)[0] = (u).x;    \
+    (pointer)[1] = (u).y;    \
+    (pointer)[2] = (u).z;

@@ -1,0 +1,99 @@
+// A varying holds one value for each of a work-item's WIDTH rays, as ISPC has it.
+// One source serves a GPU (WIDTH 1 to 8, rays in registers) and a CPU (WIDTH 16, rays in vectors).
+// A Mask is 0 or 1 for a scalar and 0 or -1 a lane for a vector: combine with & and |, negate with !.
+
+#ifndef WIDTH
+#error "WIDTH: rays a work-item casts side by side: 1, 2, 4, 8 or 16"
+#endif
+#ifndef REDUCE_BUILTIN
+#error "REDUCE_BUILTIN: 1 to use the compiler's __builtin_reduce_or where it has one, 0 to avoid it"
+#endif
+
+#if WIDTH == 1
+typedef float varying;
+typedef int varying_int;
+#define LANE_X 0
+#define LANE_Y 0
+#elif WIDTH == 2
+typedef float2 varying;
+typedef int2 varying_int;
+#define LANE_X ((int2)(0, 1))
+#define LANE_Y ((int2)(0))
+#elif WIDTH == 4
+typedef float4 varying;
+typedef int4 varying_int;
+#define LANE_X ((int4)(0, 1, 0, 1))
+#define LANE_Y ((int4)(0, 0, 1, 1))
+#elif WIDTH == 8
+typedef float8 varying;
+typedef int8 varying_int;
+#define LANE_X ((int8)(0, 1, 2, 3, 0, 1, 2, 3))
+#define LANE_Y ((int8)(0, 0, 0, 0, 1, 1, 1, 1))
+#elif WIDTH == 16
+typedef float16 varying;
+typedef int16 varying_int;
+#define LANE_X ((int16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
+#define LANE_Y ((int16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
+#else
+#error "WIDTH must be 1, 2, 4, 8 or 16"
+#endif
+
+typedef varying_int Mask;
+
+// The block of pixels that the lanes of a work-item cover.
+#define BLOCK_X (WIDTH == 1 ? 1 : WIDTH <= 4 ? 2 : 4)
+#define BLOCK_Y (WIDTH / BLOCK_X)
+
+// Lanes seen one by one, to gather and scatter.
+typedef union {
+    varying all;
+    float each[WIDTH];
+} Lanes;
+typedef union {
+    varying_int all;
+    int each[WIDTH];
+} IntLanes;
+
+#define SELECT(mask, yes, no) ((mask) ? (yes) : (no))
+
+// ANY(mask): whether any lane is set. any() compiles to tens of scalar instructions on some CPUs' compilers.
+#ifdef __has_builtin
+#if REDUCE_BUILTIN && __has_builtin(__builtin_reduce_or)
+#define HAS_REDUCE_OR
+#endif
+#endif
+
+#if WIDTH == 1
+#define ANY(mask) (mask)
+#elif defined(HAS_REDUCE_OR)
+#define ANY(mask) __builtin_reduce_or(mask)
+#else
+int any2(int2 m) { return m.x | m.y; }
+int any4(int4 m) { return any2(m.lo | m.hi); }
+int any8(int8 m) { return any4(m.lo | m.hi); }
+int any16(int16 m) { return any8(m.lo | m.hi); }
+#define PASTE2(a, b) a##b
+#define PASTE(a, b) PASTE2(a, b)
+#define ANY(mask) PASTE(any, WIDTH)(mask)
+#endif
+
+// The sign bit of a, and a with the sign bits of s flipped in: a * sign without a multiplication.
+#if WIDTH == 1
+#define AS_INT(a) as_int(a)
+#define AS_FLOAT(a) as_float(a)
+#elif WIDTH == 2
+#define AS_INT(a) as_int2(a)
+#define AS_FLOAT(a) as_float2(a)
+#elif WIDTH == 4
+#define AS_INT(a) as_int4(a)
+#define AS_FLOAT(a) as_float4(a)
+#elif WIDTH == 8
+#define AS_INT(a) as_int8(a)
+#define AS_FLOAT(a) as_float8(a)
+#else
+#define AS_INT(a) as_int16(a)
+#define AS_FLOAT(a) as_float16(a)
+#endif
+
+varying_int sign_bit(varying a) { return AS_INT(a) & (varying_int)(int)0x80000000; }
+varying flip_sign(varying a, varying_int sign) { return AS_FLOAT(AS_INT(a) ^ sign); }

@@ -1,0 +1,50 @@
+// Every ray tests every triangle. Included twice: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0 closest_hit.
+//
+// A ray is read from the working vectors at each test, as the paper's kernel does: where they live is what a
+// strategy is about. A shadow ray runs from P to the light; with planes of an origin, from the light to P.
+
+#if ANY_HIT
+// Lanes of `wanted` that hit anything nearer than t_max, from `bias` along w_i off the working vector P.
+Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
+    const Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
+    Mask open = wanted;
+#else
+// Finds the nearest hit at t_min < t of the rays in the working vectors.
+void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
+    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
+    const int origin = 0;
+    nearest->t = (varying)(FAR);
+    nearest->triangle = (varying_int)(NO_HIT);
+#endif
+    for (int first = 0; first < scene->geometry.count; first += TILE_STEP(scene)) {
+        stage_tile(scene, origin, first);
+        const int end = min(TILE_STEP(scene), scene->geometry.count - first);
+        for (int k = 0; k < end; k++) {
+            const Row row = row_in_tile(scene, origin, first, k);
+            Hit hit;
+#if ANY_HIT
+            if (!ANY(open)) break;
+            const Vec3 to_light = working_get(working, TO_LIGHT);
+#if PLANES_OF_ORIGIN
+            const Vec3 direction = negate(to_light);
+            const Vec3 from = direction; // unused: the planes know their origin
+#else
+            const Vec3 direction = to_light;
+            const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), to_light);
+#endif
+            open &= !intersect(&probe, from, direction, row, t_max, &hit);
+#else
+            const Vec3 from = working_get(working, RAY_ORIGIN);
+            const Vec3 direction = working_get(working, RAY_DIRECTION);
+            const Mask nearer = wanted & intersect(&probe, from, direction, row, nearest->t, &hit);
+            if (!ANY(nearer)) continue;
+            nearest->t = SELECT(nearer, hit.t, nearest->t);
+            nearest->triangle = SELECT(nearer, (varying_int)(first + k), nearest->triangle);
+            on_nearer_hit(working, scene, first + k, &hit, nearer);
+#endif
+        }
+    }
+#if ANY_HIT
+    return wanted & !open;
+#endif
+}

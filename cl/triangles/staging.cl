@@ -1,0 +1,24 @@
+// The spaces that follow from what is staged, and the copy into __local memory.
+
+#if STAGE_VERTICES
+#define VERTEX_SPACE __local
+#else
+#define VERTEX_SPACE SOURCE_SPACE
+#endif
+#if STAGE_NORMALS
+#define NORMAL_SPACE __local
+#else
+#define NORMAL_SPACE SOURCE_SPACE
+#endif
+#if STAGE_MATERIALS
+#define MATERIAL_SPACE __local
+#else
+#define MATERIAL_SPACE SOURCE_SPACE
+#endif
+
+#define LOCAL_INDEX ((int)(get_local_id(1) * LOCAL_X + get_local_id(0)))
+
+// Copies rows of `row` elements, `stride` apart in the source, to dense rows; all work-items of the group share the work.
+#define STAGE(target, source, rows, row, stride)                                    \
+    for (int at = LOCAL_INDEX; at < (rows) * (row); at += LOCAL_X * LOCAL_Y)          \
+        (target)[at] = (source)[at / (row) * (stride) + at % (row)];

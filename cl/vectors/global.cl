@@ -1,0 +1,10 @@
+// Working vectors in a scratch buffer that the host allocated for all work-items.
+
+#define WORKING_SPACE __global
+#include "vectors/in_memory.cl"
+
+#define WORKING_PARAMETERS , __global varying *scratch
+#define WORKING_LOCALS
+#define BIND_WORKING(working)                                                                   \
+    working.first = scratch + 3 * (get_global_id(1) * get_global_size(0) + get_global_id(0));   \
+    working.stride = 3 * get_global_size(0) * get_global_size(1);

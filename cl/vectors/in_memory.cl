@@ -1,0 +1,20 @@
+// Working vectors as [9][work-items][3] in the address space WORKING_SPACE.
+// Volatile: without it compilers keep a vector in registers between a store and its next load,
+// and a measurement of this memory would measure none of it.
+
+typedef struct {
+    volatile WORKING_SPACE varying *first; // this work-item's x of vector 0
+    int stride;                            // from one vector to the next
+} Working;
+
+Vec3 working_get(const Working *working, int which) {
+    volatile WORKING_SPACE varying *at = working->first + which * working->stride;
+    return vec3(at[0], at[1], at[2]);
+}
+
+void working_set(Working *working, int which, Vec3 value) {
+    volatile WORKING_SPACE varying *at = working->first + which * working->stride;
+    at[0] = value.x;
+    at[1] = value.y;
+    at[2] = value.z;
+}
