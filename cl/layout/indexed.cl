@@ -1,8 +1,8 @@
 // The OBJ's own form: a set of positions, a set of normals, three indices a triangle into each, and a
 // material a triangle. Indices have INDEX_BITS bits.
 
-#if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS)
-#error "INDEX_BITS (16 or 32), POSITIONS and NORMALS (entries of the two sets) must be defined"
+#if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)
+#error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: entries of each set where it is staged, else 0"
 #endif
 #if INDEX_BITS == 16
 typedef ushort Index;

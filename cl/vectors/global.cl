@@ -3,8 +3,8 @@
 #define WORKING_SPACE __global
 #include "vectors/in_memory.cl"
 
-#define WORKING_PARAMETERS , __global varying *scratch
+#define WORKING_PARAMETERS , __global float *scratch
 #define WORKING_LOCALS
 #define BIND_WORKING(working)                                                                   \
-    working.first = scratch + 3 * (get_global_id(1) * get_global_size(0) + get_global_id(0));   \
+    working.first = (__global varying *)scratch + 3 * (get_global_id(1) * get_global_size(0) + get_global_id(0));   \
     working.stride = 3 * get_global_size(0) * get_global_size(1);

@@ -7,11 +7,11 @@ typedef struct {
     volatile __global varying *vector[WORKING_VECTORS];
 } Working;
 
-#define WORKING_PARAMETERS , __global varying *heap, volatile __global uint *heap_top, const uint heap_size
+#define WORKING_PARAMETERS , __global float *heap, volatile __global uint *heap_top, const uint heap_size
 #define WORKING_LOCALS
 #define BIND_WORKING(working)                           \
     for (int v = 0; v < WORKING_VECTORS; v++)           \
-        working.vector[v] = heap + heap_allocate(heap_top, heap_size, 3);
+        working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
 
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
     const uint at = atomic_add(heap_top, count);

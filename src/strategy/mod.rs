@@ -9,7 +9,7 @@ pub use axis::{
     Vectors, Width,
 };
 pub use presets::{PRESETS, Preset, preset};
-pub use requirements::{Infeasible, Requirements, Workload};
+pub use requirements::{Infeasible, Requirements, TILE_TRIANGLES, Workload};
 
 use crate::error::{Error, Result, nearest};
 

@@ -1,7 +1,22 @@
 //! What a strategy asks of a device, with its arithmetic, before anything is compiled.
 
-use super::Strategy;
+use super::{Layout, Strategy, Traversal, Triangles, Vectors};
 use crate::device::DeviceLimits;
+
+/// Nine working vectors of three floats.
+const WORKING_BYTES: u64 = 9 * 3 * 4;
+/// A triangle of the soup: 26 floats. Its corners, or its normals: 9. Its material: 8.
+const SOUP_BYTES: u64 = 26 * 4;
+const CORNERS_BYTES: u64 = 9 * 4;
+const MATERIAL_BYTES: u64 = 8 * 4;
+const POINT_BYTES: u64 = 3 * 4;
+
+/// Triangles of a tile where triangles are streamed through `__local` memory.
+pub const TILE_TRIANGLES: u64 = 128;
+
+/// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
+/// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
+const CPU_STACK_BYTES: u64 = 4 << 20;
 
 /// The sizes a strategy's needs depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,12 +27,32 @@ pub struct Workload {
     pub positions: usize,
     /// Entries of the mesh's set of normals.
     pub normals: usize,
+    /// Entries of the mesh's set of materials.
+    pub materials: usize,
     /// Lights in the scene.
     pub lights: usize,
     /// Pixels across and down.
     pub image_size: [u32; 2],
     /// Work-items of a work-group across and down.
     pub local_size: [u32; 2],
+}
+
+impl Workload {
+    /// Work-items across and down: one a block of pixels, whole work-groups.
+    pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
+        let block = strategy.width.block();
+        let across = |pixels: u32, block: usize, local: u32| {
+            (pixels as usize).div_ceil(block).next_multiple_of(local as usize)
+        };
+        [
+            across(self.image_size[0], block.0, self.local_size[0]),
+            across(self.image_size[1], block.1, self.local_size[1]),
+        ]
+    }
+
+    fn work_group_items(&self) -> u64 {
+        u64::from(self.local_size[0]) * u64::from(self.local_size[1])
+    }
 }
 
 /// Bytes a strategy needs.
@@ -31,27 +66,277 @@ pub struct Requirements {
     pub scratch_bytes: u64,
     /// Private bytes of a whole work-group's working vectors.
     pub private_bytes: u64,
+    /// Global bytes of scene, image and what passes between kernels.
+    pub global_bytes: u64,
 }
 
 /// Why a device cannot hold a point: the arithmetic, as a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Infeasible {
-    /// For example "__local: 108 B x 24 x 24 = 62208 B > 49152 B".
+    /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
     pub reason: String,
+}
+
+/// A sum of bytes that can explain itself.
+#[derive(Default)]
+struct Sum {
+    bytes: u64,
+    terms: Vec<String>,
+}
+
+impl Sum {
+    fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
+        self.bytes += factors.iter().map(|(factor, _)| factor).product::<u64>();
+        let factors: Vec<_> = factors.iter().map(|(factor, unit)| format!("{factor}{unit}")).collect();
+        self.terms.push(format!("{what} {}", factors.join(" x ")));
+    }
+
+    fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
+        if self.bytes <= limit_bytes {
+            return Ok(());
+        }
+        let (sum, bytes) = (self.terms.join(" + "), self.bytes);
+        Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
+    }
 }
 
 impl Requirements {
     /// What `strategy` needs for `workload`.
-    pub fn of(_strategy: &Strategy, _workload: &Workload) -> Self {
-        Self::default()
+    pub fn of(strategy: &Strategy, workload: &Workload) -> Self {
+        Self {
+            local_bytes: local(strategy, workload).bytes,
+            constant_bytes: constant(strategy, workload).bytes,
+            scratch_bytes: scratch(strategy, workload).bytes,
+            private_bytes: private(strategy, workload).bytes,
+            global_bytes: global(strategy, workload).bytes,
+        }
     }
 
-    /// Whether a device with these limits can hold it.
+    /// What `strategy` needs for `workload`, if a device with these limits can hold it.
     pub fn check(
-        _strategy: &Strategy,
-        _workload: &Workload,
-        _limits: &DeviceLimits,
+        strategy: &Strategy,
+        workload: &Workload,
+        limits: &DeviceLimits,
     ) -> Result<Self, Infeasible> {
-        Ok(Self::default())
+        shape(workload, limits)?;
+        indices(strategy, workload)?;
+        local(strategy, workload).within("__local memory", limits.local_bytes)?;
+        constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;
+        let scratch = scratch(strategy, workload);
+        scratch.within("largest buffer", limits.allocation_bytes)?;
+        if limits.is_cpu {
+            private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES)?;
+        }
+        let mut all = global(strategy, workload);
+        all.bytes += scratch.bytes;
+        all.terms.extend(scratch.terms);
+        all.within("global memory", limits.global_bytes)?;
+        Ok(Self::of(strategy, workload))
+    }
+}
+
+/// Whether a work-group of this shape exists on the device at all.
+fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
+    let [x, y] = workload.local_size;
+    let items = workload.work_group_items();
+    if items > limits.work_group_size as u64 {
+        let reason =
+            format!("work-group: {x} x {y} = {items} work-items > the device's {}", limits.work_group_size);
+        return Err(Infeasible { reason });
+    }
+    let sizes = limits.work_item_sizes;
+    if x as usize > sizes[0] || y as usize > sizes[1] {
+        let reason = format!("work-group: {x} x {y} work-items > the device's {} x {}", sizes[0], sizes[1]);
+        return Err(Infeasible { reason });
+    }
+    Ok(())
+}
+
+/// Whether 16-bit indices reach every entry.
+fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
+    let largest = workload.positions.max(workload.normals).max(workload.materials);
+    if strategy.layout == Layout::Indexed16 && largest > 1 << 16 {
+        let reason = format!("16-bit indices: {largest} entries > {}", 1 << 16);
+        return Err(Infeasible { reason });
+    }
+    Ok(())
+}
+
+fn index_bytes(layout: Layout) -> u64 {
+    if layout == Layout::Indexed16 { 2 } else { 4 }
+}
+
+fn add_vertices(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
+    if strategy.layout == Layout::Soup {
+        sum.add("corners", &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    } else {
+        sum.add("positions", &[(POINT_BYTES, " B"), (w.positions as u64, "")]);
+        let index = index_bytes(strategy.layout);
+        sum.add("their indices", &[(3 * index, " B"), (w.triangles as u64, " triangles")]);
+    }
+}
+
+fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
+    if strategy.layout == Layout::Soup {
+        sum.add("normals", &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    } else {
+        sum.add("normals", &[(POINT_BYTES, " B"), (w.normals as u64, "")]);
+        let index = index_bytes(strategy.layout);
+        sum.add("their indices", &[(3 * index, " B"), (w.triangles as u64, " triangles")]);
+    }
+}
+
+/// The whole scene in one memory.
+fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
+    if strategy.layout == Layout::Soup {
+        sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        return;
+    }
+    add_vertices(sum, strategy, w);
+    add_normals(sum, strategy, w);
+    sum.add("materials", &[(MATERIAL_BYTES, " B"), (w.materials as u64, "")]);
+    sum.add("their indices", &[(index_bytes(strategy.layout), " B"), (w.triangles as u64, " triangles")]);
+}
+
+fn local(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = Sum::default();
+    if strategy.vectors == Vectors::Local {
+        let [x, y] = w.local_size;
+        let mut factors = vec![(WORKING_BYTES, " B")];
+        if strategy.width.rays() > 1 {
+            factors.push((strategy.width.rays() as u64, " rays"));
+        }
+        factors.extend([(u64::from(x), ""), (u64::from(y), "")]);
+        sum.add("vectors", &factors);
+    }
+    match strategy.triangles {
+        Triangles::Global | Triangles::Constant => {}
+        Triangles::Local => add_scene(&mut sum, strategy, w),
+        Triangles::Tiled => sum.add("tile", &[(CORNERS_BYTES, " B"), (TILE_TRIANGLES, " triangles")]),
+        Triangles::SplitVertices => add_vertices(&mut sum, strategy, w),
+        Triangles::SplitNormals => add_normals(&mut sum, strategy, w),
+    }
+    sum
+}
+
+fn constant(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = Sum::default();
+    if strategy.triangles == Triangles::Constant {
+        add_scene(&mut sum, strategy, w);
+    }
+    sum
+}
+
+fn add_working(sum: &mut Sum, what: &str, strategy: &Strategy, items: [u64; 2]) {
+    let bytes = WORKING_BYTES * strategy.width.rays() as u64;
+    sum.add(what, &[(bytes, " B"), (items[0], ""), (items[1], " work-items")]);
+}
+
+fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = Sum::default();
+    let items = w.global_size(strategy).map(|n| n as u64);
+    match strategy.vectors {
+        Vectors::Private | Vectors::Local => {}
+        Vectors::Global => add_working(&mut sum, "vectors", strategy, items),
+        Vectors::Heap => add_working(&mut sum, "heap", strategy, items),
+    }
+    sum
+}
+
+/// What lives across barriers, if the strategy has any.
+fn private(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = Sum::default();
+    let barriers = !matches!(strategy.triangles, Triangles::Global | Triangles::Constant);
+    if strategy.vectors == Vectors::Private && barriers {
+        add_working(&mut sum, "vectors", strategy, w.local_size.map(u64::from));
+    }
+    sum
+}
+
+fn global(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = Sum::default();
+    add_scene(&mut sum, strategy, w);
+    let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
+    sum.add("image", &[(16, " B"), (pixels, " pixels")]);
+    if strategy.passes == super::Passes::Separate {
+        sum.add("nearest triangles", &[(4, " B"), (pixels, " pixels")]);
+    }
+    if strategy.traversal == Traversal::Raster {
+        sum.add("depth", &[(4, " B"), (pixels, " pixels")]);
+    }
+    if strategy.intersector == super::Intersector::CommonOrigin {
+        let origins = 1 + w.lights as u64;
+        sum.add(
+            "planes",
+            &[(CORNERS_BYTES, " B"), (origins, " origins"), (w.triangles as u64, " triangles")],
+        );
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{PRESETS, preset};
+    use super::*;
+
+    const PAPER_DEVICE: DeviceLimits = DeviceLimits {
+        local_bytes: 48 << 10,
+        constant_bytes: 64 << 10,
+        global_bytes: 1 << 30,
+        allocation_bytes: 1 << 28,
+        work_group_size: 1024,
+        work_item_sizes: [1024, 1024, 64],
+        compute_units: 16,
+        native_width: 1,
+        is_cpu: false,
+    };
+
+    fn workload(triangles: usize, local: u32) -> Workload {
+        Workload {
+            triangles,
+            positions: triangles,
+            normals: triangles,
+            materials: 2,
+            lights: 1,
+            image_size: [800, 500],
+            local_size: [local, local],
+        }
+    }
+
+    fn check(name: &str, triangles: usize, local: u32) -> Result<Requirements, Infeasible> {
+        let strategy = preset(name).map_err(|e| Infeasible { reason: e.to_string() })?.strategy;
+        Requirements::check(&strategy, &workload(triangles, local), &PAPER_DEVICE)
+    }
+
+    #[test]
+    fn optimisation_2_holds_472_triangles_in_48_kib() {
+        assert_eq!(check("local-triangles", 472, 16).map(|r| r.local_bytes), Ok(49088));
+        let refused = check("local-triangles", 473, 16).unwrap_err();
+        assert_eq!(refused.reason, "__local memory: scene 104 B x 473 triangles = 49192 B > 49152 B");
+    }
+
+    #[test]
+    fn compounded_holds_206_triangles_beside_16x16_vectors() {
+        assert!(check("compounded", 206, 16).is_ok());
+        assert!(check("compounded", 207, 16).is_err());
+    }
+
+    #[test]
+    fn vectors_of_24x24_do_not_fit_48_kib() {
+        let refused = check("local-vectors", 1, 24).unwrap_err();
+        assert_eq!(refused.reason, "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B");
+    }
+
+    #[test]
+    fn work_items_of_a_wide_strategy_cover_blocks_of_pixels() {
+        let wide = preset("wide").unwrap().strategy;
+        assert_eq!(workload(1, 6).global_size(&wide), [204, 126]);
+    }
+
+    #[test]
+    fn every_preset_fits_one_triangle() {
+        for preset in PRESETS {
+            assert!(check(preset.name, 1, 8).is_ok(), "{}", preset.name);
+        }
     }
 }
