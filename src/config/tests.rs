@@ -218,7 +218,7 @@ fn two_strategies_of_one_name_and_nothing_to_measure_are_refused() {
 #[test]
 fn broken_toml_and_a_missing_file_are_input_errors() {
     refuses(&GOOD.replace("[[800, 500]]", "[[800, 500"), &["this is not TOML", "test.toml:"]);
-    let error = load(&PathBuf::from("no/such.toml"), &[]).unwrap_err();
+    let error = load(&PathBuf::from("no/such.toml"), &[]).expect_err("it was read");
     assert_eq!(error.exit_code(), 2);
     assert!(error.to_string().contains("cannot read the experiment no/such.toml"));
 }

@@ -82,18 +82,16 @@ fn title(record: &Record) -> String {
 fn table(group: &Group<'_>) -> String {
     let winners = group.winners();
     let failed = group.failures().into_iter().map(|(record, _)| record);
-    let rows: Vec<_> = group
+    let mut rows: Vec<_> = group
         .ranked()
         .into_iter()
         .chain(failed)
         .map(|record| row(record, winners.iter().any(|winner| winner.key == record.key)))
         .collect();
-    let mut columns: Vec<Vec<String>> =
-        (0..HEADER.len()).map(|place| rows.iter().map(|row| row[place].clone()).collect()).collect();
     for place in DECIMAL {
-        align_points(&mut columns[place]);
+        align_points(rows.iter_mut().map(|row| &mut row[place]).collect());
     }
-    lay_out(&columns, rows.len())
+    lay_out(&rows)
 }
 
 fn row(record: &Record, wins: bool) -> [String; 9] {
@@ -117,32 +115,24 @@ fn row(record: &Record, wins: bool) -> [String; 9] {
 }
 
 /// A Markdown table whose source is aligned as well.
-fn lay_out(columns: &[Vec<String>], rows: usize) -> String {
-    let widths: Vec<usize> = columns
-        .iter()
-        .zip(HEADER)
-        .map(|(cells, head)| {
-            cells.iter().map(|cell| cell.chars().count()).chain([head.len()]).max().unwrap_or(0)
-        })
-        .collect();
-    let line = |cell: &dyn Fn(usize) -> String| {
-        let cells: Vec<_> = (0..HEADER.len()).map(cell).collect();
-        format!("| {} |\n", cells.join(" | "))
+fn lay_out(rows: &[[String; 9]]) -> String {
+    let header = HEADER.map(String::from);
+    let all = || std::iter::once(&header).chain(rows);
+    let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default();
+    let widths: [usize; 9] = std::array::from_fn(widest);
+    let rule: [String; 9] = std::array::from_fn(|place| {
+        let end = if LEFT.contains(&place) { "-" } else { ":" };
+        "-".repeat(widths[place] - 1) + end
+    });
+    let line = |row: &[String; 9]| {
+        let pad = |(place, cell): (usize, &String)| {
+            let width = widths[place];
+            if LEFT.contains(&place) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        };
+        format!("| {} |\n", row.iter().enumerate().map(pad).collect::<Vec<_>>().join(" | "))
     };
-    let pad = |text: &str, place: usize| {
-        let width = widths[place];
-        if LEFT.contains(&place) { format!("{text:<width$}") } else { format!("{text:>width$}") }
-    };
-    let rule = |place: usize| {
-        let dashes = "-".repeat(widths[place] - 1);
-        if LEFT.contains(&place) { format!("{dashes}-") } else { format!("{dashes}:") }
-    };
-    let mut text = line(&|place| pad(HEADER[place], place));
-    text.push_str(&line(&rule));
-    for row in 0..rows {
-        text.push_str(&line(&|place| pad(&columns[place][row], place)));
-    }
-    text
+    let body: String = rows.iter().map(line).collect();
+    line(&header) + &line(&rule) + &body
 }
 
 /// Why some points have no time.

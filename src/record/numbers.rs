@@ -31,9 +31,9 @@ pub fn by([across, down]: [u32; 2]) -> String {
 
 /// The column's numbers padded on the right so that their points stand below each other
 /// when the column is aligned to the right.
-pub fn align_points(column: &mut [String]) {
-    let fraction = |cell: &String| cell.find('.').map_or(0, |place| cell.len() - place);
-    let widest = column.iter().map(fraction).max().unwrap_or(0);
+pub fn align_points(column: Vec<&mut String>) {
+    let fraction = |cell: &str| cell.find('.').map_or(0, |place| cell.len() - place);
+    let widest = column.iter().map(|cell| fraction(cell)).max().unwrap_or(0);
     for cell in column {
         let missing = widest - fraction(cell);
         cell.push_str(&" ".repeat(missing));
@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn points_stand_below_each_other() {
         let mut column = ["1.25".to_string(), "100".into(), "31.5".into()];
-        align_points(&mut column);
+        align_points(column.iter_mut().collect());
         assert_eq!(column, ["1.25", "100   ", "31.5 "]);
     }
 }

@@ -39,7 +39,7 @@ fn matrix(group: &Group<'_>) -> String {
     sizes.dedup();
     let winners = group.winners();
     let mut table = Table::new();
-    table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+    table.load_style(presets::UTF8_BORDERS_ONLY);
     let heads = sizes.iter().map(|size| size.map_or("-".into(), |[across, down]| format!("{across}x{down}")));
     table.set_header(std::iter::once(Cell::new("strategy")).chain(heads.map(number)));
     for name in names {
@@ -129,7 +129,7 @@ mod tests {
             measured("pocl", "local-vectors", 8, [79.0, 82.0]),
             infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
         ];
-        let text = summary_terminal(&records);
+        let text = summary_terminal(&records).replace('│', " ");
         let line =
             |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default();
         assert!(line("teapot, 800 x 500, host").ends_with("serial-f32 420.0 ms"), "{text}");
