@@ -10,7 +10,7 @@ help: ## list these targets
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 14
 
 setup: ## install what is missing: a C linker, the OpenCL loader, PoCL (Debian-like; root or sudo)
-	@scripts/setup.sh
+	@.ci/setup
 
 build: setup ## build target/release/raycl
 	cargo build --release --locked

@@ -1,8 +1,12 @@
 //! The command line: one file a subcommand, each with its `Args` and its `run`.
 
+mod choice;
 pub mod devices;
 pub mod occupancy;
 mod output;
+mod progress;
+pub mod render;
+pub mod run;
 pub mod strategies;
 
 pub use output::{print, print_json, table};
@@ -21,6 +25,10 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Render a picture of a scene or an OBJ file
+    Render(render::Args),
+    /// Run an experiment: verify, time and record every point of a config
+    Run(run::Args),
     /// List OpenCL platforms and devices, and what each can hold
     Devices(devices::Args),
     /// List every axis of the strategy space, and the presets
@@ -33,6 +41,8 @@ impl Cli {
     /// Runs the subcommand.
     pub fn run(self) -> Result<()> {
         match self.command {
+            Command::Render(args) => render::run(args),
+            Command::Run(args) => run::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
             Command::Occupancy(args) => occupancy::run(args),

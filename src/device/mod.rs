@@ -104,6 +104,17 @@ impl DeviceInfo {
         }
     }
 
+    /// Everything that names the device and its driver, for keys.
+    pub fn identity(&self) -> String {
+        let Self { platform, platform_version, name, driver, .. } = self;
+        format!("{platform} | {platform_version} | {name} | {driver}")
+    }
+
+    /// Whether its compiler takes `__builtin_reduce_or` where it says that it has it: Oclgrind's aborts on it.
+    pub fn supports_reduce_builtin(&self) -> bool {
+        !self.platform.to_lowercase().contains("oclgrind")
+    }
+
     /// Whether its extensions include `name`.
     pub fn has_extension(&self, name: &str) -> bool {
         self.extensions.iter().any(|extension| extension == name)

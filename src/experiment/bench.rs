@@ -10,6 +10,7 @@ use crate::record::{Outcome, Record};
 use crate::scene::Scene;
 use crate::strategy::{Layout, Requirements, Workload};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// A device ready to cast, and what its points share.
 pub struct Bench {
@@ -17,7 +18,9 @@ pub struct Bench {
     limits: DeviceLimits,
     reduce_builtin: bool,
     sources: Sources,
-    scenes: HashMap<Layout, DeviceScene>,
+    /// The scene at hand, by its number, in the layouts uploaded so far.
+    scene: usize,
+    layouts: HashMap<Layout, DeviceScene>,
 }
 
 /// Why a point cannot be timed.
@@ -32,6 +35,23 @@ pub struct Refusal {
 impl Refusal {
     fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reason: reason.into() }
+    }
+
+    /// A kernel without a device to run on.
+    pub fn no_device() -> Self {
+        Self::new(Outcome::LaunchFailed, "no device was chosen")
+    }
+
+    /// An image that is not the reference's.
+    pub fn wrong_image(reason: String) -> Self {
+        Self::new(Outcome::WrongImage, reason)
+    }
+
+    /// The record of a point refused so.
+    pub fn write_into(self, mut record: Record) -> Record {
+        record.outcome = self.outcome;
+        record.reason = Some(self.reason);
+        record
     }
 }
 
@@ -53,18 +73,9 @@ impl Bench {
             limits: limits.apply(device.info.limits),
             reduce_builtin: device.info.supports_reduce_builtin(),
             sources: sources.clone(),
-            scenes: HashMap::new(),
+            scene: usize::MAX,
+            layouts: HashMap::new(),
         })
-    }
-
-    /// What the device can hold.
-    pub fn limits(&self) -> &DeviceLimits {
-        &self.limits
-    }
-
-    /// Forgets the scene: the next point is of another one.
-    pub fn forget_scene(&mut self) {
-        self.scenes.clear();
     }
 
     /// The program of a strategy at a workload.
@@ -78,6 +89,7 @@ impl Bench {
         &mut self,
         named: &NamedStrategy,
         workload: &Workload,
+        number: usize,
         scene: &Scene,
         spec: &ProgramSpec,
         record: &mut Record,
@@ -92,13 +104,23 @@ impl Bench {
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, spec)
             .map_err(|error| Refusal::new(Outcome::BuildFailed, error.log))?;
         record.build_ms = Some(program.build_ms);
-        let device_scene = self.scene(scene, named.strategy.layout)?;
-        Ok(Caster::new(&self.queue.clone(), &program, &named.strategy, workload, scene, device_scene)?)
+        let queue = self.queue.clone();
+        let device_scene = self.scene(number, scene, named.strategy.layout)?;
+        Ok(Caster::new(&queue, &program, &named.strategy, workload, scene, device_scene)?)
     }
 
-    fn scene(&mut self, scene: &Scene, layout: Layout) -> std::result::Result<&DeviceScene, LaunchError> {
-        use std::collections::hash_map::Entry;
-        Ok(match self.scenes.entry(layout) {
+    /// The scene numbered `number` in a layout; the scene before it is dropped.
+    fn scene(
+        &mut self,
+        number: usize,
+        scene: &Scene,
+        layout: Layout,
+    ) -> std::result::Result<&DeviceScene, LaunchError> {
+        if self.scene != number {
+            self.scene = number;
+            self.layouts.clear();
+        }
+        Ok(match self.layouts.entry(layout) {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => entry.insert(DeviceScene::upload(&self.queue, scene, layout)?),
         })

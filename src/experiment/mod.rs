@@ -2,15 +2,21 @@
 //! measurement, and the folder of results.
 
 mod bench;
+mod check;
+mod complete;
+mod dry_run;
 mod host;
+mod keeper;
 mod observer;
+mod oracle;
 mod plan;
 mod results;
 mod rounds;
 mod run;
+mod session;
 
-pub use bench::Bench;
+pub use dry_run::{Forecast, dry_run};
 pub use observer::Observer;
 pub use plan::{KeyParts, Plan, Point, Work, key};
 pub use results::Results;
-pub use run::{Run, dry_run};
+pub use run::Run;

@@ -10,6 +10,7 @@ use crate::program::BuiltProgram;
 use crate::scene::Scene;
 use crate::strategy::{Intersector, Passes, Requirements, Strategy, Traversal, Vectors, Workload};
 use ocl::builders::KernelBuilder;
+use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::{Float4, Int2};
 use ocl::{Buffer, Kernel};
 use std::time::Instant;
@@ -24,6 +25,18 @@ pub enum LaunchError {
     /// What OpenCL said.
     #[error("{0}")]
     OpenCl(String),
+    /// The built kernel holds fewer work-items than the local size has.
+    #[error(
+        "the built kernel {kernel} holds work-groups of {most}, but the local size has {items} work-items"
+    )]
+    WorkGroup {
+        /// Its name.
+        kernel: String,
+        /// Work-items it can hold.
+        most: usize,
+        /// Work-items of the local size.
+        items: usize,
+    },
     /// The in-kernel allocator asked for more than the pool holds.
     #[error("the in-kernel heap ran out: {used} of {size} values were asked for")]
     HeapExhausted {
@@ -32,6 +45,12 @@ pub enum LaunchError {
         /// Values there are.
         size: u64,
     },
+}
+
+impl From<ocl::core::Error> for LaunchError {
+    fn from(error: ocl::core::Error) -> Self {
+        Self::from(ocl::Error::from(error))
+    }
 }
 
 impl From<ocl::Error> for LaunchError {
@@ -223,7 +242,20 @@ impl<'a> Parts<'a> {
                 kernel.arg(pool).arg(top).arg(*size);
             }
         }
-        kernel.build()
+        let kernel = kernel.build()?;
+        self.check_work_group(&kernel, name)?;
+        Ok(kernel)
+    }
+
+    /// Asks the built kernel again whether it can hold the local size.
+    fn check_work_group(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
+        let items = self.workload.local_size.iter().product::<u32>() as usize;
+        match kernel.wg_info(self.queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
+            KernelWorkGroupInfoResult::WorkGroupSize(most) if most < items => {
+                Err(LaunchError::WorkGroup { kernel: name.to_owned(), most, items })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn kernel(&self, name: &'static str) -> KernelBuilder<'a> {
@@ -235,19 +267,23 @@ impl<'a> Parts<'a> {
         kernel
     }
 
-    fn cast_frame(&self, image: &'a Buffer<Float4>) -> ocl::Result<Kernel> {
+    fn cast_frame(&self, image: &'a Buffer<Float4>) -> Result<Kernel, LaunchError> {
         self.pixel_kernel("cast_frame", |kernel| {
             kernel.arg(self.background).arg(image);
         })
     }
 
-    fn cast_primary(&self, nearest: &'a Buffer<i32>) -> ocl::Result<Kernel> {
+    fn cast_primary(&self, nearest: &'a Buffer<i32>) -> Result<Kernel, LaunchError> {
         self.pixel_kernel("cast_primary", |kernel| {
             kernel.arg(nearest);
         })
     }
 
-    fn shade_nearest(&self, image: &'a Buffer<Float4>, nearest: &'a Buffer<i32>) -> ocl::Result<Kernel> {
+    fn shade_nearest(
+        &self,
+        image: &'a Buffer<Float4>,
+        nearest: &'a Buffer<i32>,
+    ) -> Result<Kernel, LaunchError> {
         self.pixel_kernel("shade_nearest", |kernel| {
             kernel.arg(self.background).arg(image).arg(nearest);
         })

@@ -100,6 +100,8 @@ pub struct Record {
     pub build_ms: Option<f64>,
     /// Primary rays a second.
     pub rays_per_s: Option<f64>,
+    /// Shadow rays of a frame: one a light for every pixel that hits.
+    pub shadow_rays: Option<u64>,
     /// Shadow rays a second, where passes are separate.
     pub shadow_rays_per_s: Option<f64>,
     /// Primary ray-triangle tests a second; shadow tests are not counted.
@@ -129,6 +131,11 @@ pub struct Record {
 }
 
 impl Record {
+    /// Whether each of its rays is tested against every triangle, so that tests can be counted.
+    pub fn tests_every_triangle(&self) -> bool {
+        self.is_baseline() || self.strategy.contains("traversal=exhaustive")
+    }
+
     /// Whether it is a caster on the host.
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
