@@ -51,6 +51,11 @@ pub fn save(image: &Radiance, display: Display, path: &Path) -> Result<()> {
     })
 }
 
+/// Writes an 8-bit picture as PNG, whole or not at all.
+pub fn save_rgb8(picture: &RgbImage, path: &Path) -> Result<()> {
+    replace(path, |file| write_png(picture, file))
+}
+
 fn format(path: &Path) -> Result<Format> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let known = EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format);

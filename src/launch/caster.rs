@@ -1,10 +1,10 @@
 //! Everything one point needs to cast a frame again and again.
 
-use super::Queue;
 use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::scene::DeviceScene;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
+use super::{NO_HIT, PLANE_FLOATS, Queue};
 use crate::image::Radiance;
 use crate::program::BuiltProgram;
 use crate::scene::Scene;
@@ -15,9 +15,6 @@ use ocl::prm::{Float4, Int2};
 use ocl::{Buffer, Kernel};
 use std::time::Instant;
 use thiserror::Error;
-
-/// The kernels' mark for a ray that hits nothing.
-const NO_HIT: i32 = i32::MAX;
 
 /// A launch the device or its driver refused, or whose result it did not vouch for.
 #[derive(Debug, Error)]
@@ -213,7 +210,7 @@ fn prepared_planes(
     if strategy.intersector != Intersector::CommonOrigin {
         return Ok(None);
     }
-    allocate(queue, 9 * scene.triangle_count * (1 + scene.light_count)).map(Some)
+    allocate(queue, PLANE_FLOATS * scene.triangle_count * (1 + scene.light_count)).map(Some)
 }
 
 impl<'a> Parts<'a> {
@@ -222,7 +219,7 @@ impl<'a> Parts<'a> {
         &self,
         name: &'static str,
         finish: impl FnOnce(&mut KernelBuilder<'a>),
-    ) -> ocl::Result<Kernel> {
+    ) -> Result<Kernel, LaunchError> {
         let mut kernel = self.kernel(name);
         kernel.global_work_size(self.workload.global_size(self.strategy));
         kernel.local_work_size(self.workload.local_size.map(|n| n as usize));
