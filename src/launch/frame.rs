@@ -17,7 +17,7 @@ pub enum Phase {
 /// The times of one frame, in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameTimes {
-    /// Device time from the first command's start to the last one's end.
+    /// Device time: the sum over its commands of their end less their start.
     pub frame_ms: f64,
     /// The primary part, where the strategy separates it.
     pub primary_ms: Option<f64>,
@@ -27,33 +27,31 @@ pub struct FrameTimes {
     pub host_ms: f64,
 }
 
-/// Start and end of a finished command, in nanoseconds of the device's clock.
-fn interval_ns(event: &Event) -> ocl::Result<(u64, u64)> {
+/// How long a finished command ran, in milliseconds of the device's clock.
+fn duration_ms(event: &Event) -> ocl::Result<f64> {
     let read = |info| match event.profiling_info(info)? {
         ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns) => Ok::<_, ocl::Error>(ns),
         _ => Ok(0),
     };
-    Ok((read(ProfilingInfo::Start)?, read(ProfilingInfo::End)?))
+    Ok(read(ProfilingInfo::End)?.saturating_sub(read(ProfilingInfo::Start)?) as f64 * 1e-6)
 }
 
 impl FrameTimes {
-    /// Reads the timestamps of a frame's finished commands, in their order.
+    /// Sums the times of a frame's finished commands. What lies between commands, where some drivers
+    /// compile a kernel that they launch for the first time, is in `host_ms` only.
     pub fn of(steps: &[(Phase, Event)], host_ms: f64) -> ocl::Result<Self> {
-        let mut intervals = Vec::with_capacity(steps.len());
+        let mut durations_ms = Vec::with_capacity(steps.len());
         for (phase, event) in steps {
-            intervals.push((*phase, interval_ns(event)?));
+            durations_ms.push((*phase, duration_ms(event)?));
         }
-        let span_ms = |wanted: &dyn Fn(Phase) -> bool| {
-            let of_phase =
-                || intervals.iter().filter(|(phase, _)| wanted(*phase)).map(|(_, interval)| interval);
-            let start = of_phase().map(|(start, _)| *start).min()?;
-            let end = of_phase().map(|(_, end)| *end).max()?;
-            Some(end.saturating_sub(start) as f64 * 1e-6)
+        let of_phase = |wanted: Phase| {
+            let times = durations_ms.iter().filter(|(phase, _)| *phase == wanted).map(|(_, ms)| ms);
+            times.copied().reduce(|sum, ms| sum + ms)
         };
         Ok(Self {
-            frame_ms: span_ms(&|_| true).unwrap_or(0.0),
-            primary_ms: span_ms(&|phase| phase == Phase::Primary),
-            shadow_ms: span_ms(&|phase| phase == Phase::Shadow),
+            frame_ms: durations_ms.iter().map(|(_, ms)| ms).sum(),
+            primary_ms: of_phase(Phase::Primary),
+            shadow_ms: of_phase(Phase::Shadow),
             host_ms,
         })
     }

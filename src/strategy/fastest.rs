@@ -19,7 +19,7 @@ pub fn fastest(limits: &DeviceLimits) -> Result<(Strategy, [u32; 2])> {
 /// The largest width that the hardware's vectors hold.
 fn widest(native: u32) -> Width {
     let holds = |width: &&Width| width.rays() <= native.max(1) as usize;
-    Width::ALL.iter().filter(holds).next_back().copied().unwrap_or(Width::W1)
+    Width::ALL.iter().rfind(holds).copied().unwrap_or(Width::W1)
 }
 
 #[cfg(test)]

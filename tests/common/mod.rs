@@ -14,7 +14,8 @@ use std::path::Path;
 
 /// The device tests run on: PoCL, or what RAYCL_TEST_DEVICE names. A missing device fails the tests.
 pub fn device() -> Device {
-    let pattern = std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
+    let pattern =
+        std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
     let devices = discover().expect("an OpenCL platform; `make setup` installs PoCL");
     let chosen = select(&devices, &[pattern]).expect("the test device");
     (*chosen.first().expect("a usable test device")).clone()
@@ -43,9 +44,14 @@ impl Stand {
     }
 
     /// Builds a strategy's program for the scene; none where the device cannot hold it, with why.
-    pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<(Workload, BuiltProgram), String> {
+    pub fn build(
+        &self,
+        strategy: &Strategy,
+        local_size: [u32; 2],
+    ) -> Result<(Workload, BuiltProgram), String> {
         let workload = Workload::of(&self.scene, self.size, local_size);
-        Requirements::check(strategy, &workload, &self.device.info.limits).map_err(|refused| refused.reason)?;
+        Requirements::check(strategy, &workload, &self.device.info.limits)
+            .map_err(|refused| refused.reason)?;
         let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, true).expect("a program");
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
         Ok((workload, program.unwrap_or_else(|error| panic!("{strategy}: {error}"))))
