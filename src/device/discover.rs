@@ -2,6 +2,7 @@
 //! with a strange answer makes its device unusable rather than raycl.
 
 use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
 use ocl::core::DeviceInfo as Query;
 
@@ -33,6 +34,9 @@ pub fn discover() -> Result<Vec<Device>> {
 
 /// Every device and every platform that has none. Errors at once when there is no platform.
 pub fn survey() -> Result<Survey> {
+    // Drivers start up when they are first listed, and PoCL 3.1 lists no device to a second thread meanwhile.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     if platform_count()? == 0 {
         return Err(no_platform());
     }
