@@ -135,6 +135,7 @@ impl<'a> Checker<'a> {
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
         record.worst_pixel = verdict.worst_pixel;
         record.uncertain_pixels = Some(verdict.uncertain_pixels as u64);
+        record.unexplained_pixels = Some(verdict.unexplained_pixels as u64);
         if verdict.ok {
             return Ok(Ok(()));
         }

@@ -110,8 +110,10 @@ pub struct Record {
     pub max_difference: Option<f64>,
     /// Where that is: column, row.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Pixels whose radiance a tiny nudge of the ray changes: not compared.
+    /// Pixels whose radiance a tiny nudge of the ray changes: compared with the range their nudges span.
     pub uncertain_pixels: Option<u64>,
+    /// Those of them that look like none of the pixel's nudges; verification bounds them.
+    pub unexplained_pixels: Option<u64>,
     /// `__local` bytes a work-group needs.
     pub local_bytes: Option<u64>,
     /// `__constant` bytes needed.

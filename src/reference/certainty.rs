@@ -19,6 +19,8 @@ pub struct Sample {
     pub hit: bool,
     /// The largest change of a channel under any nudge; infinite where a hit became a miss or the reverse.
     pub change: f64,
+    /// The least and the most of each channel, over the centre and all nudges.
+    pub range: [DVec3; 2],
 }
 
 /// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, and
@@ -26,21 +28,31 @@ pub struct Sample {
 pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Sample {
     let (ray, hit) = caster.look(x, y);
     let radiance = caster.radiance(&ray, hit.as_ref(), bias);
-    let difference = |other: DVec3| (other - radiance).abs().max_element();
-
-    let nudged = nudges(frame, [x, y]).into_iter().map(|[x, y]| {
+    let mut sample = Sample { radiance, hit: hit.is_some(), change: 0.0, range: [radiance; 2] };
+    for [x, y] in nudges(frame, [x, y]) {
         let (ray, other) = caster.look(x, y);
-        let same_kind = hit.is_some() == other.is_some();
-        if same_kind { difference(caster.radiance(&ray, other.as_ref(), bias)) } else { f64::INFINITY }
-    });
-    let biased = [0.5, 2.0].into_iter().filter_map(|factor| {
-        let hit = hit.as_ref()?;
-        Some(difference(caster.radiance(&ray, Some(hit), bias * factor)))
-    });
-    let rival = hit.and_then(|hit| caster.rival(&ray, &hit, RIVAL));
-    let rival = rival.map(|rival| difference(caster.radiance(&ray, Some(&rival), bias)));
-    let change = nudged.chain(biased).chain(rival).fold(0.0, f64::max);
-    Sample { radiance, hit: hit.is_some(), change }
+        if hit.is_some() != other.is_some() {
+            sample.change = f64::INFINITY;
+        }
+        sample.consider(caster.radiance(&ray, other.as_ref(), bias));
+    }
+    if let Some(hit) = &hit {
+        for factor in [0.5, 2.0] {
+            sample.consider(caster.radiance(&ray, Some(hit), bias * factor));
+        }
+        if let Some(rival) = caster.rival(&ray, hit, RIVAL) {
+            sample.consider(caster.radiance(&ray, Some(&rival), bias));
+        }
+    }
+    sample
+}
+
+impl Sample {
+    /// Takes another answer to nearly the same question into account.
+    fn consider(&mut self, other: DVec3) {
+        self.change = self.change.max((other - self.radiance).abs().max_element());
+        self.range = [self.range[0].min(other), self.range[1].max(other)];
+    }
 }
 
 /// The pixel coordinates a small angle to the right, left, below and above.

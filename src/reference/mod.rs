@@ -38,10 +38,23 @@ pub struct Reference {
     /// Whether a pixel's radiance changes by less than 1e-3, relative, under nudges of its ray and
     /// its shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
     pub certain: Vec<bool>,
+    /// The other pixels, in the same order, with what they may look like.
+    pub doubts: Vec<Doubt>,
     /// How many pixels' rays hit a triangle.
     pub hits: usize,
     /// The radiance below which "relative" means relative to this (see [`dark_floor`]).
     pub floor: f64,
+}
+
+/// A pixel that the reference is not certain of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Doubt {
+    /// Its place in `radiance.pixels`.
+    pub pixel: usize,
+    /// The least of each channel over the pixel's nudges.
+    pub low: [f32; 3],
+    /// The most of each channel.
+    pub high: [f32; 3],
 }
 
 /// Casts `scene` at `size = [width, height]` in double precision, on all cores.
@@ -51,8 +64,14 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     let pixels = samples.iter().map(|sample| sample.radiance.as_vec3().to_array()).collect();
     let radiance = Radiance { width, height, pixels };
     let floor = dark_floor(&radiance, scene.display);
+    let certain: Vec<bool> = samples.iter().map(|sample| is_certain(sample, floor)).collect();
+    let doubt = |(pixel, (sample, certain)): (usize, (&Sample, &bool))| {
+        let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
+        (!certain).then_some(Doubt { pixel, low, high })
+    };
     Reference {
-        certain: samples.iter().map(|sample| is_certain(sample, floor)).collect(),
+        doubts: samples.iter().zip(&certain).enumerate().filter_map(doubt).collect(),
+        certain,
         hits: samples.iter().filter(|sample| sample.hit).count(),
         radiance,
         floor,

@@ -2,10 +2,11 @@
 //!
 //! Pixels the [`Reference`] is certain of agree within [`RELATIVE_LIMIT`] (see
 //! [`relative_difference`] for what it is relative to) and within 1 in 8 bits as displayed.
-//! Uncertain ones, where rounding may rightly decide, only have to be few and finite.
+//! Uncertain ones, where rounding may rightly decide, look like the pixel under one of its nudges (they lie within
+//! the range that those span); those that do not are counted and have to be few.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
-use crate::reference::Reference;
+use crate::reference::{Doubt, Reference};
 use crate::scene::Display;
 
 /// How far two certain pixels may be apart as displayed.
@@ -20,6 +21,8 @@ pub struct Verdict {
     pub worst_pixel: Option<[u32; 2]>,
     /// Pixels the reference is not certain of.
     pub uncertain_pixels: usize,
+    /// Uncertain pixels outside the range that their nudges span.
+    pub unexplained_pixels: usize,
     /// Certain pixels that disagree, and pixels that are not finite.
     pub wrong_pixels: usize,
     /// Whether the image is right.
@@ -30,7 +33,7 @@ pub struct Verdict {
 
 /// Judges an image of the scene, size and culling that `reference` is of.
 pub fn verify(image: &Radiance, reference: &Reference, display: Display) -> Verdict {
-    let uncertain_pixels = reference.certain.iter().filter(|certain| !**certain).count();
+    let uncertain_pixels = reference.doubts.len();
     let expected = &reference.radiance;
     let same_size = (image.width, image.height) == (expected.width, expected.height);
     if !same_size || image.pixels.len() != expected.pixels.len() {
@@ -41,25 +44,38 @@ pub fn verify(image: &Radiance, reference: &Reference, display: Display) -> Verd
         Some(w) if (w.wrong, w.difference) >= (f.wrong, f.difference) => Some(w),
         _ => Some(f),
     });
+    let unexplained_pixels = unexplained(image, reference);
     let wrong_pixels = findings.iter().filter(|finding| finding.wrong).count();
     let reason = match worst {
         Some(finding) if finding.wrong => Some(finding.sentence(wrong_pixels)),
-        _ => too_many_uncertain(uncertain_pixels, expected),
+        _ => too_many_unexplained(unexplained_pixels, expected),
     };
     Verdict {
         max_difference: findings.iter().map(|finding| finding.difference).fold(0.0, f64::max),
         worst_pixel: worst.map(|finding| finding.pixel),
         uncertain_pixels,
+        unexplained_pixels,
         wrong_pixels,
         ok: reason.is_none(),
         reason,
     }
 }
 
-/// How many pixels may be uncertain: a hundredth of the image, or in an image too small for that,
+/// How many uncertain pixels look like none of their nudges.
+fn unexplained(image: &Radiance, reference: &Reference) -> usize {
+    let strays = |doubt: &&Doubt| {
+        let found = image.pixels[doubt.pixel];
+        let brightest = doubt.high.iter().map(|&high| f64::from(high)).fold(reference.floor, f64::max);
+        let slack = (RELATIVE_LIMIT * brightest) as f32;
+        !(0..3).all(|i| found[i] >= doubt.low[i] - slack && found[i] <= doubt.high[i] + slack)
+    };
+    reference.doubts.iter().filter(strays).count()
+}
+
+/// How many uncertain pixels may look like none of their nudges: a hundredth of the image, or in an image too small for that,
 /// one row and one column. So many centres an upright and a level outline can pass through exactly,
 /// as they do in symmetrical scenes at odd sizes; other outlines pass through far fewer.
-pub fn uncertain_limit(width: u32, height: u32) -> usize {
+pub fn unexplained_limit(width: u32, height: u32) -> usize {
     let (width, height) = (width as usize, height as usize);
     (width * height / 100).max(width + height)
 }
@@ -117,12 +133,11 @@ fn steps([a, b]: [[u8; 3]; 2]) -> u8 {
     a.into_iter().zip(b).map(|(a, b)| a.abs_diff(b)).fold(0, u8::max)
 }
 
-fn too_many_uncertain(uncertain: usize, expected: &Radiance) -> Option<String> {
-    let limit = uncertain_limit(expected.width, expected.height);
-    (uncertain > limit).then(|| {
+fn too_many_unexplained(unexplained: usize, expected: &Radiance) -> Option<String> {
+    let limit = unexplained_limit(expected.width, expected.height);
+    (unexplained > limit).then(|| {
         format!(
-            "{uncertain} of {} pixels are uncertain (a nudge of their ray changes them) and at most {limit} may \
-             be: the image cannot be judged",
+            "{unexplained} of {} pixels are uncertain and look like none of their rays' nudges; at most {limit} may",
             expected.pixels.len()
         )
     })
@@ -144,6 +159,7 @@ fn refuse(uncertain_pixels: usize, wrong_pixels: usize, reason: String) -> Verdi
         max_difference: f64::INFINITY,
         worst_pixel: None,
         uncertain_pixels,
+        unexplained_pixels: uncertain_pixels,
         wrong_pixels,
         ok: false,
         reason: Some(reason),
@@ -203,11 +219,18 @@ mod tests {
         assert!(reason.contains("[0.0022, 0.0032, 0.0053]"), "{reason}");
     }
 
+    /// Makes the first pixels uncertain, which may then be anything from black to 0.5.
+    fn doubt_first(reference: &mut Reference, count: usize) {
+        reference.certain[..count].fill(false);
+        let doubt = |pixel| Doubt { pixel, low: [0.0; 3], high: [0.5; 3] };
+        reference.doubts = (0..count).map(doubt).collect();
+    }
+
     #[test]
     fn what_is_not_finite_is_wrong_even_where_uncertain() {
         for value in [f32::NAN, f32::INFINITY] {
             let mut reference = judged();
-            reference.certain[5] = false;
+            doubt_first(&mut reference, 6);
             let mut image = reference.radiance.clone();
             image.pixels[5] = [0.5; 3];
             assert!(judge(&image, &reference).ok);
@@ -219,11 +242,19 @@ mod tests {
     }
 
     #[test]
-    fn an_image_that_is_mostly_uncertain_cannot_be_judged() {
+    fn uncertain_pixels_look_like_their_nudges_or_are_few() {
         let mut reference = judged();
-        reference.certain[..=uncertain_limit(80, 50)].fill(false);
-        let verdict = judge(&reference.radiance, &reference);
-        assert!(!verdict.ok && verdict.reason.unwrap_or_default().contains("uncertain"));
+        let limit = unexplained_limit(80, 50);
+        doubt_first(&mut reference, limit + 1);
+        let mut image = reference.radiance.clone();
+        image.pixels[..=limit].fill([0.4; 3]);
+        assert_eq!(judge(&image, &reference).unexplained_pixels, 0);
+        image.pixels[..limit].fill([0.6; 3]);
+        assert!(judge(&image, &reference).ok);
+        image.pixels[..=limit].fill([0.6; 3]);
+        let verdict = judge(&image, &reference);
+        assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
+        assert!(verdict.reason.unwrap_or_default().contains("nudges"));
     }
 
     #[test]

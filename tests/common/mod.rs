@@ -3,7 +3,7 @@
 
 use raycl::device::{Device, discover, select};
 use raycl::image::Radiance;
-use raycl::launch::{Caster, DeviceScene, Queue};
+use raycl::launch::{Caster, DeviceScene, LaunchError, Queue};
 use raycl::program::{BuiltProgram, ProgramSpec, Sources};
 use raycl::reference::{Reference, reference};
 use raycl::scene::{Scene, load_scene};
@@ -61,8 +61,10 @@ impl Stand {
     pub fn cast(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Radiance, String> {
         let (workload, program) = self.build(strategy, local_size)?;
         let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy.layout).expect("an upload");
-        let caster = Caster::new(&self.queue, &program, strategy, &workload, &self.scene, &uploaded)
-            .unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
+        let caster = match Caster::new(&self.queue, &program, strategy, &workload, &self.scene, &uploaded) {
+            Err(error @ LaunchError::WorkGroup { .. }) => return Err(error.to_string()),
+            other => other.unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}")),
+        };
         caster.cast().unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
         Ok(caster.read().expect("an image").0)
     }
