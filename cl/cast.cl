@@ -162,7 +162,7 @@ __kernel GROUP_SHAPE void cast_rays(SCENE_PARAMETERS, const __global float4 *res
     BIND_SCENE(scene)
     Working working;
     BIND_WORKING(working)
-    const int first = (get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
+    const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {

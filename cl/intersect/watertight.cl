@@ -34,7 +34,10 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 y_for_x = vec3(-direction.z * per.x, zero, one);
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
-    probe.x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
+    const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
+    // A ray against its axis would mirror triangles, and take front faces for back faces.
+    const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
+    probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));
     probe.z = select3(along_x, vec3(per.x, zero, zero),
                       select3(along_y, vec3(zero, per.y, zero), vec3(zero, zero, per.z)));

@@ -1,1 +1,63 @@
-//! cli
+//! The command line: one file a subcommand, each with its `Args` and its `run`.
+
+mod choice;
+pub mod devices;
+pub mod occupancy;
+mod output;
+mod progress;
+pub mod render;
+pub mod run;
+pub mod strategies;
+
+pub use output::{print, print_json, table};
+
+use clap::{Parser, Subcommand};
+
+use crate::error::Result;
+
+/// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
+#[derive(Debug, Parser)]
+#[command(name = "raycl", version, arg_required_else_help = true, max_term_width = 100)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render a picture of a scene or an OBJ file
+    Render(render::Args),
+    /// Run an experiment: verify, time and record every point of a config
+    Run(run::Args),
+    /// List OpenCL platforms and devices, and what each can hold
+    Devices(devices::Args),
+    /// List every axis of the strategy space, and the presets
+    Strategies(strategies::Args),
+    /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
+    Occupancy(occupancy::Args),
+}
+
+impl Cli {
+    /// Runs the subcommand.
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            Command::Render(args) => render::run(args),
+            Command::Run(args) => run::run(args),
+            Command::Devices(args) => devices::run(args),
+            Command::Strategies(args) => strategies::run(args),
+            Command::Occupancy(args) => occupancy::run(args),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}

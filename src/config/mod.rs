@@ -1,1 +1,30 @@
-//! config
+//! Experiments: a TOML file is read into private wire types, checked, and
+//! becomes an [`Experiment`], which knows nothing of TOML. Every mistake is
+//! reported at its line.
+
+mod document;
+mod strategies;
+#[cfg(test)]
+mod tests;
+mod types;
+mod validate;
+mod wire;
+
+pub use types::{Baseline, Experiment, LimitOverrides, NamedStrategy, Timing};
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use document::Document;
+
+/// Reads the experiment at `path`, with `overrides` (dotted key, value) laid over it.
+///
+/// A value is read as TOML where it is TOML, else as a string; arrays are
+/// replaced, tables merged. Paths of scenes are relative to the file.
+/// Any mistake is an input error that names the file, the line and the remedy.
+pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Error::input(format!("cannot read the experiment {}: {error}", path.display())))?;
+    let document = Document::new(path.display().to_string(), text, overrides)?;
+    validate::experiment(document.read()?, path, &document)
+}

@@ -1,24 +1,186 @@
 //! Which OpenCL devices there are, what they can hold, and which one is meant.
 
-/// What a device can hold and how it is shaped, as its driver reports it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DeviceLimits {
-    /// `__local` bytes a work-group may use.
-    pub local_bytes: u64,
-    /// `__constant` bytes a kernel may use.
-    pub constant_bytes: u64,
-    /// Global memory.
-    pub global_bytes: u64,
-    /// The largest single buffer.
-    pub allocation_bytes: u64,
-    /// Work-items a work-group may have.
-    pub work_group_size: usize,
-    /// Work-items a work-group may have across, down and deep.
-    pub work_item_sizes: [usize; 3],
-    /// Compute units.
-    pub compute_units: u32,
-    /// The widest float vector the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT).
-    pub native_width: u32,
-    /// Whether work-groups run on a CPU's threads, whose stacks hold private arrays.
-    pub is_cpu: bool,
+mod discover;
+mod limits;
+pub mod occupancy;
+mod select;
+
+pub use discover::{Survey, discover, survey};
+pub use limits::DeviceLimits;
+pub use select::{pick_default, select};
+
+use serde::Serialize;
+
+/// What a device calls itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DeviceKind {
+    /// A host's processors.
+    Cpu,
+    /// A graphics processor.
+    Gpu,
+    /// A dedicated accelerator.
+    Accelerator,
+    /// None of these.
+    Other,
+}
+
+impl DeviceKind {
+    /// Its name in records and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+            Self::Accelerator => "accelerator",
+            Self::Other => "other",
+        }
+    }
+
+    /// The kind of a device with this `CL_DEVICE_TYPE`. A simulator that claims to be
+    /// everything (Oclgrind) is a GPU: it has no wide vectors and no thread stacks.
+    fn from_type(flags: u64) -> Self {
+        let is = |flag| flags & flag != 0;
+        if is(ocl::ffi::CL_DEVICE_TYPE_GPU) {
+            Self::Gpu
+        } else if is(ocl::ffi::CL_DEVICE_TYPE_CPU) {
+            Self::Cpu
+        } else if is(ocl::ffi::CL_DEVICE_TYPE_ACCELERATOR) {
+            Self::Accelerator
+        } else {
+            Self::Other
+        }
+    }
+}
+
+/// What a device and its driver say about themselves.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DeviceInfo {
+    /// Platform name.
+    pub platform: String,
+    /// Platform version, with which drivers of one name are told apart.
+    pub platform_version: String,
+    /// Device name.
+    pub name: String,
+    /// Who made the device.
+    pub vendor: String,
+    /// The OpenCL version the device speaks.
+    pub version: String,
+    /// Driver version.
+    pub driver: String,
+    /// What it calls itself.
+    pub kind: DeviceKind,
+    /// OpenCL extensions.
+    pub extensions: Vec<String>,
+    /// What it can hold.
+    pub limits: DeviceLimits,
+    /// Devices of the same platform and name found before this one.
+    pub twins_before: usize,
+    /// Why nothing can be cast on it, if so.
+    pub unusable: Option<String>,
+}
+
+impl DeviceInfo {
+    /// One line that tells it from every other device.
+    pub fn describe(&self) -> String {
+        let Self { name, platform, driver, limits, .. } = self;
+        let twin = if self.twins_before > 0 { format!(" #{}", self.twins_before + 1) } else { String::new() };
+        format!(
+            "{name}{twin} ({platform}, driver {driver}): {}, {} compute unit{}, {} KiB __local",
+            self.kind.name(),
+            limits.compute_units,
+            if limits.compute_units == 1 { "" } else { "s" },
+            limits.local_bytes / 1024
+        )
+    }
+
+    /// A name for files: lower case, the same every time this device is found.
+    pub fn slug(&self) -> String {
+        let words = format!("{} {}", self.platform, self.name).to_lowercase();
+        let parts: Vec<_> =
+            words.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        match self.twins_before {
+            0 => parts.join("-"),
+            twins => format!("{}-{}", parts.join("-"), twins + 1),
+        }
+    }
+
+    /// Everything that names the device and its driver, for keys.
+    pub fn identity(&self) -> String {
+        let Self { platform, platform_version, name, driver, .. } = self;
+        format!("{platform} | {platform_version} | {name} | {driver}")
+    }
+
+    /// Whether its compiler takes `__builtin_reduce_or` where it says that it has it: Oclgrind's aborts on it.
+    pub fn supports_reduce_builtin(&self) -> bool {
+        !self.platform.to_lowercase().contains("oclgrind")
+    }
+
+    /// Whether its extensions include `name`.
+    pub fn has_extension(&self, name: &str) -> bool {
+        self.extensions.iter().any(|extension| extension == name)
+    }
+
+    /// The most `__local` bytes a kernel's *arguments* may take. NVIDIA's driver (580) holds 48 KiB
+    /// declared in a kernel but fails a launch with a 48 KiB argument, where 47 KiB works.
+    pub fn local_argument_bytes(&self) -> u64 {
+        let reserved = if self.vendor.to_lowercase().contains("nvidia") { 1024 } else { 0 };
+        self.limits.local_bytes.saturating_sub(reserved)
+    }
+}
+
+/// A device that was found, with the handles to work on it.
+#[derive(Clone, Debug)]
+pub struct Device {
+    /// What it says about itself.
+    pub info: DeviceInfo,
+    /// Its platform's handle.
+    pub platform: ocl::Platform,
+    /// Its own handle.
+    pub device: ocl::Device,
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn example(platform: &str, name: &str, kind: DeviceKind, compute_units: u32) -> DeviceInfo {
+        DeviceInfo {
+            platform: platform.into(),
+            platform_version: "OpenCL 3.0 PoCL 3.1".into(),
+            name: name.into(),
+            vendor: "A Vendor".into(),
+            version: "OpenCL 3.0".into(),
+            driver: "3.1".into(),
+            kind,
+            extensions: vec!["cl_khr_fp64".into()],
+            limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
+            twins_before: 0,
+            unusable: None,
+        }
+    }
+
+    #[test]
+    fn slugs_fit_file_names_and_tell_twins_apart() {
+        let mut device = example("NVIDIA CUDA", "NVIDIA H200 (80 GB)", DeviceKind::Gpu, 132);
+        assert_eq!(device.slug(), "nvidia-cuda-nvidia-h200-80-gb");
+        device.twins_before = 1;
+        assert_eq!(device.slug(), "nvidia-cuda-nvidia-h200-80-gb-2");
+        assert!(device.describe().contains("#2"));
+    }
+
+    #[test]
+    fn a_simulator_of_everything_is_a_gpu() {
+        assert_eq!(DeviceKind::from_type(0b1111), DeviceKind::Gpu);
+        assert_eq!(DeviceKind::from_type(0b0010), DeviceKind::Cpu);
+        assert_eq!(DeviceKind::from_type(0b1000), DeviceKind::Accelerator);
+        assert_eq!(DeviceKind::from_type(0), DeviceKind::Other);
+    }
+
+    #[test]
+    fn nvidia_keeps_a_kibibyte_of_local_arguments() {
+        let mut device = example("NVIDIA CUDA", "H200", DeviceKind::Gpu, 132);
+        assert_eq!(device.local_argument_bytes(), 49152);
+        device.vendor = "NVIDIA Corporation".into();
+        assert_eq!(device.local_argument_bytes(), 47 * 1024);
+    }
 }

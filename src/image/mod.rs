@@ -1,4 +1,13 @@
-//! Pictures: radiance, its 8-bit form, and files.
+//! Pictures: radiance, its 8-bit form, their differences, and files.
+
+mod colour;
+mod compare;
+mod display;
+mod file;
+
+pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
+pub use display::to_rgb8;
+pub use file::{save, save_rgb8};
 
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,1 +1,23 @@
-//! launch
+//! Running programs: buffers, arguments, NDRanges, events.
+//!
+//! A [`Queue`] is a device ready for commands; a [`DeviceScene`] the scene in its memory, in one layout; a
+//! [`Caster`] everything one point needs to cast a frame again and again.
+
+mod buffers;
+mod caster;
+mod frame;
+mod queue;
+mod rays;
+mod scene;
+mod steps;
+
+pub use caster::{Caster, LaunchError};
+pub use frame::FrameTimes;
+pub use queue::Queue;
+pub use rays::{Ray, cast_rays};
+pub use scene::DeviceScene;
+
+/// The kernels' mark for a ray that hits nothing: NO_HIT in cl/shared/hit.cl.
+const NO_HIT: i32 = i32::MAX;
+/// Floats of a triangle's planes for one origin: PLANE_FLOATS in cl/triangles/rows.cl.
+const PLANE_FLOATS: usize = 9;

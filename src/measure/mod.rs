@@ -1,1 +1,22 @@
-//! measure
+//! Statistics of repeated measurements: when to stop, what was found, which
+//! points are the winners, and whether one result differs from another.
+//!
+//! Nothing here touches a device or a clock: times come in as milliseconds.
+
+mod compare;
+mod order;
+mod stopping;
+mod summary;
+
+pub use compare::{Verdict, compare, winners};
+pub use order::round_order;
+pub use stopping::{StopReason, StoppingRule};
+pub use summary::Summary;
+
+/// Mean and sample standard deviation (n - 1); the deviation of fewer than two samples is 0.
+fn mean_and_sigma(samples: &[f64]) -> (f64, f64) {
+    let n = samples.len() as f64;
+    let mean = samples.iter().sum::<f64>() / n;
+    let squares: f64 = samples.iter().map(|sample| (sample - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0).max(1.0)).sqrt())
+}

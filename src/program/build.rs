@@ -1,7 +1,7 @@
 //! Compiling a [`ProgramSpec`] for a device.
 
 use super::ProgramSpec;
-use ocl::{Context, Device, Program, builders::BuildOpt};
+use ocl::{Context, Device, Program};
 use std::time::Instant;
 use thiserror::Error;
 
@@ -28,7 +28,7 @@ impl BuiltProgram {
         let start = Instant::now();
         let program = Program::builder()
             .src(&spec.source)
-            .bo(BuildOpt::CmplrOther { opt: spec.options.as_str().into() })
+            .cmplr_opt(spec.options.as_str())
             .devices(device)
             .build(context)
             .map_err(|error| BuildError { log: compiler_log(&error.to_string()) })?;

@@ -1,1 +1,210 @@
-//! reference
+//! The serial caster: what every device's image is judged against, and the host's baselines.
+//!
+//! The algorithm is that of Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
+//! Practice*, 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`],
+//! [`traverse`], [`shade`] and [`cast`] in this order; they carry the names of their twins under `cl/`.
+
+pub mod cast;
+pub mod certainty;
+pub mod intersect;
+pub mod ray;
+pub mod real;
+pub mod shade;
+pub mod traverse;
+pub mod tree;
+
+#[cfg(test)]
+pub(crate) mod fixtures;
+
+pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
+
+use crate::image::{Radiance, dark_floor};
+use crate::scene::Scene;
+use crate::strategy::Culling;
+use cast::Caster;
+use certainty::{Sample, is_certain, sample};
+use rayon::prelude::*;
+use traverse::Exhaustive;
+use tree::Tree;
+
+/// Scenes with more triangles than this are searched through a tree.
+const EXHAUSTIVE_TRIANGLES: usize = 64;
+
+/// What an image of a scene ought to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reference {
+    /// Each pixel's radiance, computed in double precision.
+    pub radiance: Radiance,
+    /// Whether a pixel's radiance changes by less than 1e-3, relative, under nudges of its ray and
+    /// its shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
+    pub certain: Vec<bool>,
+    /// How many pixels' rays hit a triangle.
+    pub hits: usize,
+    /// The radiance below which "relative" means relative to this (see [`dark_floor`]).
+    pub floor: f64,
+}
+
+/// Casts `scene` at `size = [width, height]` in double precision, on all cores.
+pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
+    let samples = samples(scene, size, culling);
+    let [width, height] = size;
+    let pixels = samples.iter().map(|sample| sample.radiance.as_vec3().to_array()).collect();
+    let radiance = Radiance { width, height, pixels };
+    let floor = dark_floor(&radiance, scene.display);
+    Reference {
+        certain: samples.iter().map(|sample| is_certain(sample, floor)).collect(),
+        hits: samples.iter().filter(|sample| sample.hit).count(),
+        radiance,
+        floor,
+    }
+}
+
+fn samples(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Sample> {
+    let caster = if scene.mesh.triangles.len() > EXHAUSTIVE_TRIANGLES {
+        Caster::new(scene, size, Tree::new(&scene.mesh, culling))
+    } else {
+        Caster::new(scene, size, Exhaustive::new(&scene.mesh, culling))
+    };
+    let [width, height] = size.map(|pixels| pixels as usize);
+    let frame = scene.camera.pixel_frame(size[0], size[1]);
+    let bias = f64::from(scene.shadow_bias);
+    let at = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        sample(&caster, &frame, bias, [x as f64 + 0.5, y as f64 + 0.5])
+    };
+    (0..width * height).into_par_iter().map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Vec3, vec3};
+
+    /// The radiance of pixel (x, y).
+    fn pixel(scene: &Scene, size: [u32; 2], [x, y]: [u32; 2]) -> Vec3 {
+        let image = reference(scene, size, Culling::None).radiance;
+        Vec3::from_array(image.pixels[(y * size[0] + x) as usize])
+    }
+
+    fn assert_near(found: Vec3, expected: Vec3) {
+        assert!((found - expected).abs().max_element() < 2e-7 * expected.max_element(), "{found} {expected}");
+    }
+
+    #[test]
+    fn the_single_triangle_seen_straight_on() {
+        // The ray along -z meets it at (0, 0, -2), weights 51/121, 32/121, 38/121 (solved by hand);
+        // the rest follows SPEC's formulas, evaluated apart from this program.
+        let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
+        assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
+    }
+
+    #[test]
+    fn the_lit_ground_of_figure_4() {
+        // The ray along (0.75, -0.75, -1) meets y = -1 at (1, -1, -4/3). The light at (1, 3, 1) is
+        // off by (0, 4, 7/3): distance squared 193/9, cosine 4 / sqrt(193/9), and nothing between.
+        let found = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
+        let square = 193.0_f64 / 9.0;
+        let pi = std::f64::consts::PI;
+        let expected = 10.0 / (4.0 * pi * square) * 0.8 / pi * 4.0 / square.sqrt();
+        assert_near(found, Vec3::splat(expected as f32));
+    }
+
+    #[test]
+    fn the_shadow_of_figure_4() {
+        // The light's ray through (-1, -0.8, -2), in the triangle, meets the ground at (-1.105, -1, -2.158),
+        // which the eye sees below the triangle's edge along (-0.512, -0.463, -1): pixel (19.5, 58.5) of 80.
+        let found = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
+        assert_eq!(found, Vec3::ZERO);
+    }
+
+    #[test]
+    fn back_faces_are_seen_unless_culled() {
+        let mut scene = fixtures::single_triangle();
+        scene.mesh.triangles[0].positions.reverse();
+        scene.mesh.triangles[0].normals.reverse();
+        let seen = reference(&scene, [40, 25], Culling::None);
+        let culled = reference(&scene, [40, 25], Culling::Back);
+        assert!(seen.hits > 100);
+        assert_eq!(culled.hits, 0);
+        assert_eq!(culled.radiance.pixels[500], scene.background.to_array());
+    }
+
+    #[test]
+    fn culled_faces_cast_no_shadow() {
+        // Shadow rays come from behind the triangle, so the book adds a reversed twin.
+        let mut scene = fixtures::figure_4();
+        let black = |scene: &Scene| {
+            let image = reference(scene, [80, 80], Culling::Back).radiance;
+            image.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count()
+        };
+        assert!(black(&scene) > 50);
+        scene.mesh.triangles.remove(1);
+        assert_eq!(black(&scene), 0);
+    }
+
+    #[test]
+    fn hits_nearer_than_z_near_are_not_seen() {
+        let mut scene = fixtures::single_triangle();
+        scene.camera.z_near = 1.999;
+        assert!(reference(&scene, [40, 25], Culling::None).hits > 100);
+        scene.camera.z_near = 2.001;
+        assert_eq!(reference(&scene, [40, 25], Culling::None).hits, 0);
+    }
+
+    #[test]
+    fn a_light_nearer_than_the_bias_and_normals_of_no_length_give_nothing() {
+        let mut scene = fixtures::single_triangle();
+        scene.lights[0].position = vec3(0.0, 0.0, -1.9999);
+        scene.shadow_bias = 1e-3;
+        assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
+        scene.lights[0].position = vec3(0.0, 0.0, -1.0);
+        assert_ne!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
+        scene.mesh.normals.fill(Vec3::ZERO);
+        assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
+        scene.lights.clear();
+        assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
+    }
+
+    #[test]
+    fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
+        // The triangle's left edge along x = 0 halves the image of an odd width.
+        let mut scene = fixtures::single_triangle();
+        scene.mesh.positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
+        let found = reference(&scene, [9, 5], Culling::None);
+        for (index, certain) in found.certain.iter().enumerate() {
+            assert_eq!(*certain, index % 9 != 4, "pixel {index}");
+        }
+    }
+
+    #[test]
+    fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
+        let mut scene = fixtures::single_triangle();
+        let mut twin = scene.mesh.triangles[0];
+        twin.positions.reverse();
+        twin.normals.reverse();
+        scene.mesh.triangles.push(twin);
+        let alike = reference(&scene, [40, 25], Culling::None);
+        assert!(alike.certain.iter().filter(|certain| !**certain).count() < 10);
+        let mut other = scene.mesh.materials[0];
+        other.lambertian = Vec3::splat(0.1);
+        scene.mesh.materials.push(other);
+        scene.mesh.triangles[1].material = 1;
+        let different = reference(&scene, [40, 25], Culling::None);
+        assert!(different.certain.iter().filter(|certain| !**certain).count() > 100);
+    }
+
+    #[test]
+    fn the_papers_scenes_are_certain_almost_everywhere() {
+        for scene in [
+            fixtures::single_triangle(),
+            fixtures::figure_4(),
+            fixtures::pyramid_upper(),
+            fixtures::pyramid_lower(),
+            fixtures::sphere(24),
+        ] {
+            let found = reference(&scene, [160, 100], Culling::None);
+            let uncertain = found.certain.iter().filter(|certain| !**certain).count();
+            assert!(uncertain <= 160, "{}: {uncertain} uncertain pixels", scene.name);
+        }
+    }
+}

@@ -51,6 +51,36 @@ impl Camera {
         z_near: 0.1,
     };
 
+    /// A camera at `position` that looks at `target`, with a field of view of less
+    /// than 180 degrees across the height or the width, and a z_near of 0. `None`
+    /// where the two points or `up` decide no direction.
+    pub fn looking_at(
+        position: Vec3,
+        target: Vec3,
+        up: Vec3,
+        fov_degrees: f32,
+        fov_is_vertical: bool,
+    ) -> Option<Self> {
+        let forward = (target.as_dvec3() - position.as_dvec3()).try_normalize()?;
+        let up = up.as_dvec3().try_normalize()?;
+        let right = forward.cross(up);
+        if right.length() < 1e-5 {
+            return None;
+        }
+        let right = right.normalize();
+        // Adding zero turns -0 into 0, so that equal cameras have equal bytes.
+        let axis = |v: DVec3| v.as_vec3() + Vec3::ZERO;
+        Some(Self {
+            position,
+            right: axis(right),
+            up: axis(right.cross(forward)),
+            forward: axis(forward),
+            tan_half_fov: (f64::from(fov_degrees).to_radians() / 2.0).tan() as f32,
+            fov_is_vertical,
+            z_near: 0.0,
+        })
+    }
+
     /// The rays of an image of `width` x `height` pixels.
     pub fn pixel_frame(&self, width: u32, height: u32) -> PixelFrame {
         let (width, height) = (f64::from(width), f64::from(height));
@@ -72,5 +102,24 @@ impl PixelFrame {
     /// The direction through pixel coordinates (x, y), of depth 1.
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         self.corner + self.step_x * x + self.step_y * y
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looking_down_negative_z_is_the_papers_camera() {
+        let camera = Camera::looking_at(Vec3::ZERO, Vec3::NEG_Z, Vec3::Y, 90.0, false).unwrap();
+        assert_eq!(camera, Camera { z_near: 0.0, ..Camera::PAPER });
+    }
+
+    #[test]
+    fn a_camera_without_a_direction_is_refused() {
+        assert!(Camera::looking_at(Vec3::ONE, Vec3::ONE, Vec3::Y, 90.0, false).is_none());
+        assert!(Camera::looking_at(Vec3::ZERO, Vec3::Y, Vec3::Y, 90.0, false).is_none());
+        assert!(Camera::looking_at(Vec3::ZERO, Vec3::X, Vec3::ZERO, 90.0, false).is_none());
     }
 }

@@ -2,6 +2,13 @@
 
 use glam::Vec3;
 
+/// The k_L of a surface that says nothing else: the paper's ground.
+pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
+/// The k_G of the paper's figures.
+pub const PAPER_GLOSSY: f32 = 0.2;
+/// The s of the paper's figures.
+pub const PAPER_SHININESS: f32 = 100.0;
+
 /// Which reflectance formula a surface follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaterialKind {
@@ -24,6 +31,12 @@ pub struct Material {
     pub kind: MaterialKind,
 }
 
+impl Default for Material {
+    fn default() -> Self {
+        Self::lambertian(Vec3::splat(DEFAULT_LAMBERTIAN))
+    }
+}
+
 impl Material {
     /// Floats a material takes on a device: k_L, k_G, s, kind.
     pub const FLOATS: usize = 8;
@@ -31,6 +44,11 @@ impl Material {
     /// A diffuse surface.
     pub const fn lambertian(lambertian: Vec3) -> Self {
         Self { lambertian, glossy: Vec3::ZERO, shininess: 0.0, kind: MaterialKind::Lambertian }
+    }
+
+    /// Diffuse, with a highlight.
+    pub const fn blinn_phong(lambertian: Vec3, glossy: Vec3, shininess: f32) -> Self {
+        Self { lambertian, glossy, shininess, kind: MaterialKind::BlinnPhong }
     }
 
     /// The device's form: k_L (3), k_G (3), s, kind (0 Lambertian, 1 Blinn-Phong).

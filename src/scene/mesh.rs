@@ -2,6 +2,10 @@
 
 use super::Material;
 use glam::Vec3;
+use rayon::prelude::*;
+
+/// Fewer triangles than this are not worth another thread.
+pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
 /// One triangle of a [`Mesh`], as indices into its sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,15 +49,23 @@ impl Mesh {
 
     /// The smallest and largest corner, or `None` without triangles.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        self.triangles.iter().flat_map(|triangle| self.corners(triangle)).fold(None, |bounds, p| match bounds
-        {
-            None => Some((p, p)),
-            Some((low, high)) => Some((low.min(p), high.max(p))),
-        })
+        let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
+        let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);
+        self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).filter_map(bounds).reduce_with(join)
+    }
+
+    /// Gives all triangles the first material and drops the others.
+    pub fn share_first_material(&mut self) {
+        self.materials.truncate(1);
+        self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
     }
 
     /// Adds another mesh's triangles, shifting its indices.
     pub fn append(&mut self, other: Mesh) {
+        if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
+            *self = other;
+            return;
+        }
         let position = self.positions.len() as u32;
         let normal = self.normals.len() as u32;
         let material = self.materials.len() as u32;

@@ -4,13 +4,27 @@
 //! index in bounds, every triangle has normals. Nothing after it checks again.
 //! Its `f32` values are the truth for device and reference alike.
 
+mod assemble;
 mod camera;
+mod framing;
+mod load;
 mod material;
 mod mesh;
+mod normals;
+mod obj;
+mod overrides;
+mod shapes;
+mod toml_error;
+mod transform;
+mod validate;
+mod wire;
 
 pub use camera::{Camera, PixelFrame};
-pub use material::{Material, MaterialKind};
+pub use load::{Loaded, load_scene, load_scene_with};
+pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};
+pub use shapes::{Shape, generate};
+pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
 
@@ -64,31 +78,38 @@ impl Scene {
     /// A hash of everything that decides the picture's radiance.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
-        let mut floats = |values: &[f32]| {
-            for value in values {
-                hasher.update(&value.to_le_bytes());
-            }
-        };
-        for vector in self.mesh.positions.iter().chain(&self.mesh.normals) {
-            floats(&vector.to_array());
-        }
-        for material in &self.mesh.materials {
-            floats(&material.to_floats());
-        }
-        for light in &self.lights {
-            floats(&light.position.to_array());
-            floats(&light.power.to_array());
-        }
+        let mesh = &self.mesh;
+        let counts = [mesh.positions.len(), mesh.normals.len(), mesh.materials.len(), self.lights.len()];
+        hash_words(&mut hasher, counts.into_iter().map(|count| count as u32));
+        let vectors = mesh.positions.iter().chain(&mesh.normals);
+        hash_words(&mut hasher, vectors.flat_map(|vector| vector.to_array()).map(f32::to_bits));
+        let materials = mesh.materials.iter();
+        hash_words(&mut hasher, materials.flat_map(|material| material.to_floats()).map(f32::to_bits));
+        let lights = self.lights.iter().flat_map(|light| [light.position, light.power]);
         let camera = &self.camera;
-        for vector in [camera.position, camera.right, camera.up, camera.forward, self.background] {
-            floats(&vector.to_array());
-        }
-        floats(&[camera.tan_half_fov, f32::from(camera.fov_is_vertical), camera.z_near, self.shadow_bias]);
-        for triangle in &self.mesh.triangles {
-            for index in triangle.positions.iter().chain(&triangle.normals).chain([&triangle.material]) {
-                hasher.update(&index.to_le_bytes());
-            }
-        }
+        let view = [camera.position, camera.right, camera.up, camera.forward, self.background];
+        hash_words(&mut hasher, lights.chain(view).flat_map(|vector| vector.to_array()).map(f32::to_bits));
+        let vertical = f32::from(camera.fov_is_vertical);
+        let numbers = [camera.tan_half_fov, vertical, camera.z_near, self.shadow_bias];
+        hash_words(&mut hasher, numbers.into_iter().map(f32::to_bits));
+        let indices = mesh.triangles.iter().flat_map(|t| {
+            let ([a, b, c], [d, e, f]) = (t.positions, t.normals);
+            [a, b, c, d, e, f, t.material]
+        });
+        hash_words(&mut hasher, indices);
         hasher.finalize().to_hex()[..16].to_string()
     }
+}
+
+/// Feeds 32-bit words to a hash in pieces worth its while.
+fn hash_words(hasher: &mut blake3::Hasher, words: impl Iterator<Item = u32>) {
+    let mut piece = Vec::with_capacity(1 << 16);
+    for word in words {
+        if piece.len() == piece.capacity() {
+            hasher.update(&piece);
+            piece.clear();
+        }
+        piece.extend_from_slice(&word.to_le_bytes());
+    }
+    hasher.update(&piece);
 }

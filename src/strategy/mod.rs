@@ -1,6 +1,7 @@
 //! A strategy: one value of every axis. Presets name the paper's rows.
 
 mod axis;
+mod fastest;
 mod presets;
 mod requirements;
 
@@ -8,6 +9,7 @@ pub use axis::{
     Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, Math, Passes, Shading, Traversal, Triangles,
     Vectors, Width,
 };
+pub use fastest::fastest;
 pub use presets::{PRESETS, Preset, preset};
 pub use requirements::{Infeasible, Requirements, TILE_TRIANGLES, Workload};
 
@@ -86,6 +88,11 @@ impl std::fmt::Display for Strategy {
 }
 
 impl Strategy {
+    /// Whether each primary ray is tested against every triangle, so that tests can be counted.
+    pub fn tests_every_triangle(&self) -> bool {
+        self.traversal == Traversal::Exhaustive
+    }
+
     /// Refuses combinations that make no sense on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {

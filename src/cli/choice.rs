@@ -1,0 +1,85 @@
+//! Arguments that several subcommands read: a device, a strategy, a local size, `--set`.
+
+use crate::device::{Device, discover, pick_default, select};
+use crate::error::{Error, Result};
+use crate::strategy::{AXES, Strategy, preset};
+
+/// `WIDTHxHEIGHT`, or one number for both.
+pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let (across, down) = text.split_once('x').unwrap_or((text, text));
+    let number = |part: &str| match part.parse::<u32>() {
+        Ok(n) if (1..=4096).contains(&n) => Ok(n),
+        _ => {
+            Err(format!("'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, each 1 to 4096"))
+        }
+    };
+    Ok([number(across)?, number(down)?])
+}
+
+/// `key=value`.
+pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
+        _ => Err(format!("'{text}' is not key=value")),
+    }
+}
+
+/// A preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`.
+pub fn parse_strategy(text: &str) -> Result<Strategy> {
+    let mut parts = text.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
+    let name = match parts.peek() {
+        Some(first) if !first.contains('=') => parts.next().unwrap_or_default(),
+        _ => "deferred",
+    };
+    let mut strategy = preset(name)?.strategy;
+    for part in parts {
+        let (axis, value) = part.split_once('=').ok_or_else(|| {
+            Error::input(format!("'{part}' in --strategy is not axis=value"))
+                .with_help("one preset comes first, then axes: --strategy deferred,width=4")
+        })?;
+        strategy.set(axis.trim(), value.trim())?;
+    }
+    Ok(strategy)
+}
+
+/// Whether `--set` means an axis of the strategy.
+pub fn is_axis(key: &str) -> bool {
+    AXES.iter().any(|axis| axis.name == key)
+}
+
+/// The one device to render on: the first that matches, or the most capable one.
+pub fn one_device(pattern: Option<&str>) -> Result<Device> {
+    let devices = discover()?;
+    let chosen = match pattern {
+        Some(pattern) => select(&devices, &[pattern.to_owned()])?.first().copied(),
+        None => pick_default(&devices),
+    };
+    chosen.cloned().ok_or_else(|| {
+        Error::run("no OpenCL device is usable").with_help("`raycl devices` tells why of each")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(parse_size("16x8"), Ok([16, 8]));
+        assert_eq!(parse_size("4"), Ok([4, 4]));
+        for wrong in ["", "x", "0x4", "-1", "4x", "5000"] {
+            assert!(parse_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn strategies() -> Result<()> {
+        assert_eq!(parse_strategy("naive")?, preset("naive")?.strategy);
+        let mut wide = preset("deferred")?.strategy;
+        wide.set("width", "4")?;
+        assert_eq!(parse_strategy("deferred,width=4")?, wide);
+        assert_eq!(parse_strategy("width=4")?, wide);
+        assert!(parse_strategy("deferred,4").is_err());
+        Ok(())
+    }
+}

@@ -1,0 +1,208 @@
+//! `raycl occupancy`: the paper's Figure 5 for any compute capability.
+
+mod paper;
+
+use std::str::FromStr;
+
+use serde_json::{Value, json};
+
+use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, multiprocessor, occupancy};
+use crate::error::{Error, Result};
+
+/// Arguments of `raycl occupancy`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Compute capability, 2.0 to 9.0
+    #[arg(long, value_name = "MAJOR.MINOR", default_value = "8.6", conflicts_with = "paper")]
+    compute_capability: String,
+    /// Registers a work-item
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 32,
+        allow_negative_numbers = true,
+        conflicts_with = "paper"
+    )]
+    registers: u32,
+    /// __local bytes a work-group
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true,
+        conflicts_with = "paper"
+    )]
+    local_bytes: u32,
+    /// __local bytes a work-item, beside those a work-group (the paper's optimisation 1 takes 108)
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true,
+        conflicts_with = "paper"
+    )]
+    local_bytes_per_item: u32,
+    /// Local sizes, as in 8x8,64x1
+    #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
+    local_sizes: Vec<LocalSize>,
+    /// Print the paper's own table beside what its 63 registers really allow
+    #[arg(long)]
+    paper: bool,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// The paper's local sizes.
+const LOCAL_SIZES: [LocalSize; 9] = [
+    LocalSize(2, 2),
+    LocalSize(4, 4),
+    LocalSize(6, 6),
+    LocalSize(8, 8),
+    LocalSize(10, 10),
+    LocalSize(12, 12),
+    LocalSize(14, 14),
+    LocalSize(16, 16),
+    LocalSize(32, 32),
+];
+
+/// Work-items of a work-group across and down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct LocalSize(u32, u32);
+
+impl LocalSize {
+    fn items(self) -> u32 {
+        self.0.saturating_mul(self.1)
+    }
+}
+
+impl std::fmt::Display for LocalSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.0, self.1)
+    }
+}
+
+impl FromStr for LocalSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let side = |side: &str| side.parse().ok().filter(|&items: &u32| items > 0);
+        text.split_once(['x', 'X'])
+            .and_then(|(across, down)| Some(Self(side(across)?, side(down)?)))
+            .ok_or_else(|| "expected WIDTHxHEIGHT in work-items, as in 16x16".into())
+    }
+}
+
+/// What every row of a table shares.
+struct Question {
+    sm: &'static Multiprocessor,
+    registers: u32,
+    local_bytes: u32,
+    local_bytes_per_item: u32,
+}
+
+impl Question {
+    fn answer(&self, size: LocalSize) -> Occupancy {
+        occupancy(self.sm, self.registers, self.group_local_bytes(size), size.items())
+    }
+
+    fn group_local_bytes(&self, size: LocalSize) -> u64 {
+        u64::from(self.local_bytes) + u64::from(self.local_bytes_per_item) * u64::from(size.items())
+    }
+}
+
+/// Prints the table. An unknown compute capability is the user's mistake.
+pub fn run(args: Args) -> Result<()> {
+    if args.paper {
+        return paper::run(&args.local_sizes, args.json);
+    }
+    let sm = multiprocessor(&args.compute_capability)?;
+    if args.registers == 0 {
+        return Err(Error::input("--registers 0: a work-item needs at least 1 register"));
+    }
+    let Args { registers, local_bytes, local_bytes_per_item, .. } = args;
+    let question = Question { sm, registers, local_bytes, local_bytes_per_item };
+    if args.json {
+        return super::print_json(&question_json(&question, &args.local_sizes));
+    }
+    super::print(question_text(&question, &args.local_sizes))
+}
+
+fn question_text(question: &Question, sizes: &[LocalSize]) -> String {
+    let header =
+        ["local size", "items", "__local B", "groups", "warps", "threads", "occupancy", "limited by"];
+    let mut table = super::table(&header, 1);
+    if let Some(column) = table.column_mut(header.len() - 1) {
+        column.set_cell_alignment(comfy_table::CellAlignment::Left);
+    }
+    for &size in sizes {
+        let got = question.answer(size);
+        table.add_row([
+            size.to_string(),
+            size.items().to_string(),
+            question.group_local_bytes(size).to_string(),
+            got.groups.to_string(),
+            got.warps.to_string(),
+            got.threads.to_string(),
+            format!("{:.0}%", 100.0 * got.fraction),
+            got.limiter.to_string(),
+        ]);
+    }
+    let Multiprocessor { compute_capability, warps, groups, registers, local_bytes, .. } = question.sm;
+    format!(
+        "Compute capability {compute_capability}, {} registers a work-item. A multiprocessor holds {groups} groups, \
+         {warps} warps,\n{registers} registers and {} KiB of __local memory at once.\n{table}",
+        question.registers,
+        local_bytes / 1024
+    )
+}
+
+fn question_json(question: &Question, sizes: &[LocalSize]) -> Value {
+    json!({
+        "compute_capability": question.sm.compute_capability,
+        "registers_per_item": question.registers,
+        "rows": sizes.iter().map(|&size| row_json(question, size)).collect::<Vec<_>>(),
+    })
+}
+
+fn row_json(question: &Question, size: LocalSize) -> Value {
+    let got = question.answer(size);
+    let (limiter, reason) = match &got.limiter {
+        Limiter::CannotLaunch(reason) => ("cannot launch".to_owned(), Some(reason)),
+        other => (other.to_string(), None),
+    };
+    json!({
+        "local_size": [size.0, size.1],
+        "local_bytes": question.group_local_bytes(size),
+        "groups": got.groups,
+        "warps": got.warps,
+        "threads": got.threads,
+        "occupancy": got.fraction,
+        "limited_by": limiter,
+        "reason": reason,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn local_sizes_are_read_and_refused() {
+        assert_eq!("64x1".parse(), Ok(LocalSize(64, 1)));
+        for wrong in ["64", "0x8", "-8x8", "8x", "8x8x8", "x"] {
+            assert!(wrong.parse::<LocalSize>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn local_bytes_an_item_add_to_those_a_group() {
+        let sm = multiprocessor("2.0").unwrap();
+        let question = Question { sm, registers: 20, local_bytes: 1000, local_bytes_per_item: 108 };
+        assert_eq!(question.group_local_bytes(LocalSize(16, 16)), 28648);
+        let json = question_json(&question, &LOCAL_SIZES);
+        assert_eq!(json["rows"][7]["limited_by"], "local memory");
+        assert_eq!(json["rows"][8]["limited_by"], "cannot launch");
+        assert!(question_text(&question, &LOCAL_SIZES).contains("111592 B > 49152 B"));
+    }
+}

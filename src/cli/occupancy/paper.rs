@@ -1,0 +1,136 @@
+//! The paper's Figure 5 as its caps give it, beside what compute capability 2.0 really holds.
+
+use serde_json::{Value, json};
+
+use super::{LocalSize, Question};
+use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
+use crate::error::Result;
+
+/// Resident groups and threads a multiprocessor: the only caps that Figure 5 uses.
+const GROUPS: u32 = 8;
+const THREADS: u32 = 1536;
+/// The registers a thread that the paper gives with it.
+const REGISTERS: u32 = 63;
+/// Bytes of a work-item's nine vectors, which its optimisation 1 keeps in `__local` memory.
+const VECTOR_BYTES: u32 = 108;
+
+/// Threads a multiprocessor as Figure 5 predicts them: whole groups under its two caps.
+fn predicted(items: u32) -> u32 {
+    GROUPS.min(THREADS / items.max(1)) * items
+}
+
+struct Row {
+    size: LocalSize,
+    predicted: u32,
+    /// With its 63 registers.
+    held: Occupancy,
+    /// With its 63 registers and optimisation 1's vectors.
+    held_with_vectors: Occupancy,
+}
+
+impl Row {
+    fn contradicted(&self) -> bool {
+        u64::from(self.predicted) != self.held.threads
+    }
+}
+
+pub(super) fn run(sizes: &[LocalSize], as_json: bool) -> Result<()> {
+    let rows = rows(sizes)?;
+    if as_json {
+        return crate::cli::print_json(&json(&rows));
+    }
+    crate::cli::print(text(&rows))
+}
+
+fn rows(sizes: &[LocalSize]) -> Result<Vec<Row>> {
+    let sm = multiprocessor("2.0")?;
+    let bare = Question { sm, registers: REGISTERS, local_bytes: 0, local_bytes_per_item: 0 };
+    let vectors = Question { local_bytes_per_item: VECTOR_BYTES, ..bare };
+    let row = |&size: &LocalSize| Row {
+        size,
+        predicted: predicted(size.items()),
+        held: bare.answer(size),
+        held_with_vectors: vectors.answer(size),
+    };
+    Ok(sizes.iter().map(row).collect())
+}
+
+fn text(rows: &[Row]) -> String {
+    let header = [
+        "local size",
+        "threads a multiprocessor,\nFigure 5's caps",
+        "with its 63 registers\n(CC 2.0)",
+        "and optimisation 1's\n108 B a work-item",
+        "its registers",
+    ];
+    let mut table = crate::cli::table(&header, 1);
+    for row in rows {
+        table.add_row([
+            row.size.to_string(),
+            row.predicted.to_string(),
+            threads(&row.held),
+            threads(&row.held_with_vectors),
+            if row.contradicted() { "contradict it" } else { "agree" }.to_owned(),
+        ]);
+    }
+    let mut text = format!(
+        "The paper's Figure 5 is given with {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB, \
+         but only the\nfirst two bound it: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
+    );
+    for row in rows.iter().filter(|row| row.contradicted()) {
+        text += &format!("\n{}: {}", row.size, contradiction(row));
+    }
+    text
+}
+
+fn threads(held: &Occupancy) -> String {
+    match &held.limiter {
+        Limiter::CannotLaunch(_) => "cannot launch".to_owned(),
+        limiter => format!("{} ({limiter})", held.threads),
+    }
+}
+
+fn contradiction(row: &Row) -> String {
+    match &row.held.limiter {
+        Limiter::CannotLaunch(reason) => format!("cannot launch: {reason}."),
+        _ => format!("{REGISTERS} registers hold {} threads, not {}.", row.held.threads, row.predicted),
+    }
+}
+
+fn json(rows: &[Row]) -> Value {
+    let row = |row: &Row| {
+        json!({
+            "local_size": [row.size.0, row.size.1],
+            "predicted_threads": row.predicted,
+            "threads": row.held.threads,
+            "threads_with_local_vectors": row.held_with_vectors.threads,
+            "contradiction": row.contradicted().then(|| contradiction(row)),
+        })
+    };
+    json!({
+        "groups_cap": GROUPS,
+        "threads_cap": THREADS,
+        "registers_per_item": REGISTERS,
+        "rows": rows.iter().map(row).collect::<Vec<_>>(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::LOCAL_SIZES;
+    use super::*;
+
+    #[test]
+    fn figure_5_from_its_caps() {
+        let predicted = LOCAL_SIZES.map(|size| predicted(size.items()));
+        assert_eq!(predicted, [32, 128, 288, 512, 800, 1152, 1372, 1536, 1024]);
+    }
+
+    #[test]
+    fn its_registers_contradict_it_at_16x16_and_32x32() {
+        let text = text(&rows(&LOCAL_SIZES).unwrap());
+        assert!(text.contains("\n16x16: 63 registers hold 512 threads, not 1536."), "{text}");
+        assert!(text.contains("\n32x32: cannot launch: registers:"), "{text}");
+        assert!(!text.contains("\n4x4: "), "{text}");
+    }
+}

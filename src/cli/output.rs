@@ -1,0 +1,38 @@
+//! Standard output for every subcommand. `println!` panics when its reader has gone
+//! (`raycl devices | head -1`), so nothing here or in a subcommand uses it.
+
+use std::io::{ErrorKind, Write as _};
+
+use comfy_table::presets::UTF8_FULL_CONDENSED;
+use comfy_table::{CellAlignment, Table};
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+
+/// Writes `text` and a line end to standard output. A reader that has gone is no error.
+pub fn print(text: impl std::fmt::Display) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::run(format!("standard output could not be written: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes `value` to standard output as indented JSON.
+pub fn print_json(value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|error| Error::run(format!("the result could not be written as JSON: {error}")))?;
+    print(text)
+}
+
+/// An empty table with this header. The first `left` columns are words, the others numbers, to the right.
+pub fn table(header: &[&str], left: usize) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(header);
+    for column in table.column_iter_mut().skip(left) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}

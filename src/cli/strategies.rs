@@ -1,0 +1,111 @@
+//! `raycl strategies`: every axis with its values, and every preset.
+
+use std::fmt::Write as _;
+
+use serde_json::{Map, Value, json};
+
+use crate::error::Result;
+use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
+
+/// Arguments of `raycl strategies`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// Lists axes and presets.
+pub fn run(args: Args) -> Result<()> {
+    if args.json {
+        return super::print_json(&json!({
+            "axes": AXES.iter().map(axis_json).collect::<Vec<_>>(),
+            "presets": PRESETS.iter().map(preset_json).collect::<Vec<_>>(),
+        }));
+    }
+    super::print(text().trim_end())
+}
+
+fn axis_json(axis: &AxisInfo) -> Value {
+    let value = |&(name, about): &(&str, &str)| json!({ "name": name, "about": about });
+    json!({ "name": axis.name, "about": axis.about, "values": axis.values.iter().map(value).collect::<Vec<_>>() })
+}
+
+fn preset_json(preset: &Preset) -> Value {
+    let axes: Map<_, _> =
+        preset.strategy.axes().into_iter().map(|(axis, value)| (axis.to_owned(), value.into())).collect();
+    json!({ "name": preset.name, "about": preset.about, "axes": axes })
+}
+
+fn text() -> String {
+    let mut text = "A strategy is one value of every axis.\n\n".to_owned();
+    for axis in AXES {
+        text += &axis_text(axis);
+    }
+    let Some((first, others)) = PRESETS.split_first() else { return text };
+    text += &format!(
+        "Presets: named strategies. All but the first show where they differ from {}.\n\n",
+        first.name
+    );
+    text += &preset_text(first, &spelled(&first.strategy.axes()));
+    for preset in others {
+        text += &preset_text(preset, &spelled(&difference(first, preset)));
+    }
+    text
+}
+
+fn axis_text(axis: &AxisInfo) -> String {
+    let wide = axis.values.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
+    let mut text = format!("{}: {}\n", axis.name, axis.about);
+    for (name, about) in axis.values {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "  {name:wide$}  {about}");
+    }
+    text + "\n"
+}
+
+fn preset_text(preset: &Preset, axes: &str) -> String {
+    format!("{}: {}\n  {axes}\n", preset.name, preset.about)
+}
+
+/// The axes of `preset` whose values are not those of `base`.
+fn difference(base: &Preset, preset: &Preset) -> Vec<(&'static str, &'static str)> {
+    let pairs = preset.strategy.axes().into_iter().zip(base.strategy.axes());
+    pairs.filter(|(own, other)| own != other).map(|(own, _)| own).collect()
+}
+
+fn spelled(axes: &[(&str, &str)]) -> String {
+    axes.iter().map(|(axis, value)| format!("{axis}={value}")).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_and_preset_has_its_line() {
+        let text = text();
+        for axis in AXES {
+            assert!(text.contains(&format!("\n{}: {}", axis.name, axis.about)), "{}", axis.name);
+            for (name, about) in axis.values {
+                assert!(
+                    text.lines().any(|line| line.starts_with(&format!("  {name} ")) && line.ends_with(about))
+                );
+            }
+        }
+        for preset in PRESETS {
+            assert!(text.contains(&format!("\n{}: {}", preset.name, preset.about)), "{}", preset.name);
+        }
+    }
+
+    #[test]
+    fn a_preset_and_the_first_differ_where_it_says() {
+        for preset in PRESETS {
+            let mut strategy = PRESETS[0].strategy;
+            for (axis, value) in difference(&PRESETS[0], preset) {
+                strategy.set(axis, value).unwrap();
+            }
+            assert_eq!(strategy, preset.strategy, "{}", preset.name);
+        }
+    }
+}

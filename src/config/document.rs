@@ -1,0 +1,179 @@
+//! A config's text with `--set` values laid over it, and where in them a mistake is.
+
+use std::ops::Range;
+
+use serde::de::DeserializeOwned;
+use toml::de::{DeArray, DeTable, DeValue, Deserializer};
+use toml::{Spanned, Value};
+
+use crate::error::{Error, Result, nearest};
+
+/// A file and the overrides from the command line. Spans below the file's
+/// length lie in the file; beyond it, each override has a range of its own.
+pub struct Document {
+    name: String,
+    text: String,
+    overrides: Vec<Override>,
+}
+
+/// One `--set`, as a line of TOML.
+struct Override {
+    line: String,
+    /// Where its spans begin: past the file and the overrides before it.
+    start: usize,
+}
+
+impl Document {
+    /// The text of the file `name` under `overrides`; a key that is no dotted path is refused.
+    pub fn new(name: String, text: String, overrides: &[(String, String)]) -> Result<Self> {
+        let mut start = text.len() + 1;
+        let mut lines = Vec::new();
+        for (key, value) in overrides {
+            let line = toml_line(key, value)?;
+            let next = start + line.len() + 1;
+            lines.push(Override { line, start });
+            start = next;
+        }
+        Ok(Self { name, text, overrides: lines })
+    }
+
+    /// The file's text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The overrides, each as a line of TOML.
+    pub fn override_lines(&self) -> Vec<String> {
+        self.overrides.iter().map(|over| over.line.clone()).collect()
+    }
+
+    /// Reads the document as a `T`.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
+        // The spaces move an override's spans past those of everything before it.
+        let padded: Vec<_> = self.overrides.iter().map(|over| " ".repeat(over.start) + &over.line).collect();
+        let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
+        for (layer, over) in padded.iter().zip(&self.overrides) {
+            let layer = DeTable::parse(layer).map_err(|error| self.syntax(&error, over.start))?;
+            merge_tables(table.get_mut(), layer.into_inner());
+        }
+        T::deserialize(Deserializer::from(table)).map_err(|error| self.misfit(&error))
+    }
+
+    /// A mistake at `span`, in the file or in one of the overrides.
+    pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: impl Into<String>) -> Error {
+        let (name, text, start) = match self.overrides.iter().rev().find(|over| over.start <= span.start) {
+            Some(over) => ("--set", &over.line, over.start),
+            None => (self.name.as_str(), &self.text, 0),
+        };
+        let place = first_line(text, span.start - start, span.end.saturating_sub(start));
+        Error::in_file(name, text.as_str(), place, message, label)
+    }
+
+    /// Gives an input error that has no place yet the place `span`.
+    pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
+        let Error::Input(input) = error else { return error };
+        let placed = self.error(span, input.message, label);
+        match input.help {
+            Some(help) => placed.with_help(help),
+            None => placed,
+        }
+    }
+
+    fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
+        let span = error.span().unwrap_or(start..start);
+        self.error(span, format!("this is not TOML: {}", error.message().trim()), "here")
+    }
+
+    /// What serde found wrong, in the user's words.
+    fn misfit(&self, error: &toml::de::Error) -> Error {
+        let span = error.span().unwrap_or(0..0);
+        let message = error.message();
+        let mut quoted = message.split('`').skip(1).step_by(2);
+        if message.starts_with("unknown field") {
+            let key = quoted.next().unwrap_or_default();
+            return self.unknown_key(span, key, &quoted.collect::<Vec<_>>());
+        }
+        if message.starts_with("missing field") {
+            let key = quoted.next().unwrap_or_default();
+            return self.error(span, format!("the key '{key}' is missing"), format!("'{key}' belongs here"));
+        }
+        let (message, expected) = in_plain_words(message);
+        self.error(span, message, expected)
+    }
+
+    /// The error for a key that is none of `known`.
+    pub fn unknown_key(&self, span: Range<usize>, key: &str, known: &[&str]) -> Error {
+        let error = self.error(span, format!("unknown key '{key}'"), "no such key here");
+        let list = format!("the keys are {}", known.join(", "));
+        match nearest(key, known.iter().copied()) {
+            Some(meant) => error.with_help(format!("did you mean '{meant}'? {list}")),
+            None => error.with_help(list),
+        }
+    }
+}
+
+/// `key = value` as TOML, with `value` a string where it is nothing else.
+fn toml_line(key: &str, value: &str) -> Result<String> {
+    if toml::from_str::<toml::Table>(&format!("{key} = 0")).is_err() || key.contains(['=', '\n', '#']) {
+        return Err(Error::input(format!("--set {key}={value}: '{key}' is not a key"))
+            .with_help("a key is a name, or names joined by dots: timing.seed"));
+    }
+    let plain = format!("{key} = {value}");
+    match toml::from_str::<toml::Table>(&plain) {
+        Ok(_) if !value.contains('\n') => Ok(plain),
+        _ => Ok(format!("{key} = {}", Value::String(value.into()))),
+    }
+}
+
+/// Lays `above` over `below`: tables are merged, everything else is replaced.
+fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
+    for (key, value) in above {
+        match below.get_mut(key.get_ref().as_ref()) {
+            Some(old) => merge(old, value),
+            None => {
+                below.insert(key, value);
+            }
+        }
+    }
+}
+
+fn merge<'i>(below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) {
+    match (below.get_mut(), above.get_ref()) {
+        (DeValue::Table(old), DeValue::Table(new)) => merge_tables(old, new.clone()),
+        (DeValue::Array(old), DeValue::Table(new)) if in_bounds(old, new) => {
+            for (key, value) in new.clone() {
+                let place = key.get_ref().parse().unwrap_or(usize::MAX);
+                if let Some(item) = old.get_mut(place) {
+                    merge(item, value);
+                }
+            }
+        }
+        _ => *below = above,
+    }
+}
+
+/// Whether every key of `table` is a place in `array`: `strategy.0.width = 8`.
+fn in_bounds(array: &DeArray<'_>, table: &DeTable<'_>) -> bool {
+    table.keys().all(|key| key.get_ref().parse::<usize>().is_ok_and(|place| place < array.len()))
+}
+
+/// The part of `start..end` that lies in one line of `text`, so that the report stays small.
+fn first_line(text: &str, start: usize, end: usize) -> Range<usize> {
+    let start = start.min(text.len());
+    let rest = text.get(start..end.clamp(start, text.len())).unwrap_or_default();
+    start..start + rest.find(['\r', '\n']).unwrap_or(rest.len())
+}
+
+/// serde's message without Rust's names for types, and what it expected.
+fn in_plain_words(message: &str) -> (String, String) {
+    let words = [
+        ("expected i64", "expected a whole number"),
+        ("expected f64", "expected a number"),
+        ("expected a sequence", "expected a list"),
+        ("invalid type: ", "wrong type: "),
+    ];
+    let message =
+        words.iter().fold(message.trim().replace('`', ""), |text, (from, to)| text.replace(from, to));
+    let label = message.find("expected ").map_or("here", |place| &message[place..]).to_string();
+    (message, label)
+}

@@ -1,0 +1,175 @@
+//! The strategies of a config: presets by name, and products of axes.
+
+use std::ops::Range;
+
+use toml::Spanned;
+
+use super::document::Document;
+use super::types::NamedStrategy;
+use super::validate::local_sizes;
+use super::wire::{Choices, StrategyEntry};
+use crate::error::Result;
+use crate::strategy::{AXES, Preset, Strategy, preset};
+
+/// A strategy on its way from preset to combination.
+#[derive(Clone)]
+struct Draft {
+    strategy: Strategy,
+    /// The axes its name has to tell: those that differ from the preset or vary in the entry.
+    told: Vec<String>,
+}
+
+/// Every strategy of the config, presets first; their names differ.
+pub fn expand(
+    document: &Document,
+    names: &[Spanned<String>],
+    entries: &[Spanned<StrategyEntry>],
+    sizes: &[[u32; 2]],
+) -> Result<Vec<NamedStrategy>> {
+    let mut all: Vec<NamedStrategy> = Vec::new();
+    let mut add = |found: Vec<NamedStrategy>, span: Range<usize>| {
+        for strategy in found {
+            if all.iter().any(|other| other.name == strategy.name) {
+                let message = format!("two strategies are called '{}'", strategy.name);
+                let error = document.error(span, message, "the second is here");
+                return Err(error.with_help("give one of them another name = \"...\", or remove it"));
+            }
+            if strategy.local_sizes.is_empty() {
+                let message = format!("strategy '{}' has no local sizes", strategy.name);
+                let error = document.error(span, message, "it would never run");
+                return Err(error.with_help("add local_sizes = [8, 16] to the config or to the strategy"));
+            }
+            all.push(strategy);
+        }
+        Ok(())
+    };
+    for name in names {
+        let preset = find(document, name)?;
+        add(vec![whole_preset(preset, sizes)], name.span())?;
+    }
+    for entry in entries {
+        add(product(document, entry, sizes)?, entry.span())?;
+    }
+    Ok(all)
+}
+
+fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> {
+    preset(name.get_ref()).map_err(|error| document.place(name.span(), error, "no such preset"))
+}
+
+fn whole_preset(preset: &Preset, sizes: &[[u32; 2]]) -> NamedStrategy {
+    NamedStrategy {
+        name: preset.name.into(),
+        preset: Some(preset.name.into()),
+        strategy: preset.strategy,
+        local_sizes: sizes.to_vec(),
+    }
+}
+
+/// Every combination of the entry's axes.
+fn product(
+    document: &Document,
+    entry: &Spanned<StrategyEntry>,
+    sizes: &[[u32; 2]],
+) -> Result<Vec<NamedStrategy>> {
+    let span = entry.span();
+    let entry = entry.get_ref();
+    if let Some(key) = entry.unknown.first() {
+        return Err(document.unknown_key(key.span(), key.get_ref(), &StrategyEntry::known_keys()));
+    }
+    let Some(name) = &entry.preset else {
+        let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");
+        return Err(
+            error.with_help("name the preset that its axes start from; `raycl strategies` lists them")
+        );
+    };
+    let preset = find(document, name)?;
+    let sizes = match &entry.local_sizes {
+        Some(own) => local_sizes(document, own.get_ref())?,
+        None => sizes.to_vec(),
+    };
+    let mut drafts = vec![Draft { strategy: preset.strategy, told: Vec::new() }];
+    for axis in AXES {
+        if let Some((_, choices)) = entry.axes.iter().find(|(key, _)| key.get_ref() == axis.name) {
+            drafts = vary(document, axis.name, choices, drafts, preset)?;
+        }
+    }
+    let finish = |draft| named(document, entry, draft, preset, &sizes, span.clone());
+    drafts.into_iter().map(finish).collect()
+}
+
+/// Each draft with each value of one axis.
+fn vary(
+    document: &Document,
+    axis: &str,
+    choices: &Spanned<Choices>,
+    drafts: Vec<Draft>,
+    preset: &Preset,
+) -> Result<Vec<Draft>> {
+    let (values, listed): (Vec<(&str, Range<usize>)>, bool) = match choices.get_ref() {
+        Choices::One(value) => (vec![(value, choices.span())], false),
+        Choices::List(list) => {
+            (list.iter().map(|choice| (choice.get_ref().0.as_str(), choice.span())).collect(), list.len() > 1)
+        }
+    };
+    if values.is_empty() {
+        return Err(document.error(
+            choices.span(),
+            format!("'{axis}' is empty"),
+            "expected at least one value",
+        ));
+    }
+    let mut varied = Vec::new();
+    for draft in drafts {
+        for (value, span) in &values {
+            let mut draft = draft.clone();
+            let set = draft.strategy.set(axis, value);
+            set.map_err(|error| document.place(span.clone(), error, "no such value"))?;
+            if listed || !preset.strategy.axes().contains(&(axis, value)) {
+                draft.told.push(format!("{axis}={value}"));
+            }
+            varied.push(draft);
+        }
+    }
+    Ok(varied)
+}
+
+/// Names the draft, unless it makes no sense.
+fn named(
+    document: &Document,
+    entry: &StrategyEntry,
+    draft: Draft,
+    preset: &Preset,
+    sizes: &[[u32; 2]],
+    span: Range<usize>,
+) -> Result<NamedStrategy> {
+    if let Some(reason) = draft.strategy.contradiction() {
+        let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
+        let message = format!("this strategy makes no sense: {reason}");
+        return Err(document.error(span, message, format!("asks for {what}")).with_help(
+            "change one of the axes in the message; where a list gives some combinations that make sense, \
+             write those as [[strategy]] entries of their own",
+        ));
+    }
+    Ok(NamedStrategy {
+        name: full_name(entry, &draft, preset),
+        preset: (draft.strategy == preset.strategy).then(|| preset.name.into()),
+        strategy: draft.strategy,
+        local_sizes: sizes.to_vec(),
+    })
+}
+
+/// The entry's own name, with the axes that are lists; else the preset with all that differs.
+fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
+    let Some(name) = &entry.name else {
+        return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");
+    };
+    let listed = |told: &&String| {
+        entry.axes.iter().any(|(axis, choices)| {
+            let several = matches!(choices.get_ref(), Choices::List(list) if list.len() > 1);
+            several && told.starts_with(&format!("{}=", axis.get_ref()))
+        })
+    };
+    let told = draft.told.iter().filter(listed).cloned();
+    std::iter::once(name.get_ref().clone()).chain(told).collect::<Vec<_>>().join("+")
+}

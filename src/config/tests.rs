@@ -1,0 +1,260 @@
+//! Configs that load, and configs that are refused at their place.
+
+use std::path::PathBuf;
+
+use super::*;
+use crate::strategy::{Triangles, Vectors, Width};
+
+const GOOD: &str = r#"question = "Which?"
+expectation = "This."
+scenes = ["../scenes/teapot.toml"]
+image_sizes = [[800, 500]]
+local_sizes = [8, [64, 1], 8]
+strategies = ["naive", "local-vectors"]
+"#;
+
+/// A folder with stand-ins for the scenes and `text` as configs/test.toml.
+fn folder(text: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["configs", "scenes"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    let scenes = ["triangle", "figure-4", "pyramid-upper", "pyramid-lower", "still-life", "gourd", "teapot"];
+    for scene in scenes {
+        std::fs::write(folder.path().join(format!("scenes/{scene}.toml")), "").unwrap();
+    }
+    let path = folder.path().join("configs/test.toml");
+    std::fs::write(&path, text).unwrap();
+    (folder, path)
+}
+
+fn load_with(text: &str, overrides: &[(&str, &str)]) -> Result<Experiment> {
+    let (_folder, path) = folder(text);
+    let overrides: Vec<_> =
+        overrides.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    load(&path, &overrides)
+}
+
+/// The whole report as a user sees it.
+fn refusal(text: &str, overrides: &[(&str, &str)]) -> String {
+    let error = load_with(text, overrides).expect_err("it was accepted");
+    assert_eq!(error.exit_code(), 2);
+    let mut report = String::new();
+    miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::none())
+        .with_width(400)
+        .render_report(&mut report, &error)
+        .unwrap();
+    report
+}
+
+#[track_caller]
+fn refuses(text: &str, expected: &[&str]) {
+    let report = refusal(text, &[]);
+    for words in expected {
+        assert!(report.contains(words), "{words:?} is not in\n{report}");
+    }
+}
+
+#[test]
+fn a_good_config_becomes_an_experiment() {
+    let experiment = load_with(GOOD, &[]).unwrap();
+    assert_eq!(experiment.name, "test");
+    assert_eq!(experiment.devices, ["all"]);
+    assert_eq!(experiment.image_sizes, [[800, 500]]);
+    assert_eq!(experiment.strategies[0].local_sizes, [[8, 8], [64, 1]]);
+    assert_eq!(experiment.strategies[1].preset.as_deref(), Some("local-vectors"));
+    assert_eq!(experiment.strategies[1].strategy.vectors, Vectors::Local);
+    assert_eq!(experiment.timing, Timing::default());
+    assert_eq!(experiment.limits, LimitOverrides::default());
+    assert_eq!(experiment.source, GOOD);
+}
+
+#[test]
+fn every_config_of_the_repository_loads() {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let mut count = 0;
+    for file in std::fs::read_dir(root).unwrap() {
+        let text = std::fs::read_to_string(file.unwrap().path()).unwrap();
+        let experiment =
+            load_with(&text, &[]).unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)));
+        assert!(!experiment.strategies.is_empty() && !experiment.baselines.is_empty());
+        count += 1;
+    }
+    assert!(count >= 6, "there are only {count} configs");
+}
+
+#[test]
+fn lists_of_axes_give_their_product() {
+    let text = format!(
+        "{GOOD}[[strategy]]\npreset = \"compounded\"\nvectors = [\"private\", \"local\"]\n\
+         triangles = \"constant\"\nwidth = [1, \"4\"]\nlocal_sizes = [4]\n"
+    );
+    let experiment = load_with(&text, &[]).unwrap();
+    let names: Vec<_> = experiment.strategies[2..].iter().map(|strategy| strategy.name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "compounded+vectors=private+triangles=constant+width=1",
+            "compounded+vectors=private+triangles=constant+width=4",
+            "compounded+vectors=local+triangles=constant+width=1",
+            "compounded+vectors=local+triangles=constant+width=4",
+        ]
+    );
+    let last = &experiment.strategies[5];
+    assert_eq!((last.strategy.width, last.strategy.triangles), (Width::W4, Triangles::Constant));
+    assert_eq!((last.preset.clone(), last.local_sizes.clone()), (None, vec![[4, 4]]));
+}
+
+#[test]
+fn a_name_stands_for_what_does_not_vary() {
+    let entry = "[[strategy]]\nname = \"mine\"\npreset = \"deferred\"\nmath = \"fast\"\nwidth = [1, 2]\n";
+    let experiment = load_with(&format!("{GOOD}{entry}"), &[]).unwrap();
+    assert_eq!(experiment.strategies[2].name, "mine+width=1");
+    let entry = "[[strategy]]\nname = \"mine\"\npreset = \"deferred\"\nmath = \"fast\"\n";
+    let experiment = load_with(&format!("{GOOD}{entry}"), &[]).unwrap();
+    assert_eq!(experiment.strategies[2].name, "mine");
+}
+
+#[test]
+fn a_misspelt_key_names_the_nearest() {
+    let text = GOOD.replace("local_sizes", "local_sises");
+    refuses(
+        &text,
+        &["unknown key 'local_sises'", "test.toml:5:1", "no such key here", "did you mean 'local_sizes'?"],
+    );
+    let text = format!("{GOOD}[timing]\nsamples_max = 3\nwarmpu = 1\n");
+    refuses(&text, &["unknown key", "test.toml:8:1", "the keys are"]);
+    let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\ntriangels = 8\n");
+    refuses(&text, &["unknown key 'triangels'", "test.toml:9:1", "did you mean 'triangles'?"]);
+}
+
+#[test]
+fn a_missing_key_is_named() {
+    refuses(&GOOD.replace("question", "#"), &["the key 'question' is missing", "test.toml:1:1"]);
+    refuses(&format!("{GOOD}[[strategy]]\nwidth = 4\n"), &["no preset", "test.toml:7:1", "raycl strategies"]);
+}
+
+#[test]
+fn a_wrong_type_says_what_was_expected() {
+    let text = GOOD.replace("[\"naive\", \"local-vectors\"]", "3");
+    refuses(&text, &["wrong type: integer 3, expected a list", "test.toml:6:14"]);
+    refuses(&GOOD.replace("[64, 1]", "\"64x1\""), &["expected a size", "test.toml:5:19"]);
+    refuses(&format!("{GOOD}[timing]\nseed = 1.5"), &["expected a whole number", "test.toml:8:8"]);
+    refuses(&format!("{GOOD}[timing]\ntime_limit_ms = \"5 s\""), &["expected a number", "test.toml:8:17"]);
+    refuses(
+        &format!("{GOOD}[[strategy]]\npreset = \"naive\"\nwidth = true"),
+        &["expected an axis's value", "9:9"],
+    );
+}
+
+#[test]
+fn sizes_out_of_range_say_the_range() {
+    refuses(
+        &GOOD.replace("[64, 1]", "[64, -1]"),
+        &["local size -1 is out of range", "5:24", "from 1 to 1024"],
+    );
+    refuses(
+        &GOOD.replace("[64, 1]", "[128, 64]"),
+        &["128 x 64 is too large", "5:19", "at most 4096 work-items"],
+    );
+    refuses(&GOOD.replace("[64, 1]", "[1, 2, 3]"), &["two sides, not 3", "5:19", "[across, down]"]);
+    refuses(&GOOD.replace("[800,", "[0,"), &["image size 0 is out of range", "4:17", "from 1 to 65536"]);
+    refuses(&GOOD.replace("[800, 500]", "[65536, 65536]"), &["too large", "4294967295 pixels"]);
+    refuses(&GOOD.replace("[[800, 500]]", "[]"), &["'image_sizes' is empty", "4:15"]);
+}
+
+#[test]
+fn timing_out_of_range_says_the_range() {
+    refuses(&format!("{GOOD}[timing]\ntime_limit_ms = -5"), &["time_limit_ms -5 is out of range", "8:17"]);
+    refuses(
+        &format!("{GOOD}[timing]\nrelative_sigma = nan"),
+        &["relative_sigma NaN", "a number from 0 to 1"],
+    );
+    refuses(&format!("{GOOD}[timing]\nmax_samples = 5\nmin_samples = 6"), &["min_samples 6", "from 1 to 5"]);
+    let timing = load_with(&format!("{GOOD}[timing]\nmax_samples = 5"), &[]).unwrap().timing;
+    assert_eq!((timing.min_samples, timing.max_samples), (5, 5));
+    refuses(&format!("{GOOD}[limits]\nlocal_bytes = -1"), &["local_bytes -1 is out of range", "8:15"]);
+}
+
+#[test]
+fn a_contradiction_names_reason_and_combination() {
+    let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\ntriangles = [\"global\", \"tiled\"]\n");
+    refuses(
+        &text,
+        &[
+            "this strategy makes no sense: shading = eager with triangles = tiled",
+            "test.toml:7:1",
+            "asks for preset=naive triangles=tiled",
+        ],
+    );
+}
+
+#[test]
+fn unknown_names_are_refused_with_the_nearest() {
+    refuses(
+        &GOOD.replace("\"naive\"", "\"naïv\""),
+        &["'naïv' is not a preset", "6:15", "did you mean 'naive'?"],
+    );
+    let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\nvectors = [\"local\", \"privat\"]\n");
+    refuses(&text, &["'privat' is not a value of 'vectors'", "9:21", "did you mean 'private'?"]);
+    refuses(
+        &format!("baselines = [\"seriel\"]\n{GOOD}"),
+        &["'seriel' is not a baseline", "1:14", "'serial'?"],
+    );
+    refuses(
+        &GOOD.replace("teapot", "teepot"),
+        &["no scene file '../scenes/teepot.toml'", "3:11", "'teapot.toml'"],
+    );
+}
+
+#[test]
+fn two_strategies_of_one_name_and_nothing_to_measure_are_refused() {
+    let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\n");
+    refuses(&text, &["two strategies are called 'naive'", "test.toml:7:1"]);
+    refuses(&GOOD.replace("strategies", "#"), &["nothing to measure"]);
+    refuses(&GOOD.replace("local_sizes", "#"), &["'naive' has no local sizes", "test.toml:6:15"]);
+}
+
+#[test]
+fn broken_toml_and_a_missing_file_are_input_errors() {
+    refuses(&GOOD.replace("[[800, 500]]", "[[800, 500"), &["this is not TOML", "test.toml:"]);
+    let error = load(&PathBuf::from("no/such.toml"), &[]).expect_err("it was read");
+    assert_eq!(error.exit_code(), 2);
+    assert!(error.to_string().contains("cannot read the experiment no/such.toml"));
+}
+
+#[test]
+fn overrides_are_toml_or_else_strings_and_make_tables() {
+    let overrides = [
+        ("timing.seed", "7"),
+        ("image_sizes", "[[64, 40]]"),
+        ("question", "Is it so?"),
+        ("limits.local_bytes", "1_000"),
+    ];
+    let experiment = load_with(GOOD, &overrides).unwrap();
+    assert_eq!(experiment.timing.seed, 7);
+    assert_eq!(experiment.image_sizes, [[64, 40]]);
+    assert_eq!(experiment.question, "Is it so?");
+    assert_eq!(experiment.limits.local_bytes, Some(1000));
+    assert_eq!(experiment.overrides[2], "question = \"Is it so?\"");
+}
+
+#[test]
+fn an_override_reaches_one_strategy_of_the_list() {
+    let text = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\nwidth = 4\n");
+    let experiment = load_with(&text, &[("strategy.0.width", "8")]).unwrap();
+    assert_eq!(experiment.strategies[2].strategy.width, Width::W8);
+}
+
+#[test]
+fn a_bad_override_is_shown_in_its_own_words() {
+    let report = refusal(GOOD, &[("timing.seed", "3"), ("timing.sede", "4")]);
+    for words in ["unknown key 'sede'", "--set:1:8", "timing.sede = 4", "did you mean 'seed'?"] {
+        assert!(report.contains(words), "{words:?} is not in\n{report}");
+    }
+    let report = refusal(GOOD, &[("timing.seed", "-3")]);
+    assert!(report.contains("seed -3 is out of range") && report.contains("--set:1:15"), "{report}");
+    assert!(refusal(GOOD, &[("scenes.first", "3")]).contains("expected a list"));
+    assert!(refusal(GOOD, &[("timing..seed", "3")]).contains("'timing..seed' is not a key"));
+    assert!(refusal(GOOD, &[("strategy.5.width", "3")]).contains("expected a list"));
+}

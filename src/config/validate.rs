@@ -1,0 +1,259 @@
+//! From what the file spells to an experiment that makes sense.
+
+use std::fmt::Display;
+use std::ops::{Range, RangeInclusive};
+use std::path::{Path, PathBuf};
+
+use toml::Spanned;
+
+use super::document::Document;
+use super::types::{Baseline, Experiment, LimitOverrides, Timing};
+use super::{strategies, wire};
+use crate::error::{Result, nearest};
+
+/// Pixels an image may have across or down.
+const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
+/// Work-items a work-group may have across or down; a device may allow fewer.
+const LOCAL_SIDE: RangeInclusive<i64> = 1..=1024;
+/// Work-items a work-group may have in all.
+const LOCAL_ITEMS: u64 = 4096;
+/// Samples a point may take.
+const MOST_SAMPLES: i64 = 1_000_000;
+
+/// Checks everything that can be checked without a device.
+pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
+    let local_sizes = local_sizes(document, &wire.local_sizes)?;
+    let strategies = strategies::expand(document, &wire.strategies, &wire.strategy, &local_sizes)?;
+    let baselines = baselines(document, &wire.baselines)?;
+    if strategies.is_empty() && baselines.is_empty() {
+        let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");
+        return Err(error.with_help("add strategies = [\"naive\"]; `raycl strategies` lists the presets"));
+    }
+    Ok(Experiment {
+        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        path: path.to_path_buf(),
+        question: sentence(document, &wire.question, "question")?,
+        expectation: sentence(document, &wire.expectation, "expectation")?,
+        scenes: scenes(document, &wire.scenes, path)?,
+        devices: devices(document, wire.devices)?,
+        image_sizes: image_sizes(document, &wire.image_sizes)?,
+        strategies,
+        baselines,
+        limits: limits(document, &wire.limits)?,
+        timing: timing(document, &wire.timing)?,
+        source: document.text().to_string(),
+        overrides: document.override_lines(),
+    })
+}
+
+fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<String> {
+    let trimmed = text.get_ref().trim();
+    if trimmed.is_empty() {
+        let message = format!("the {key} is empty");
+        return Err(document.error(text.span(), message, "expected a sentence"));
+    }
+    Ok(trimmed.to_string())
+}
+
+fn scenes(document: &Document, list: &Spanned<Vec<Spanned<String>>>, config: &Path) -> Result<Vec<PathBuf>> {
+    not_empty(document, list, "scenes", "a scene file")?;
+    let folder = config.parent().unwrap_or(Path::new(""));
+    let mut paths = Vec::new();
+    for scene in list.get_ref() {
+        let path = folder.join(scene.get_ref());
+        if !path.is_file() {
+            return Err(missing_scene(document, scene, &path));
+        }
+        paths.push(path);
+    }
+    Ok(distinct(paths))
+}
+
+fn missing_scene(document: &Document, scene: &Spanned<String>, path: &Path) -> crate::Error {
+    let message = format!("there is no scene file '{}'", scene.get_ref());
+    let error = document.error(scene.span(), message, format!("{} is no file", path.display()));
+    let siblings: Vec<String> = path
+        .parent()
+        .and_then(|folder| folder.read_dir().ok())
+        .map(|files| files.flatten().map(|file| file.file_name().to_string_lossy().into_owned()).collect())
+        .unwrap_or_default();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    match nearest(&name, siblings.iter().map(String::as_str)) {
+        Some(meant) => error.with_help(format!("did you mean '{meant}', in the same folder?")),
+        None => error.with_help("paths are relative to the config file"),
+    }
+}
+
+fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<String>> {
+    let Some(list) = list else { return Ok(vec!["all".into()]) };
+    not_empty(document, &list, "devices", "\"all\" or a part of a device's name")?;
+    for device in list.get_ref() {
+        sentence(document, device, "device")?;
+    }
+    Ok(distinct(list.into_inner().into_iter().map(Spanned::into_inner).collect()))
+}
+
+fn baselines(document: &Document, list: &[Spanned<String>]) -> Result<Vec<Baseline>> {
+    let names: Vec<_> = Baseline::ALL.iter().map(|baseline| baseline.name()).collect();
+    let parse = |name: &Spanned<String>| {
+        let known = Baseline::ALL.iter().copied().find(|baseline| baseline.name() == name.get_ref());
+        known.ok_or_else(|| {
+            let message =
+                format!("'{}' is not a baseline; expected one of {}", name.get_ref(), names.join(", "));
+            let error = document.error(name.span(), message, "no such baseline");
+            match nearest(name.get_ref(), names.iter().copied()) {
+                Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
+                None => error,
+            }
+        })
+    };
+    Ok(distinct(list.iter().map(parse).collect::<Result<_>>()?))
+}
+
+fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
+    not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
+    let parse = |wire: &Spanned<wire::Size>| {
+        size(document, wire, "image size", &IMAGE_SIDE, u64::from(u32::MAX), "pixels")
+    };
+    Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
+}
+
+/// Local sizes in the order of the file, each once.
+pub fn local_sizes(document: &Document, list: &[Spanned<wire::Size>]) -> Result<Vec<[u32; 2]>> {
+    let parse = |wire: &Spanned<wire::Size>| {
+        size(document, wire, "local size", &LOCAL_SIDE, LOCAL_ITEMS, "work-items")
+    };
+    Ok(distinct(list.iter().map(parse).collect::<Result<_>>()?))
+}
+
+fn size(
+    document: &Document,
+    wire: &Spanned<wire::Size>,
+    what: &str,
+    side: &RangeInclusive<i64>,
+    most: u64,
+    unit: &str,
+) -> Result<[u32; 2]> {
+    let check = |value: i64, span: Range<usize>| whole(document, value, span, what, side);
+    let [across, down] = match wire.get_ref() {
+        wire::Size::Square(value) => [check(*value, wire.span())?; 2],
+        wire::Size::List(values) => match values.as_slice() {
+            [across, down] => {
+                [check(*across.get_ref(), across.span())?, check(*down.get_ref(), down.span())?]
+            }
+            other => {
+                let message = format!("a {what} has two sides, not {}", other.len());
+                return Err(document.error(wire.span(), message, "expected [across, down]"));
+            }
+        },
+    };
+    if u64::from(across) * u64::from(down) > most {
+        let message = format!("{what} {across} x {down} is too large");
+        return Err(document.error(wire.span(), message, format!("expected at most {most} {unit}")));
+    }
+    Ok([across, down])
+}
+
+fn limits(document: &Document, wire: &wire::Limits) -> Result<LimitOverrides> {
+    let bytes = |value: &Option<Spanned<i64>>, what: &str| {
+        let check = |value: &Spanned<i64>| {
+            whole(document, *value.get_ref(), value.span(), what, &(0..=i64::from(u32::MAX))).map(u64::from)
+        };
+        value.as_ref().map(check).transpose()
+    };
+    Ok(LimitOverrides {
+        local_bytes: bytes(&wire.local_bytes, "local_bytes")?,
+        constant_bytes: bytes(&wire.constant_bytes, "constant_bytes")?,
+    })
+}
+
+fn timing(document: &Document, wire: &wire::Timing) -> Result<Timing> {
+    let default = Timing::default();
+    let count =
+        |value: &Option<Spanned<i64>>, what: &str, range: RangeInclusive<i64>, default: u32| match value {
+            Some(value) => whole(document, *value.get_ref(), value.span(), what, &range),
+            None => Ok(default),
+        };
+    let max_samples = count(&wire.max_samples, "max_samples", 1..=MOST_SAMPLES, default.max_samples)?;
+    let most = if wire.max_samples.is_some() { i64::from(max_samples) } else { MOST_SAMPLES };
+    let least = default.min_samples.min(max_samples);
+    let min_samples = count(&wire.min_samples, "min_samples", 1..=most, least)?;
+    Ok(Timing {
+        warmup: count(&wire.warmup, "warmup", 0..=1000, default.warmup)?,
+        min_samples,
+        max_samples: max_samples.max(min_samples),
+        time_limit_ms: real(
+            document,
+            &wire.time_limit_ms,
+            "time_limit_ms",
+            1.0..=1e8,
+            default.time_limit_ms,
+        )?,
+        seed: count(&wire.seed, "seed", 0..=i64::from(u32::MAX), 1)?.into(),
+        relative_sigma: real(
+            document,
+            &wire.relative_sigma,
+            "relative_sigma",
+            0.0..=1.0,
+            default.relative_sigma,
+        )?,
+    })
+}
+
+fn whole(
+    document: &Document,
+    value: i64,
+    span: Range<usize>,
+    what: &str,
+    range: &RangeInclusive<i64>,
+) -> Result<u32> {
+    match u32::try_from(value) {
+        Ok(number) if range.contains(&value) => Ok(number),
+        _ => Err(out_of_range(document, span, what, value, "a whole number", range)),
+    }
+}
+
+fn real(
+    document: &Document,
+    value: &Option<Spanned<f64>>,
+    what: &str,
+    range: RangeInclusive<f64>,
+    default: f64,
+) -> Result<f64> {
+    let Some(spanned) = value else { return Ok(default) };
+    let value = *spanned.get_ref();
+    if range.contains(&value) {
+        return Ok(value);
+    }
+    Err(out_of_range(document, spanned.span(), what, value, "a number", &range))
+}
+
+fn out_of_range<T: Display>(
+    document: &Document,
+    span: Range<usize>,
+    what: &str,
+    value: T,
+    kind: &str,
+    range: &RangeInclusive<T>,
+) -> crate::Error {
+    let label = format!("expected {kind} from {} to {}", range.start(), range.end());
+    document.error(span, format!("{what} {value} is out of range"), label)
+}
+
+fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expected: &str) -> Result<()> {
+    if !list.get_ref().is_empty() {
+        return Ok(());
+    }
+    Err(document.error(list.span(), format!("'{key}' is empty"), format!("expected at least {expected}")))
+}
+
+/// The list without repetitions, in its order.
+fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
+    let mut kept = Vec::new();
+    for item in list {
+        if !kept.contains(&item) {
+            kept.push(item);
+        }
+    }
+    kept
+}

@@ -1,0 +1,222 @@
+//! How many work-groups an NVIDIA multiprocessor holds at once: the paper's
+//! Figure 5 for any compute capability from 2.0 to 9.0.
+
+mod table;
+
+pub use table::{MULTIPROCESSORS, Multiprocessor, multiprocessor};
+
+/// Lanes of a warp.
+const WARP: u64 = 32;
+/// Threads a group may have, on every capability here.
+const MAX_GROUP_THREADS: u32 = 1024;
+/// `__local` bytes a group may have unless the driver is asked for more, which OpenCL cannot.
+const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
+/// Registers a group may have from 3.0 on; before, the multiprocessor's.
+const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
+
+/// What keeps a multiprocessor from holding one more group.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Limiter {
+    /// The cap on resident groups.
+    GroupCap,
+    /// Resident warps.
+    Warps,
+    /// Registers.
+    Registers,
+    /// `__local` memory.
+    Local,
+    /// Not even one group fits, with the arithmetic.
+    CannotLaunch(String),
+}
+
+impl std::fmt::Display for Limiter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::GroupCap => f.write_str("groups"),
+            Self::Warps => f.write_str("warps"),
+            Self::Registers => f.write_str("registers"),
+            Self::Local => f.write_str("local memory"),
+            Self::CannotLaunch(reason) => write!(f, "cannot launch: {reason}"),
+        }
+    }
+}
+
+/// What a multiprocessor holds at once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Occupancy {
+    /// Resident groups.
+    pub groups: u64,
+    /// Their warps.
+    pub warps: u64,
+    /// Their threads.
+    pub threads: u64,
+    /// Their warps among all it could hold, 0 to 1.
+    pub fraction: f64,
+    /// What keeps it from holding more; the first where several do.
+    pub limiter: Limiter,
+}
+
+/// What multiprocessor `sm` holds of groups of `threads_per_group` threads, each thread with
+/// `registers_per_thread` registers and each group with `local_bytes_per_group` of `__local` memory.
+pub fn occupancy(
+    sm: &Multiprocessor,
+    registers_per_thread: u32,
+    local_bytes_per_group: u64,
+    threads_per_group: u32,
+) -> Occupancy {
+    let warps_per_group = u64::from(threads_per_group).div_ceil(WARP);
+    let limits = || -> Fits<_> {
+        allowed(sm, registers_per_thread, local_bytes_per_group, threads_per_group)?;
+        let by_registers = groups_by_registers(sm, registers_per_thread, warps_per_group)?;
+        Ok([
+            (sm.groups, Limiter::GroupCap),
+            (sm.warps / warps_per_group, Limiter::Warps),
+            (by_registers, Limiter::Registers),
+            (groups_by_local(sm, local_bytes_per_group), Limiter::Local),
+        ])
+    };
+    let (groups, limiter) = match limits() {
+        Ok(limits) => limits.into_iter().min_by_key(|(groups, _)| *groups).unwrap_or((0, Limiter::GroupCap)),
+        Err(reason) => (0, Limiter::CannotLaunch(reason)),
+    };
+    let warps = groups * warps_per_group;
+    Occupancy {
+        groups,
+        warps,
+        threads: groups * u64::from(threads_per_group),
+        fraction: warps as f64 / sm.warps as f64,
+        limiter,
+    }
+}
+
+/// What fits, or the arithmetic of why not even one group does.
+type Fits<T> = std::result::Result<T, String>;
+
+/// Refuses what no group may have.
+fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) -> Fits<()> {
+    if threads == 0 {
+        return Err("a group needs threads".into());
+    }
+    if threads > MAX_GROUP_THREADS {
+        return Err(format!("{threads} threads > {MAX_GROUP_THREADS} a group"));
+    }
+    if registers > sm.registers_per_thread {
+        return Err(format!("{registers} registers > {} a thread", sm.registers_per_thread));
+    }
+    if local_bytes > MAX_GROUP_LOCAL_BYTES {
+        return Err(format!("__local: {local_bytes} B > {MAX_GROUP_LOCAL_BYTES} B a group"));
+    }
+    Ok(())
+}
+
+/// Groups that the registers allow. Registers are handed out to whole warps:
+/// in 64s on 2.x, with an even number of warps; in 256s from 3.0 on.
+fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<u64> {
+    let wanted = WARP * u64::from(registers.max(1));
+    let granularity = sm.warp_granularity;
+    let (warp_registers, group_registers) = if before_3(sm) {
+        (wanted.next_multiple_of(64), sm.registers)
+    } else {
+        (wanted.next_multiple_of(256), MAX_GROUP_REGISTERS)
+    };
+    let needed = warp_registers * warps.next_multiple_of(granularity);
+    if needed > group_registers {
+        return Err(format!(
+            "registers: {warp_registers} a warp x {} warps = {needed} > {group_registers} a group",
+            warps.next_multiple_of(granularity)
+        ));
+    }
+    let resident_warps = if before_3(sm) {
+        sm.registers / warp_registers / granularity * granularity
+    } else {
+        sm.registers / granularity / warp_registers * granularity
+    };
+    Ok(resident_warps / warps)
+}
+
+fn groups_by_local(sm: &Multiprocessor, local_bytes: u64) -> u64 {
+    let taken = (local_bytes + reserved_local_bytes(sm)).next_multiple_of(sm.local_unit_bytes);
+    sm.local_bytes.checked_div(taken).unwrap_or(u64::MAX)
+}
+
+/// `__local` bytes of each group that the system keeps for itself: 1 KiB from 8.0 on.
+fn reserved_local_bytes(sm: &Multiprocessor) -> u64 {
+    if sm.compute_capability.starts_with(['8', '9']) { 1024 } else { 0 }
+}
+
+fn before_3(sm: &Multiprocessor) -> bool {
+    sm.compute_capability.starts_with('2')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(capability: &str, registers: u32, local_bytes: u64, threads: u32) -> Occupancy {
+        occupancy(multiprocessor(capability).expect("known"), registers, local_bytes, threads)
+    }
+
+    #[test]
+    fn sixty_three_registers_contradict_figure_5() {
+        let sixteen = of("2.0", 63, 0, 256);
+        assert_eq!((sixteen.groups, sixteen.threads, sixteen.limiter), (2, 512, Limiter::Registers));
+        let Limiter::CannotLaunch(reason) = of("2.0", 63, 0, 1024).limiter else { panic!("it launches") };
+        assert_eq!(reason, "registers: 2048 a warp x 32 warps = 65536 > 32768 a group");
+    }
+
+    #[test]
+    fn small_groups_meet_the_cap_on_groups() {
+        let two = of("2.0", 63, 0, 4);
+        assert_eq!((two.groups, two.warps, two.threads, two.limiter), (8, 8, 32, Limiter::GroupCap));
+        assert_eq!(of("2.0", 20, 0, 256).threads, 1536);
+    }
+
+    #[test]
+    fn values_of_nvidias_calculator() {
+        let full = of("8.6", 32, 0, 256);
+        assert_eq!((full.groups, full.fraction, full.limiter), (6, 1.0, Limiter::Warps));
+        assert_eq!(of("7.5", 64, 0, 256).groups, 4);
+        assert_eq!(of("9.0", 32, 0, 1024).groups, 2);
+        assert_eq!(of("8.0", 64, 0, 256).groups, 4);
+        assert_eq!(of("3.5", 33, 0, 256).groups, 6); // 33 -> 40 registers: 51 warps -> 48
+        assert_eq!(of("3.7", 128, 0, 256).groups, 4); // 128 Ki registers: 32 warps
+    }
+
+    #[test]
+    fn local_memory_counts_with_its_unit_and_reserve() {
+        let vectors = of("2.0", 20, 108 * 256, 256);
+        assert_eq!((vectors.groups, vectors.limiter), (1, Limiter::Local));
+        assert_eq!(of("3.5", 16, 5461, 64).groups, 8); // nine of 5461 B would fit, nine of 5632 B do not
+        assert_eq!(of("8.6", 16, 48 * 1024, 64).groups, 2); // 49 KiB each of 100
+        assert_eq!(of("7.0", 16, 48 * 1024, 64).groups, 2); // 48 KiB each of 96
+    }
+
+    #[test]
+    fn what_no_group_may_have_cannot_launch() {
+        for (registers, local_bytes, threads, part) in [
+            (16, 0, 1025, "1025 threads"),
+            (64, 0, 64, "63 a thread"),
+            (16, 49153, 64, "49152 B"),
+            (16, 0, 0, "needs threads"),
+        ] {
+            let Occupancy { groups, limiter, .. } = of("3.0", registers, local_bytes, threads);
+            assert_eq!(groups, 0);
+            assert!(limiter.to_string().contains(part), "{limiter}");
+        }
+        // These 128 Ki registers are all that the 3.7's multiprocessor has, and twice a group's share.
+        assert!(matches!(of("3.7", 128, 0, 1024).limiter, Limiter::CannotLaunch(_)));
+    }
+
+    #[test]
+    fn every_capability_fills_up_and_never_overflows() {
+        for sm in MULTIPROCESSORS {
+            for registers in [1, 16, 32, 63] {
+                for threads in 1..=MAX_GROUP_THREADS {
+                    let got = occupancy(sm, registers, 0, threads);
+                    assert!(got.warps <= sm.warps && got.groups <= sm.groups, "{sm:?} {got:?}");
+                }
+            }
+            assert_eq!(occupancy(sm, 16, 0, 256).fraction, 1.0, "{sm:?}");
+        }
+    }
+}

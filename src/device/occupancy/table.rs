@@ -1,0 +1,104 @@
+//! What a multiprocessor of each compute capability can hold. The figures are those of NVIDIA's
+//! CUDA C++ Programming Guide, "Compute Capabilities", and of its occupancy calculator.
+
+use crate::error::{Error, Result};
+
+/// What a multiprocessor of one compute capability can hold at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Multiprocessor {
+    /// Compute capability, as in "8.6".
+    pub compute_capability: &'static str,
+    /// Resident warps.
+    pub warps: u64,
+    /// Resident groups.
+    pub groups: u64,
+    /// 32-bit registers.
+    pub registers: u64,
+    /// Registers a thread may have.
+    pub registers_per_thread: u32,
+    /// `__local` bytes.
+    pub local_bytes: u64,
+    /// `__local` bytes are handed out in multiples of this.
+    pub local_unit_bytes: u64,
+    /// Warps' registers are handed out in multiples of this many warps.
+    pub warp_granularity: u64,
+}
+
+/// A row of the table below, in its units.
+const fn row(
+    compute_capability: &'static str,
+    [warps, groups]: [u64; 2],
+    [kilo_registers, registers_per_thread]: [u64; 2],
+    [local_kib, local_unit_bytes]: [u64; 2],
+    warp_granularity: u64,
+) -> Multiprocessor {
+    Multiprocessor {
+        compute_capability,
+        warps,
+        groups,
+        registers: kilo_registers * 1024,
+        registers_per_thread: registers_per_thread as u32,
+        local_bytes: local_kib * 1024,
+        local_unit_bytes,
+        warp_granularity,
+    }
+}
+
+/// Every compute capability known here.
+#[rustfmt::skip] // a table
+pub const MULTIPROCESSORS: &[Multiprocessor] = &[
+    // capability, [warps, groups], [Ki registers, a thread], [KiB local, unit], warp granularity
+    row("2.0", [48,  8], [ 32,  63], [ 48, 128], 2),
+    row("2.1", [48,  8], [ 32,  63], [ 48, 128], 2),
+    row("3.0", [64, 16], [ 64,  63], [ 48, 256], 4),
+    row("3.5", [64, 16], [ 64, 255], [ 48, 256], 4),
+    row("3.7", [64, 16], [128, 255], [112, 256], 4),
+    row("5.0", [64, 32], [ 64, 255], [ 64, 256], 4),
+    row("5.2", [64, 32], [ 64, 255], [ 96, 256], 4),
+    row("6.0", [64, 32], [ 64, 255], [ 64, 256], 2),
+    row("6.1", [64, 32], [ 64, 255], [ 96, 256], 4),
+    row("7.0", [64, 32], [ 64, 255], [ 96, 256], 4),
+    row("7.5", [32, 16], [ 64, 255], [ 64, 256], 4),
+    row("8.0", [64, 32], [ 64, 255], [164, 128], 4),
+    row("8.6", [48, 16], [ 64, 255], [100, 128], 4),
+    row("8.9", [48, 24], [ 64, 255], [100, 128], 4),
+    row("9.0", [64, 32], [ 64, 255], [228, 128], 4),
+];
+
+/// The multiprocessor of a compute capability; the error names the nearest one.
+pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
+    let known = || MULTIPROCESSORS.iter();
+    if let Some(found) = known().find(|sm| sm.compute_capability == compute_capability.trim()) {
+        return Ok(found);
+    }
+    let names: Vec<_> = known().map(|sm| sm.compute_capability).collect();
+    let error = Error::input(format!(
+        "'{compute_capability}' is not a compute capability known here; those are {}",
+        names.join(", ")
+    ));
+    Err(match nearest_capability(compute_capability) {
+        Some(name) => error.with_help(format!("the nearest is {name}")),
+        None => error.with_help("give it as MAJOR.MINOR, as in 8.6"),
+    })
+}
+
+fn nearest_capability(wished: &str) -> Option<&'static str> {
+    let wished: f64 = wished.trim().parse().ok().filter(|number: &f64| number.is_finite())?;
+    let distance =
+        |sm: &Multiprocessor| sm.compute_capability.parse().map_or(f64::MAX, |own: f64| (own - wished).abs());
+    MULTIPROCESSORS.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|sm| sm.compute_capability)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_capability_names_the_nearest() {
+        let error = multiprocessor("8.7").expect_err("unknown");
+        assert_eq!(error.exit_code(), 2);
+        assert!(format!("{:?}", miette::Report::new(error)).contains("the nearest is 8."));
+        assert!(multiprocessor("volta").is_err());
+        assert_eq!(nearest_capability("12.0"), Some("9.0"));
+    }
+}

@@ -1,0 +1,167 @@
+//! Choosing devices by name and kind; never by number, which changes from machine to machine.
+
+use super::{Device, DeviceInfo, DeviceKind};
+use crate::error::{Error, Result, nearest};
+
+/// The devices that the patterns mean, each once, in the patterns' order; without patterns, every usable device.
+///
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or
+/// version or of a device's name or vendor, in any case. One that means no device is
+/// the user's mistake, as is one that means only unusable devices.
+pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a Device>> {
+    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
+    Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
+}
+
+/// The usable device to cast on when none is named: a GPU before an accelerator before a CPU,
+/// then the one with the most compute units, then the first.
+pub fn pick_default(devices: &[Device]) -> Option<&Device> {
+    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
+    preferred(&infos).map(|place| &devices[place])
+}
+
+fn preferred(infos: &[&DeviceInfo]) -> Option<usize> {
+    let rank = |kind| match kind {
+        DeviceKind::Gpu => 0,
+        DeviceKind::Accelerator => 1,
+        DeviceKind::Cpu => 2,
+        DeviceKind::Other => 3,
+    };
+    (0..infos.len())
+        .filter(|&place| infos[place].unusable.is_none())
+        .min_by_key(|&place| (rank(infos[place].kind), std::cmp::Reverse(infos[place].limits.compute_units)))
+}
+
+fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
+    let everything = ["all".to_owned()];
+    let patterns = if patterns.is_empty() { &everything } else { patterns };
+    let mut chosen = Vec::new();
+    for pattern in patterns {
+        let meant = usable(infos, pattern)?;
+        chosen.extend(meant);
+    }
+    let mut seen = vec![false; infos.len()];
+    chosen.retain(|&place| !std::mem::replace(&mut seen[place], true));
+    Ok(chosen)
+}
+
+/// The usable devices one pattern means; at least one.
+fn usable(infos: &[&DeviceInfo], pattern: &str) -> Result<Vec<usize>> {
+    let matching: Vec<_> = (0..infos.len()).filter(|&place| matches(infos[place], pattern)).collect();
+    let (fine, broken): (Vec<_>, Vec<_>) =
+        matching.into_iter().partition(|&place| infos[place].unusable.is_none());
+    match (fine.is_empty(), broken.is_empty()) {
+        (false, _) => Ok(fine),
+        (true, true) => Err(no_match(infos, pattern)),
+        (true, false) => Err(all_unusable(broken.iter().map(|&place| infos[place]), pattern)),
+    }
+}
+
+fn matches(info: &DeviceInfo, pattern: &str) -> bool {
+    let pattern = pattern.trim().to_lowercase();
+    match pattern.as_str() {
+        "" => false,
+        "all" => true,
+        "cpu" | "gpu" | "accelerator" => info.kind.name() == pattern,
+        _ => names(info).iter().any(|name| name.to_lowercase().contains(&pattern)),
+    }
+}
+
+/// What patterns are looked for in.
+fn names(info: &DeviceInfo) -> [&str; 4] {
+    [&info.platform, &info.platform_version, &info.name, &info.vendor]
+}
+
+fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
+    let kinds = ["all", "cpu", "gpu", "accelerator"].map(str::to_owned);
+    let words = infos.iter().flat_map(|info| names(info)).flat_map(str::split_whitespace);
+    let mut candidates: Vec<_> = words.map(str::to_lowercase).chain(kinds).collect();
+    candidates.retain(|word| word.len() > 2);
+    let meant = nearest(&pattern.to_lowercase(), candidates.iter().map(String::as_str));
+    let question = meant.map(|word| format!("did you mean '{word}'? ")).unwrap_or_default();
+    Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
+}
+
+fn listing(infos: &[&DeviceInfo]) -> String {
+    let lines: Vec<_> = infos.iter().map(|info| format!("  {}", info.describe())).collect();
+    format!(
+        "A name is any part of platform, device or vendor, or cpu, gpu, all. There is:\n{}",
+        lines.join("\n")
+    )
+}
+
+fn all_unusable<'a>(broken: impl Iterator<Item = &'a DeviceInfo>, pattern: &str) -> Error {
+    let reasons: Vec<_> = broken
+        .map(|info| format!("{}: {}", info.describe(), info.unusable.as_deref().unwrap_or_default()))
+        .collect();
+    Error::input(format!("no device that matches '{pattern}' can be used")).with_help(reasons.join("\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::example;
+    use super::*;
+
+    fn machine() -> [DeviceInfo; 4] {
+        let pocl = "Portable Computing Language";
+        let mut broken = example("Old Platform", "relic", DeviceKind::Accelerator, 900);
+        broken.platform_version = "OpenCL 1.0".into();
+        broken.unusable = Some("its driver has no compiler for OpenCL C".into());
+        let mut gpus = [64, 132].map(|units| example("NVIDIA CUDA", "NVIDIA H200", DeviceKind::Gpu, units));
+        for gpu in &mut gpus {
+            gpu.platform_version = "OpenCL 3.0 CUDA 13".into();
+        }
+        let [small, large] = gpus;
+        [example(pocl, "pthread-skylake", DeviceKind::Cpu, 200), small, large, broken]
+    }
+
+    fn places(patterns: &[&str]) -> Result<Vec<usize>> {
+        let machine = machine();
+        let patterns: Vec<_> = patterns.iter().map(|&pattern| pattern.to_owned()).collect();
+        selected(&machine.each_ref(), &patterns)
+    }
+
+    fn message(patterns: &[&str]) -> String {
+        let error = places(patterns).expect_err("a mistake");
+        assert_eq!(error.exit_code(), 2);
+        format!("{:?}", miette::Report::new(error))
+    }
+
+    #[test]
+    fn patterns_match_names_versions_and_kinds_in_any_case() {
+        assert_eq!(places(&["PORTABLE"]).unwrap(), [0]);
+        assert_eq!(places(&["pocl 3.1"]).unwrap(), [0]);
+        assert_eq!(places(&["h200"]).unwrap(), [1, 2]);
+        assert_eq!(places(&["GPU"]).unwrap(), [1, 2]);
+        assert_eq!(places(&["cpu"]).unwrap(), [0]);
+    }
+
+    #[test]
+    fn each_device_is_chosen_once_in_the_patterns_order() {
+        assert_eq!(places(&["nvidia", "gpu", "all"]).unwrap(), [1, 2, 0]);
+        assert_eq!(places(&[]).unwrap(), [0, 1, 2]);
+    }
+
+    #[test]
+    fn a_misspelt_name_is_answered_with_the_nearest_and_all_there_is() {
+        let message = message(&["nvidai"]);
+        for part in ["no device matches 'nvidai'", "did you mean 'nvidia'", "pthread-skylake"] {
+            assert!(message.contains(part), "{message}");
+        }
+        assert!(places(&[""]).is_err());
+    }
+
+    #[test]
+    fn an_unusable_device_is_refused_with_its_reason() {
+        assert!(message(&["relic"]).contains("no compiler"));
+    }
+
+    #[test]
+    fn the_default_is_the_largest_usable_gpu() {
+        let machine = machine();
+        let infos = machine.each_ref();
+        assert_eq!(preferred(&infos), Some(2));
+        assert_eq!(preferred(&[infos[0], infos[3]]), Some(0));
+        assert_eq!(preferred(&[infos[3]]), None);
+    }
+}

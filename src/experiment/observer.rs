@@ -1,0 +1,23 @@
+//! Who wants to know how a run gets on.
+
+use crate::record::Record;
+
+/// Hears what a run is doing. A progress bar is one; tests use another.
+pub trait Observer {
+    /// The run begins: it has this many points.
+    fn begins(&mut self, points: usize);
+    /// What is being done now, in a few words.
+    fn works_on(&mut self, what: &str);
+    /// A point has stopped.
+    fn finished(&mut self, record: &Record);
+    /// All points have stopped.
+    fn ends(&mut self);
+}
+
+/// Hears nothing.
+impl Observer for () {
+    fn begins(&mut self, _points: usize) {}
+    fn works_on(&mut self, _what: &str) {}
+    fn finished(&mut self, _record: &Record) {}
+    fn ends(&mut self) {}
+}

@@ -1,0 +1,33 @@
+//! The references that images are compared with, made when first asked for.
+
+use crate::reference::{Reference, reference};
+use crate::scene::Scene;
+use crate::strategy::Culling;
+
+/// The references of the scene and size at hand. Points come sorted by both, so older ones are dropped.
+#[derive(Default)]
+pub struct Oracle {
+    at: Option<(usize, [u32; 2])>,
+    made: Vec<(Culling, Reference)>,
+}
+
+impl Oracle {
+    /// What an image of the scene numbered `number` ought to be.
+    pub fn reference(
+        &mut self,
+        number: usize,
+        scene: &Scene,
+        size: [u32; 2],
+        culling: Culling,
+    ) -> &Reference {
+        if self.at != Some((number, size)) {
+            self.at = Some((number, size));
+            self.made.clear();
+        }
+        let place = self.made.iter().position(|(made, _)| *made == culling).unwrap_or_else(|| {
+            self.made.push((culling, reference(scene, size, culling)));
+            self.made.len() - 1
+        });
+        &self.made[place].1
+    }
+}

@@ -1,0 +1,233 @@
+//! What an experiment measures: every point, in groups that are compared with each other.
+
+use std::collections::HashSet;
+
+use crate::config::{Baseline, Experiment};
+
+/// All points of an experiment.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// Points of the same scene, image size and device are neighbours.
+    pub points: Vec<Point>,
+}
+
+/// One thing to measure; its numbers are places in the experiment's lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Point {
+    /// Which scene.
+    pub scene: usize,
+    /// Which of the chosen devices; `None` is the host.
+    pub device: Option<usize>,
+    /// What casts the rays.
+    pub work: Work,
+    /// Pixels across and down.
+    pub image_size: [u32; 2],
+}
+
+/// What casts a point's rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Work {
+    /// A kernel.
+    Kernel {
+        /// Which of the experiment's strategies.
+        strategy: usize,
+        /// Work-items of a work-group across and down.
+        local_size: [u32; 2],
+    },
+    /// A caster on the host.
+    Host(Baseline),
+}
+
+impl Plan {
+    /// The product of the experiment's lists on `device_count` devices. A strategy that is
+    /// in the experiment under two names runs once at each local size.
+    pub fn new(experiment: &Experiment, device_count: usize) -> Self {
+        let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
+        let kernels = kernels(experiment);
+        let mut points = Vec::new();
+        for scene in 0..experiment.scenes.len() {
+            for &image_size in &experiment.image_sizes {
+                let mut add = |device, works: &[Work]| {
+                    points.extend(works.iter().map(|&work| Point { scene, device, work, image_size }));
+                };
+                add(None, &host);
+                for device in 0..device_count {
+                    add(Some(device), &kernels);
+                }
+            }
+        }
+        Self { points }
+    }
+
+    /// Points that are compared with each other and measured in interleaved rounds: those of one
+    /// scene, image size and device.
+    pub fn groups(&self) -> impl Iterator<Item = &[Point]> {
+        self.points.chunk_by(|one, other| one.group() == other.group())
+    }
+}
+
+/// Every strategy at each of its local sizes.
+fn kernels(experiment: &Experiment) -> Vec<Work> {
+    let mut seen = HashSet::new();
+    let mut works = Vec::new();
+    for (strategy, named) in experiment.strategies.iter().enumerate() {
+        for &local_size in &named.local_sizes {
+            if seen.insert((named.strategy, local_size)) {
+                works.push(Work::Kernel { strategy, local_size });
+            }
+        }
+    }
+    works
+}
+
+impl Point {
+    fn group(&self) -> (usize, [u32; 2], Option<usize>) {
+        (self.scene, self.image_size, self.device)
+    }
+
+    /// For progress and logs: "teapot 800x500 naive 16x16".
+    pub fn label(&self, experiment: &Experiment) -> String {
+        let scene = experiment.scenes.get(self.scene).and_then(|path| path.file_stem()).unwrap_or_default();
+        let [width, height] = self.image_size;
+        let work = match self.work {
+            Work::Host(baseline) => format!("host {}", baseline.strategy()),
+            Work::Kernel { strategy, local_size: [across, down] } => {
+                let name = experiment.strategies.get(strategy).map_or("?", |named| &named.name);
+                format!("{name} {across}x{down}")
+            }
+        };
+        format!("{} {width}x{height} {work}", scene.to_string_lossy())
+    }
+}
+
+/// Everything that names one measurement, as text; [`key`] hashes it in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct KeyParts<'a> {
+    /// [`Scene::content_hash`](crate::scene::Scene::content_hash).
+    pub scene_hash: &'a str,
+    /// Platform, version, device and driver; "host" and the CPU's model for a baseline.
+    pub device: &'a str,
+    /// [`LimitOverrides`](crate::config::LimitOverrides), as displayed.
+    pub limits: &'a str,
+    /// The axes spelled out, or [`Baseline::strategy`].
+    pub strategy: &'a str,
+    /// "16x16"; empty for a baseline.
+    pub local_size: &'a str,
+    /// "800x500".
+    pub image_size: &'a str,
+    /// The hash of source, defines and build options; for a baseline raycl's version.
+    pub program_hash: &'a str,
+    /// [`Timing`](crate::config::Timing), as displayed.
+    pub timing: &'a str,
+}
+
+/// The name of a measurement: 32 hexadecimal digits of BLAKE3 over the parts, each preceded by
+/// its length so that no two lists of parts run together.
+pub fn key(parts: &KeyParts<'_>) -> String {
+    let KeyParts { scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing } =
+        parts;
+    let mut hasher = blake3::Hasher::new();
+    for part in [scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing] {
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part.as_bytes());
+    }
+    hasher.finalize().to_hex()[..32].to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{LimitOverrides, NamedStrategy, Timing};
+    use crate::strategy::PRESETS;
+    use proptest::prelude::*;
+
+    fn experiment(
+        scenes: usize,
+        images: u32,
+        strategies: usize,
+        locals: u32,
+        baselines: usize,
+    ) -> Experiment {
+        let strategy = |preset: &crate::strategy::Preset| NamedStrategy {
+            name: preset.name.into(),
+            preset: Some(preset.name.into()),
+            strategy: preset.strategy,
+            local_sizes: (1..=locals).map(|side| [side, 2 * side]).collect(),
+        };
+        Experiment {
+            name: "test".into(),
+            path: "test.toml".into(),
+            question: "?".into(),
+            expectation: "!".into(),
+            scenes: (0..scenes).map(|scene| format!("scenes/s{scene}.toml").into()).collect(),
+            devices: vec!["all".into()],
+            image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
+            strategies: PRESETS[..strategies].iter().map(strategy).collect(),
+            baselines: Baseline::ALL[..baselines].to_vec(),
+            limits: LimitOverrides::default(),
+            timing: Timing::default(),
+            source: String::new(),
+            overrides: Vec::new(),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_plan_is_the_product_in_distinct_points(
+            scenes in 1usize..4, images in 1u32..3, strategies in 0usize..6, locals in 1u32..5,
+            baselines in 0usize..4, devices in 0usize..3,
+        ) {
+            let plan = Plan::new(&experiment(scenes, images, strategies, locals, baselines), devices);
+            let cases = scenes * images as usize;
+            let expected = cases * (baselines + devices * strategies * locals as usize);
+            prop_assert_eq!(plan.points.len(), expected);
+            let distinct: HashSet<_> = plan.points.iter().collect();
+            prop_assert_eq!(distinct.len(), expected);
+            let hosts = if baselines > 0 { cases } else { 0 };
+            let kernels = if strategies > 0 { cases * devices } else { 0 };
+            prop_assert_eq!(plan.groups().count(), hosts + kernels);
+        }
+    }
+
+    #[test]
+    fn the_same_strategy_under_two_names_runs_once() {
+        let mut experiment = experiment(1, 1, 1, 3, 0);
+        let mut twin = experiment.strategies[0].clone();
+        twin.name = "twin".into();
+        twin.local_sizes.push([64, 1]);
+        experiment.strategies.push(twin);
+        assert_eq!(Plan::new(&experiment, 1).points.len(), 4);
+    }
+
+    #[test]
+    fn labels_say_scene_size_and_work() {
+        let experiment = experiment(1, 1, 1, 1, 1);
+        let labels: Vec<_> =
+            Plan::new(&experiment, 1).points.iter().map(|point| point.label(&experiment)).collect();
+        assert_eq!(labels, ["s0 8x5 host serial-f32", "s0 8x5 naive 1x2"]);
+    }
+
+    #[test]
+    fn a_key_changes_with_every_part_and_parts_do_not_run_together() {
+        let base = KeyParts::default();
+        let mut keys = vec![
+            key(&base),
+            key(&KeyParts { scene_hash: "a", ..base }),
+            key(&KeyParts { device: "a", ..base }),
+            key(&KeyParts { limits: "a", ..base }),
+            key(&KeyParts { strategy: "a", ..base }),
+            key(&KeyParts { local_size: "a", ..base }),
+            key(&KeyParts { image_size: "a", ..base }),
+            key(&KeyParts { program_hash: "a", ..base }),
+            key(&KeyParts { timing: "a", ..base }),
+            key(&KeyParts { scene_hash: "ab", ..base }),
+            key(&KeyParts { scene_hash: "a", device: "b", ..base }),
+        ];
+        assert_eq!(keys[0], key(&base), "a key is a pure function");
+        assert!(keys.iter().all(|key| key.len() == 32));
+        let count = keys.len();
+        keys.sort();
+        keys.dedup();
+        assert_eq!(keys.len(), count);
+    }
+}

@@ -1,0 +1,117 @@
+//! False colours for differences, and the scale that says what they mean.
+
+use image::{Rgb, RgbImage};
+
+/// What is not a number: a colour that the map does not have.
+pub const WRONG: [u8; 3] = [255, 0, 0];
+/// Rows the scale takes below a picture.
+pub const SCALE_HEIGHT: u32 = 18;
+
+/// Nine evenly spaced colours of viridis (S. van der Walt, N. Smith, E. Firing; CC0), whose
+/// lightness grows evenly.
+const VIRIDIS: [[u8; 3]; 9] = [
+    [68, 1, 84],
+    [71, 44, 122],
+    [59, 81, 139],
+    [44, 113, 142],
+    [33, 144, 141],
+    [39, 173, 129],
+    [92, 200, 99],
+    [170, 220, 50],
+    [253, 231, 37],
+];
+/// Decades the map spans, up to a relative difference of 1.
+const DECADES: u32 = 6;
+
+/// The colour of a relative difference: black for none, then a decade of the map for each factor of ten.
+pub fn of_difference(relative: f64) -> Rgb<u8> {
+    let place = 1.0 + relative.log10() / f64::from(DECADES);
+    match relative {
+        _ if !relative.is_finite() => Rgb(WRONG),
+        _ if place < 0.0 => Rgb([0; 3]),
+        _ => Rgb(viridis(place.min(1.0))),
+    }
+}
+
+/// The map at `place` in 0..=1.
+fn viridis(place: f64) -> [u8; 3] {
+    let along = place * (VIRIDIS.len() - 1) as f64;
+    let below = (along as usize).min(VIRIDIS.len() - 2);
+    let part = along - below as f64;
+    std::array::from_fn(|channel| {
+        let [a, b] = [VIRIDIS[below][channel], VIRIDIS[below + 1][channel]].map(f64::from);
+        (a + (b - a) * part).round() as u8
+    })
+}
+
+/// Draws the map from `top` down, with a tick at each decade and the decade's power of ten
+/// (`-6` to `0`, where there is room) under it.
+pub fn draw_scale(picture: &mut RgbImage, top: u32) {
+    let last = picture.width().saturating_sub(1);
+    for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
+        put(picture, x, top + y, viridis(f64::from(x) / f64::from(last.max(1))));
+    }
+    for decade in 0..=DECADES {
+        let x = last * decade / DECADES;
+        (2..10).for_each(|y| put(picture, x, top + y, [255; 3]));
+        let power = format!("{}", i64::from(decade) - i64::from(DECADES));
+        let text_width = 4 * power.len() as u32;
+        if (DECADES + 1) * (text_width + 4) < last {
+            draw_text(picture, x.min(last - text_width), top + 11, &power);
+        }
+    }
+}
+
+fn draw_text(picture: &mut RgbImage, left: u32, top: u32, text: &str) {
+    for (place, rows) in (0..).zip(text.chars().map(glyph)) {
+        for (y, x) in (0..5).flat_map(|y| (0..3).map(move |x| (y, x))) {
+            if rows[y as usize] & (4 >> x) != 0 {
+                put(picture, left + 4 * place + x, top + y, [255; 3]);
+            }
+        }
+    }
+}
+
+/// A character's five rows of three dots.
+fn glyph(character: char) -> [u8; 5] {
+    match character {
+        '-' => [0, 0, 7, 0, 0],
+        '0' => [7, 5, 5, 5, 7],
+        '1' => [2, 6, 2, 2, 7],
+        '2' => [7, 1, 7, 4, 7],
+        '3' => [7, 1, 7, 1, 7],
+        '4' => [5, 5, 7, 1, 1],
+        '5' => [7, 4, 7, 1, 7],
+        '6' => [7, 4, 7, 5, 7],
+        _ => [0; 5],
+    }
+}
+
+fn put(picture: &mut RgbImage, x: u32, y: u32, colour: [u8; 3]) {
+    if let Some(pixel) = picture.get_pixel_mut_checked(x, y) {
+        *pixel = Rgb(colour);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_decade_is_lighter_than_the_one_before() {
+        let light = |relative| {
+            let [r, g, b] = of_difference(relative).0.map(f64::from);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        let lights = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0].map(light);
+        assert!(lights.is_sorted_by(|a, b| a < b), "{lights:?}");
+        assert_eq!(light(1.0), light(50.0));
+    }
+
+    #[test]
+    fn the_scale_fits_any_width() {
+        for width in [0, 1, 2, 30, 500] {
+            draw_scale(&mut RgbImage::new(width, SCALE_HEIGHT), 0);
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! How much two pictures differ, as a number and as a picture.
+
+use super::{Radiance, colour};
+use crate::scene::Display;
+use image::{Rgb, RgbImage};
+
+/// Two radiances are equal when they differ by less than this, relative.
+pub const RELATIVE_LIMIT: f64 = 1e-3;
+
+/// The radiance below which a pixel's differences are measured against this instead of its own
+/// brightness: a thousandth of the brightest that can be told apart, which is the image's
+/// brightest channel or, if that is less, what the display shows as white.
+pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
+    let white = 1.0 / f64::from(display.exposure);
+    let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };
+    floor_below(visible)
+}
+
+fn floor_below(visible: f64) -> f64 {
+    (1e-3 * visible).max(f64::from(f32::MIN_POSITIVE))
+}
+
+fn brightest(image: &Radiance) -> f64 {
+    image.pixels.iter().map(|pixel| brightness(*pixel)).fold(0.0, f64::max)
+}
+
+/// The largest difference of a channel, relative to the expected pixel's brightest channel or to
+/// `floor` where that is darker. Infinite when a value is not a number.
+pub fn relative_difference(found: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
+    let apart = |channel: usize| (f64::from(found[channel]) - f64::from(expected[channel])).abs();
+    let largest = [0, 1, 2].map(apart).into_iter().fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a });
+    if largest.is_nan() { f64::INFINITY } else { largest / brightness(expected).max(floor) }
+}
+
+fn brightness(pixel: [f32; 3]) -> f64 {
+    pixel.into_iter().map(|channel| f64::from(channel.abs())).fold(0.0, f64::max)
+}
+
+/// The peak signal-to-noise ratio in decibels: infinite for equal pictures, NaN for pictures of different sizes.
+pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
+    if a.dimensions() != b.dimensions() {
+        return f64::NAN;
+    }
+    let square = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b)).powi(2);
+    let total: f64 = a.as_raw().iter().zip(b.as_raw()).map(square).sum();
+    if total == 0.0 {
+        return f64::INFINITY;
+    }
+    10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / total).log10()
+}
+
+/// Where `found` differs from `expected`, in false colour on black with the scale in a strip below:
+/// a colour a decade of [`relative_difference`], from 1e-6 (dark) over 1e-3 (the limit) to 1 (bright).
+/// What is not a number, or outside the other picture, is red.
+pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
+    let floor = floor_below(brightest(expected));
+    let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));
+    let mut picture = RgbImage::new(width, height + colour::SCALE_HEIGHT);
+    for (x, y, out) in picture.enumerate_pixels_mut().filter(|(_, y, _)| *y < height) {
+        *out = match (at(found, x, y), at(expected, x, y)) {
+            (Some(a), Some(b)) => colour::of_difference(relative_difference(a, b, floor)),
+            _ => Rgb(colour::WRONG),
+        };
+    }
+    colour::draw_scale(&mut picture, height);
+    picture
+}
+
+fn at(image: &Radiance, x: u32, y: u32) -> Option<[f32; 3]> {
+    let inside = x < image.width && y < image.height;
+    let place = y as usize * image.width as usize + x as usize;
+    inside.then(|| image.pixels.get(place).copied()).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat(value: f32) -> Radiance {
+        Radiance { width: 4, height: 3, pixels: vec![[value; 3]; 12] }
+    }
+
+    #[test]
+    fn psnr_of_equal_shifted_and_unlike_pictures() {
+        let picture = |value, width| RgbImage::from_pixel(width, 2, Rgb([value; 3]));
+        assert_eq!(psnr_db(&picture(7, 2), &picture(7, 2)), f64::INFINITY);
+        assert!((psnr_db(&picture(7, 2), &picture(8, 2)) - 48.1308).abs() < 1e-4);
+        assert_eq!(psnr_db(&picture(0, 2), &picture(255, 2)), 0.0);
+        assert!(psnr_db(&picture(7, 2), &picture(7, 3)).is_nan());
+    }
+
+    #[test]
+    fn differences_are_relative_to_brightness_or_to_the_floor() {
+        let close = |found: f64, expected: f64| (found - expected).abs() < 1e-6;
+        assert!(close(relative_difference([1.0, 0.0, 0.5], [2.0, 0.0, 0.5], 0.1), 0.5));
+        assert!(close(relative_difference([0.01, 0.0, 0.0], [0.0, 0.0, 0.0], 0.1), 0.1));
+        assert_eq!(relative_difference([f32::NAN, 0.0, 9.0], [0.0; 3], 0.1), f64::INFINITY);
+    }
+
+    #[test]
+    fn the_floor_ignores_what_the_display_shows_as_white_anyway() {
+        let dim = dark_floor(&flat(0.01), Display::default());
+        let glare = dark_floor(&flat(1e6), Display::default());
+        assert!((dim - 1e-5).abs() < 1e-9 && (glare - 1e-3 / 15.0).abs() < 1e-9);
+        assert!(dark_floor(&flat(0.0), Display::default()) > 0.0);
+    }
+
+    #[test]
+    fn differences_brighten_from_black_and_wrong_is_red() {
+        let (mut found, expected) = (flat(1.0), flat(1.0));
+        found.pixels[1] = [1.0001; 3];
+        found.pixels[2] = [1.5; 3];
+        found.pixels[3] = [f32::NAN; 3];
+        let picture = difference_image(&found, &expected);
+        let light = |x| picture.get_pixel(x, 0).0.iter().map(|c| u32::from(*c)).sum::<u32>();
+        assert_eq!(light(0), 0);
+        assert!(light(0) < light(1) && light(1) < light(2));
+        assert_eq!(picture.get_pixel(3, 0).0, colour::WRONG);
+        assert_eq!(picture.height(), 3 + colour::SCALE_HEIGHT);
+    }
+
+    #[test]
+    fn pictures_of_different_sizes_differ_where_one_is_missing() {
+        let small = Radiance { width: 2, height: 3, pixels: vec![[1.0; 3]; 6] };
+        assert_eq!(difference_image(&small, &flat(1.0)).get_pixel(3, 2).0, colour::WRONG);
+    }
+}

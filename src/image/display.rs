@@ -1,0 +1,88 @@
+//! From radiance to what a screen shows.
+
+use super::Radiance;
+use crate::scene::Display;
+use image::RgbImage;
+use rayon::prelude::*;
+
+/// The 8-bit picture: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))` of each channel, evaluated
+/// in double precision; NaN becomes 0.
+pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
+    let thresholds = Thresholds::new(display);
+    let mut picture = RgbImage::new(image.width, image.height);
+    picture.par_chunks_mut(3 * 1024).zip(image.pixels.par_chunks(1024)).for_each(|(bytes, pixels)| {
+        for (byte, channel) in bytes.iter_mut().zip(pixels.as_flattened()) {
+            *byte = thresholds.value(*channel);
+        }
+    });
+    picture
+}
+
+/// The transform itself, a channel at a time.
+fn transform(radiance: f32, display: Display) -> u8 {
+    let exposed = (f64::from(display.exposure) * f64::from(radiance)).clamp(0.0, 1.0);
+    (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // truncates; NaN is 0
+}
+
+/// The transform as a table, since a power for every channel would take longer than writing the
+/// file: the smallest radiance that is shown as each of 1 to 255.
+struct Thresholds([f32; 255]);
+
+impl Thresholds {
+    fn new(display: Display) -> Self {
+        Self(std::array::from_fn(|index| smallest(index as u8 + 1, display)))
+    }
+
+    fn value(&self, radiance: f32) -> u8 {
+        self.0.partition_point(|threshold| *threshold <= radiance) as u8
+    }
+}
+
+/// The smallest radiance shown as `value` or brighter. Positive floats are ordered as their bits
+/// are, and the transform never falls, so the bits can be halved until it is found.
+fn smallest(value: u8, display: Display) -> f32 {
+    let (mut below, mut reached) = (0, f32::INFINITY.to_bits());
+    while reached - below > 1 {
+        let middle = below + (reached - below) / 2;
+        if transform(f32::from_bits(middle), display) >= value { reached = middle } else { below = middle }
+    }
+    f32::from_bits(reached)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_values() {
+        let plain = Display { exposure: 1.0, gamma: 1.0 };
+        let white = 1.0 / 15.0_f32;
+        for (radiance, display, value) in [
+            (0.5, plain, 127),
+            (1.0, plain, 255),
+            (0.999, plain, 254),
+            (-1.0, plain, 0),
+            (f32::NAN, plain, 0),
+            (f32::INFINITY, plain, 255),
+            (f32::NEG_INFINITY, plain, 0),
+            (0.0, Display::default(), 0),
+            (0.0022, Display::default(), 54), // 255 * 0.033^(1/2.2) = 54.1
+            (0.01, Display::default(), 107),  // 255 * 0.15^(1/2.2) = 107.6
+            (white * 1.001, Display::default(), 255),
+        ] {
+            let image = Radiance { width: 1, height: 1, pixels: vec![[radiance; 3]] };
+            assert_eq!(to_rgb8(&image, display).into_raw(), [value; 3], "{radiance}");
+        }
+    }
+
+    #[test]
+    fn the_table_is_the_formula() {
+        for display in [Display::default(), Display { exposure: 0.7, gamma: 1.0 }] {
+            let thresholds = Thresholds::new(display);
+            for step in 0..200_000 {
+                let radiance = step as f32 * 1e-5 - 0.1;
+                assert_eq!(thresholds.value(radiance), transform(radiance, display), "{radiance}");
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! The scene in a device's memory, in one layout.
+
+use super::buffers::upload;
+use super::{LaunchError, Queue};
+use crate::scene::{Material, Mesh, Scene};
+use crate::strategy::{Layout, Workload};
+use ocl::Buffer;
+use std::time::Instant;
+
+/// Floats a triangle of the soup takes: corners 9, normals 9, material 8.
+const SOUP_FLOATS: usize = 18 + Material::FLOATS;
+
+/// Triangles as a layout has them. Each variant's buffers are in the order of the kernels' parameters.
+#[derive(Debug)]
+pub(super) enum Geometry {
+    Soup(Buffer<f32>),
+    Indexed16(Sets<u16>),
+    Indexed32(Sets<u32>),
+}
+
+/// The OBJ's sets and a triangle's indices into them.
+#[derive(Debug)]
+pub(super) struct Sets<I: ocl::OclPrm> {
+    pub positions: Buffer<f32>,
+    pub normals: Buffer<f32>,
+    pub position_indices: Buffer<I>,
+    pub normal_indices: Buffer<I>,
+    pub material_indices: Buffer<I>,
+    pub materials: Buffer<f32>,
+}
+
+/// A scene uploaded in one layout.
+#[derive(Debug)]
+pub struct DeviceScene {
+    pub(super) geometry: Geometry,
+    pub(super) lights: Buffer<f32>,
+    pub(super) light_count: usize,
+    pub(super) triangle_count: usize,
+    /// How long making and uploading the buffers took.
+    pub upload_ms: f64,
+}
+
+impl DeviceScene {
+    /// Uploads `scene`.
+    pub fn upload(queue: &Queue, scene: &Scene, layout: Layout) -> Result<Self, LaunchError> {
+        let start = Instant::now();
+        let mesh = &scene.mesh;
+        let geometry = match layout {
+            Layout::Soup => Geometry::Soup(upload(queue, &soup(mesh))?),
+            Layout::Indexed16 => Geometry::Indexed16(sets(queue, mesh, |index| index as u16)?),
+            Layout::Indexed32 => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
+        };
+        let lights: Vec<f32> = scene
+            .lights
+            .iter()
+            .flat_map(|light| [light.position.to_array(), light.power.to_array()].concat())
+            .collect();
+        let lights = upload(queue, &lights)?;
+        queue.commands.finish()?;
+        Ok(Self {
+            geometry,
+            lights,
+            light_count: scene.lights.len(),
+            triangle_count: mesh.triangles.len(),
+            upload_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+}
+
+impl Workload {
+    /// The sizes of `scene` at an image and a local size.
+    pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
+        Self {
+            triangles: scene.mesh.triangles.len(),
+            positions: scene.mesh.positions.len(),
+            normals: scene.mesh.normals.len(),
+            materials: scene.mesh.materials.len(),
+            lights: scene.lights.len(),
+            image_size,
+            local_size,
+        }
+    }
+}
+
+/// 104 bytes a triangle, nothing shared: the paper's data.
+fn soup(mesh: &Mesh) -> Vec<f32> {
+    let mut floats = Vec::with_capacity(mesh.triangles.len() * SOUP_FLOATS);
+    for triangle in &mesh.triangles {
+        for point in mesh.corners(triangle).iter().chain(&mesh.corner_normals(triangle)) {
+            floats.extend(point.to_array());
+        }
+        floats.extend(mesh.material(triangle).to_floats());
+    }
+    floats
+}
+
+fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) -> ocl::Result<Sets<I>> {
+    let floats = |points: &[glam::Vec3]| points.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
+    let triangles = &mesh.triangles;
+    let position_indices: Vec<I> = triangles.iter().flat_map(|t| t.positions).map(&index).collect();
+    let normal_indices: Vec<I> = triangles.iter().flat_map(|t| t.normals).map(&index).collect();
+    let material_indices: Vec<I> = triangles.iter().map(|t| index(t.material)).collect();
+    let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
+    Ok(Sets {
+        positions: upload(queue, &floats(&mesh.positions))?,
+        normals: upload(queue, &floats(&mesh.normals))?,
+        position_indices: upload(queue, &position_indices)?,
+        normal_indices: upload(queue, &normal_indices)?,
+        material_indices: upload(queue, &material_indices)?,
+        materials: upload(queue, &materials)?,
+    })
+}

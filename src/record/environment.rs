@@ -1,0 +1,135 @@
+//! Where and how a run was made: `environment.json`.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// All that a result may depend on besides its record.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Environment {
+    /// raycl's version.
+    pub raycl_version: String,
+    /// The git revision it was built from, "-dirty" where the tree was changed.
+    pub git_revision: Option<String>,
+    /// When the run began, RFC 3339.
+    pub started: String,
+    /// The command's arguments, the program first.
+    pub command_line: Vec<String>,
+    /// The machine the run was made on.
+    pub host: Host,
+    /// The devices that were used.
+    pub devices: Vec<DeviceEnvironment>,
+    /// Options every program was built with.
+    pub build_options: Vec<String>,
+    /// The config's path.
+    pub config_path: String,
+    /// The config's text.
+    pub config: String,
+    /// BLAKE3 of the config's text and overrides.
+    pub config_hash: String,
+    /// The values laid over the config with `--set`, each as a line of TOML.
+    pub overrides: Vec<String>,
+}
+
+/// The machine.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Host {
+    /// The operating system's name and version.
+    pub os: String,
+    /// The processor's model.
+    pub cpu: String,
+    /// Cores this process may use.
+    pub cores: usize,
+}
+
+/// One OpenCL device.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DeviceEnvironment {
+    /// What records call it.
+    pub device: String,
+    /// The platform's name.
+    pub platform: String,
+    /// The platform's version.
+    pub platform_version: String,
+    /// The device's OpenCL version.
+    pub version: String,
+    /// Who makes it.
+    pub vendor: String,
+    /// The driver's version.
+    pub driver: String,
+    /// "cpu", "gpu" or "accelerator".
+    pub kind: String,
+}
+
+impl Environment {
+    /// The hash of a config's text and the overrides laid over it.
+    pub fn hash_of(config: &str, overrides: &[String]) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for part in std::iter::once(config).chain(overrides.iter().map(String::as_str)) {
+            hasher.update(&(part.len() as u64).to_le_bytes());
+            hasher.update(part.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// Writes it to `path`, indented for people.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let fail =
+            |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
+        let mut text = serde_json::to_string_pretty(self).map_err(|error| fail(&error))?;
+        text.push('\n');
+        std::fs::write(path, text).map_err(|error| fail(&error))
+    }
+}
+
+impl Host {
+    /// This machine, as far as it tells.
+    pub fn read() -> Self {
+        Self {
+            os: os_name(),
+            cpu: cpu_model().unwrap_or_else(|| std::env::consts::ARCH.into()),
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+fn os_name() -> String {
+    let release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
+    let name = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="));
+    name.map_or_else(|| std::env::consts::OS.into(), |name| name.trim_matches('"').to_string())
+}
+
+fn cpu_model() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    line.split_once(':').map(|(_, model)| model.trim().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_environment_comes_back_from_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("environment.json");
+        let environment = Environment {
+            host: Host::read(),
+            devices: vec![DeviceEnvironment { kind: "cpu".into(), ..DeviceEnvironment::default() }],
+            ..Environment::default()
+        };
+        environment.write(&path).unwrap();
+        let read: Environment = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        assert_eq!(read, environment);
+        assert!(read.host.cores >= 1);
+    }
+
+    #[test]
+    fn the_config_hash_sees_overrides() {
+        let with = Environment::hash_of("a = 1", &["a = 2".to_string()]);
+        assert_ne!(with, Environment::hash_of("a = 1", &[]));
+        assert_ne!(with, Environment::hash_of("a = 1a = 2", &[]));
+    }
+}

@@ -1,0 +1,188 @@
+//! `summary.md`: the question, what was expected, and what was found.
+
+use std::fmt::Write;
+
+use super::numbers::{align_points, by, duration, ms, significant};
+use super::summary::{Group, groups, median};
+use super::types::{HOST, Record};
+
+const HEADER: [&str; 9] = [
+    "strategy",
+    "local size",
+    "median ms",
+    "IQR ms",
+    "95% interval ms",
+    "n",
+    "Mrays/s",
+    "Gtests/s",
+    "outcome",
+];
+/// Columns of words stand to the left, numbers to the right.
+const LEFT: [usize; 2] = [0, 8];
+/// Columns whose points are aligned.
+const DECIMAL: [usize; 4] = [2, 3, 6, 7];
+
+/// The summary as Markdown. Everything in it comes from the records.
+pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -> String {
+    let mut text = format!("# {question}\n\nExpected: {expectation}\n");
+    let groups = groups(records);
+    for group in &groups {
+        let size = by(group.image_size);
+        // A failure to write to a String is impossible, so the results are let go.
+        let _ = write!(text, "\n## {}, {size}, {}\n\n", group.scene, group.device);
+        if group.device != HOST {
+            text.push_str(&verdict(group, &groups));
+            text.push('\n');
+        }
+        text.push_str(&table(group));
+        text.push_str(&failures(group));
+    }
+    text.push_str(
+        "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
+         quartiles. The interval is a 95% bootstrap interval of the median; records whose intervals overlap \
+         the best one's are a tie. Rays are primary rays; tests are primary rays x triangles over the time of the \
+         primary pass, or of the frame where passes are fused.\n",
+    );
+    text
+}
+
+/// Who won, and by how much.
+fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
+    let winners = group.winners();
+    let Some(best) = winners.first() else { return "Nothing could be measured.\n".into() };
+    let names: Vec<_> = winners.iter().map(|record| title(record)).collect();
+    let mut text = match names.as_slice() {
+        [one] => format!("Fastest: **{one}**"),
+        several => format!("Fastest, a tie: **{}**", several.join("**, **")),
+    };
+    let best_ms = median(best).unwrap_or_default();
+    let _ = write!(text, " at {}.", duration(best_ms));
+    let host = groups.iter().find(|other| {
+        other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
+    });
+    let baselines = host.map(|host| host.ranked()).unwrap_or_default();
+    let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
+    for other in baselines.into_iter().chain(naive) {
+        let factor = median(other).unwrap_or_default() / best_ms;
+        let _ = write!(text, " {} times as fast as {}.", significant(factor, 3), title(other));
+    }
+    text.push('\n');
+    text
+}
+
+/// "naive at 8 x 8".
+fn title(record: &Record) -> String {
+    match record.local_size {
+        Some(size) => format!("{} at {}", record.name, by(size)),
+        None => record.strategy.clone(),
+    }
+}
+
+/// Every record of the group, fastest first, those without a time last.
+fn table(group: &Group<'_>) -> String {
+    let winners = group.winners();
+    let failed = group.failures().into_iter().map(|(record, _)| record);
+    let mut rows: Vec<_> = group
+        .ranked()
+        .into_iter()
+        .chain(failed)
+        .map(|record| row(record, winners.iter().any(|winner| winner.key == record.key)))
+        .collect();
+    for place in DECIMAL {
+        align_points(rows.iter_mut().map(|row| &mut row[place]).collect());
+    }
+    lay_out(&rows)
+}
+
+fn row(record: &Record, wins: bool) -> [String; 9] {
+    let time = median(record);
+    let number = |value: Option<f64>, text: fn(f64) -> String| {
+        value.filter(|_| time.is_some()).map_or("-".into(), text)
+    };
+    let name = if record.is_baseline() { &record.strategy } else { &record.name };
+    let interval = record.ci95_ms.filter(|_| time.is_some());
+    [
+        if wins && !record.is_baseline() { format!("**{name}**") } else { name.clone() },
+        record.local_size.map_or("-".into(), by),
+        number(time, ms),
+        number(record.q3_ms.zip(record.q1_ms).map(|(q3, q1)| q3 - q1), |iqr| significant(iqr, 2)),
+        interval.map_or("-".into(), |[low, high]| format!("{} to {}", ms(low), ms(high))),
+        record.samples_ms.len().to_string(),
+        number(record.rays_per_s, |rays| significant(rays / 1e6, 3)),
+        number(record.tests_per_s, |tests| significant(tests / 1e9, 3)),
+        record.outcome.name().into(),
+    ]
+}
+
+/// A Markdown table whose source is aligned as well.
+fn lay_out(rows: &[[String; 9]]) -> String {
+    let header = HEADER.map(String::from);
+    let all = || std::iter::once(&header).chain(rows);
+    let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default();
+    let widths: [usize; 9] = std::array::from_fn(widest);
+    let rule: [String; 9] = std::array::from_fn(|place| {
+        let end = if LEFT.contains(&place) { "-" } else { ":" };
+        "-".repeat(widths[place] - 1) + end
+    });
+    let line = |row: &[String; 9]| {
+        let pad = |(place, cell): (usize, &String)| {
+            let width = widths[place];
+            if LEFT.contains(&place) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        };
+        format!("| {} |\n", row.iter().enumerate().map(pad).collect::<Vec<_>>().join(" | "))
+    };
+    let body: String = rows.iter().map(line).collect();
+    line(&header) + &line(&rule) + &body
+}
+
+/// Why some points have no time.
+fn failures(group: &Group<'_>) -> String {
+    let failures = group.failures();
+    if failures.is_empty() {
+        return String::new();
+    }
+    let mut text = "\nWithout a time:\n\n".to_string();
+    for (record, reason) in failures {
+        // A compiler's log has many lines; the record keeps them all.
+        let first = reason.lines().next().unwrap_or_default();
+        let _ = writeln!(text, "- {}, {}: {first}", title(record), record.outcome.name());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{infeasible, measured};
+    use super::*;
+
+    #[test]
+    fn a_summary_says_question_winner_speed_up_and_reasons() {
+        let records = [
+            measured("host", "serial-f32", 0, [410.0, 430.0]),
+            measured("pocl", "naive", 8, [83.0, 85.0]),
+            measured("pocl", "wide", 1, [9.9, 10.1]),
+            measured("pocl", "wide", 2, [10.0, 10.2]),
+            infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
+        ];
+        let text = summary_markdown(&records, "Which is best?", "Wide is.");
+        assert!(text.starts_with("# Which is best?\n\nExpected: Wide is.\n"), "{text}");
+        for expected in [
+            "## teapot, 800 x 500, pocl",
+            "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
+            "42.0 times as fast as serial-f32.",
+            "8.40 times as fast as naive at 8 x 8.",
+            "- local-vectors at 32 x 32, infeasible: __local: 108 B x 32 x 32 = 110592 B > 49152 B",
+        ] {
+            assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+        }
+        let rows: Vec<_> = text.lines().filter(|line| line.starts_with('|')).collect();
+        let pocl = &rows[rows.len() - 6..];
+        assert!(pocl.iter().all(|row| row.chars().count() == pocl[0].chars().count()), "{pocl:#?}");
+        assert!(pocl[2].starts_with("| **wide**"), "{pocl:#?}");
+    }
+
+    #[test]
+    fn no_records_is_no_panic() {
+        assert!(summary_markdown(&[], "Q?", "E.").contains("# Q?"));
+    }
+}

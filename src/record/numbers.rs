@@ -1,0 +1,63 @@
+//! Numbers for people.
+
+/// `value` with `digits` significant digits, but never fewer than its whole part has.
+pub fn significant(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    let decimals = (digits - 1 - magnitude).clamp(0, 12) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A time in a column of milliseconds.
+pub fn ms(value: f64) -> String {
+    significant(value, 4)
+}
+
+/// A time in a sentence: 1.234 s, 12.34 ms, 56.70 us.
+pub fn duration(value_ms: f64) -> String {
+    match value_ms.abs() {
+        x if x >= 1000.0 => format!("{} s", significant(value_ms / 1000.0, 4)),
+        x if x >= 0.1 || x == 0.0 => format!("{} ms", ms(value_ms)),
+        _ => format!("{} us", significant(value_ms * 1000.0, 4)),
+    }
+}
+
+/// "800 x 500".
+pub fn by([across, down]: [u32; 2]) -> String {
+    format!("{across} x {down}")
+}
+
+/// The column's numbers padded on the right so that their points stand below each other
+/// when the column is aligned to the right.
+pub fn align_points(column: Vec<&mut String>) {
+    let fraction = |cell: &str| cell.find('.').map_or(0, |place| cell.len() - place);
+    let widest = column.iter().map(|cell| fraction(cell)).max().unwrap_or(0);
+    for cell in column {
+        let missing = widest - fraction(cell);
+        cell.push_str(&" ".repeat(missing));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_as_many_digits_as_they_mean() {
+        assert_eq!(ms(0.012_342), "0.01234");
+        assert_eq!(ms(12.3456), "12.35");
+        assert_eq!(ms(163_000.4), "163000");
+        assert_eq!(duration(1234.4), "1.234 s");
+        assert_eq!(duration(0.0123), "12.30 us");
+        assert_eq!(significant(0.0, 3), "0");
+    }
+
+    #[test]
+    fn points_stand_below_each_other() {
+        let mut column = ["1.25".to_string(), "100".into(), "31.5".into()];
+        align_points(column.iter_mut().collect());
+        assert_eq!(column, ["1.25", "100   ", "31.5 "]);
+    }
+}

@@ -1,0 +1,117 @@
+//! `summary.csv`: a row a record, lists spread over columns.
+
+use serde::Serialize;
+
+use super::types::Record;
+use crate::error::{Error, Result};
+
+/// The columns, in order.
+#[derive(Serialize)]
+struct Row<'a> {
+    key: &'a str,
+    scene: &'a str,
+    device: &'a str,
+    name: &'a str,
+    preset: Option<&'a str>,
+    strategy: &'a str,
+    local_size_x: Option<u32>,
+    local_size_y: Option<u32>,
+    image_width: u32,
+    image_height: u32,
+    triangles: Option<u64>,
+    lights: Option<u64>,
+    outcome: &'a str,
+    reason: Option<&'a str>,
+    median_ms: Option<f64>,
+    q1_ms: Option<f64>,
+    q3_ms: Option<f64>,
+    ci95_low_ms: Option<f64>,
+    ci95_high_ms: Option<f64>,
+    samples: usize,
+    stop_reason: Option<&'a str>,
+    primary_ms: Option<f64>,
+    shadow_ms: Option<f64>,
+    host_median_ms: Option<f64>,
+    build_ms: Option<f64>,
+    rays_per_s: Option<f64>,
+    shadow_rays_per_s: Option<f64>,
+    tests_per_s: Option<f64>,
+    max_difference: Option<f64>,
+    uncertain_pixels: Option<u64>,
+    local_bytes: Option<u64>,
+    constant_bytes: Option<u64>,
+    scratch_bytes: Option<u64>,
+    private_bytes: Option<u64>,
+}
+
+impl<'a> Row<'a> {
+    fn of(record: &'a Record) -> Self {
+        Self {
+            key: &record.key,
+            scene: &record.scene,
+            device: &record.device,
+            name: &record.name,
+            preset: record.preset.as_deref(),
+            strategy: &record.strategy,
+            local_size_x: record.local_size.map(|size| size[0]),
+            local_size_y: record.local_size.map(|size| size[1]),
+            image_width: record.image_size[0],
+            image_height: record.image_size[1],
+            triangles: record.triangles,
+            lights: record.lights,
+            outcome: record.outcome.name(),
+            reason: record.reason.as_deref(),
+            median_ms: record.median_ms,
+            q1_ms: record.q1_ms,
+            q3_ms: record.q3_ms,
+            ci95_low_ms: record.ci95_ms.map(|interval| interval[0]),
+            ci95_high_ms: record.ci95_ms.map(|interval| interval[1]),
+            samples: record.samples_ms.len(),
+            stop_reason: record.stop_reason.as_deref(),
+            primary_ms: record.primary_ms,
+            shadow_ms: record.shadow_ms,
+            host_median_ms: record.host_median_ms,
+            build_ms: record.build_ms,
+            rays_per_s: record.rays_per_s,
+            shadow_rays_per_s: record.shadow_rays_per_s,
+            tests_per_s: record.tests_per_s,
+            max_difference: record.max_difference,
+            uncertain_pixels: record.uncertain_pixels,
+            local_bytes: record.local_bytes,
+            constant_bytes: record.constant_bytes,
+            scratch_bytes: record.scratch_bytes,
+            private_bytes: record.private_bytes,
+        }
+    }
+}
+
+/// The records as CSV with a header; absent values are empty.
+pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
+    let fail = |error: String| Error::run(format!("cannot write the CSV summary: {error}"));
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for record in records {
+        writer.serialize(Row::of(record)).map_err(|error| fail(error.to_string()))?;
+    }
+    writer.into_inner().map_err(|error| fail(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{infeasible, measured};
+    use super::*;
+
+    #[test]
+    fn rows_have_a_header_and_quote_what_needs_it() {
+        let records =
+            [measured("pocl", "naive", 8, [1.0, 2.0]), infeasible("pocl", "wide", 1, "too \"big\", really")];
+        let bytes = summary_csv(&records).unwrap();
+        let mut reader = csv::Reader::from_reader(bytes.as_slice());
+        let header = reader.headers().unwrap().clone();
+        let rows: Vec<_> = reader.records().collect::<std::result::Result<_, _>>().unwrap();
+        let cell = |row: usize, name: &str| &rows[row][header.iter().position(|head| head == name).unwrap()];
+        assert_eq!(cell(0, "median_ms"), "1.5");
+        assert_eq!(cell(0, "local_size_y"), "8");
+        assert_eq!(cell(1, "median_ms"), "");
+        assert_eq!(cell(1, "reason"), "too \"big\", really");
+    }
+}

@@ -1,0 +1,143 @@
+//! The table a run ends with: strategies down, local sizes across.
+
+use comfy_table::{Cell, CellAlignment, Table, presets};
+
+use super::numbers::{by, duration, ms};
+use super::summary::{Group, groups, median};
+use super::types::{HOST, Outcome, Record};
+
+/// A matrix of medians for every scene, image size and device. The fastest are starred, points
+/// without a time say why in a word; the legend below has the first full reason for each word.
+pub fn summary_terminal(records: &[Record]) -> String {
+    let groups = groups(records);
+    let parts =
+        groups.iter().map(|group| if group.device == HOST { host_line(group) } else { matrix(group) });
+    let mut text = parts.collect::<Vec<_>>().join("\n");
+    text.push_str(&legend(&groups));
+    text
+}
+
+/// "teapot, 800 x 500, host: serial-f32 410.0 ms, parallel-f32 210.0 ms".
+fn host_line(group: &Group<'_>) -> String {
+    let cell = |record: &&Record| match median(record) {
+        Some(time) => format!("{} {}", record.strategy, duration(time)),
+        None => format!("{} {}", record.strategy, record.outcome.name()),
+    };
+    let cells: Vec<_> = group.records.iter().map(cell).collect();
+    format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join(", "))
+}
+
+fn matrix(group: &Group<'_>) -> String {
+    let (mut names, mut sizes) = (Vec::new(), Vec::new());
+    for record in &group.records {
+        if !names.contains(&&record.name) {
+            names.push(&record.name);
+        }
+        sizes.push(record.local_size);
+    }
+    sizes.sort_by_key(|size| size.map(|[across, down]| (across * down, across)));
+    sizes.dedup();
+    let winners = group.winners();
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_BORDERS_ONLY);
+    let heads = sizes.iter().map(|size| size.map_or("-".into(), |[across, down]| format!("{across}x{down}")));
+    table.set_header(std::iter::once(Cell::new("strategy")).chain(heads.map(number)));
+    for name in names {
+        let cells = sizes.iter().map(|size| {
+            let found =
+                group.records.iter().find(|record| &record.name == name && &record.local_size == size);
+            number(found.map_or(String::new(), |record| {
+                cell(record, winners.iter().any(|winner| winner.key == record.key))
+            }))
+        });
+        table.add_row(std::iter::once(Cell::new(name)).chain(cells));
+    }
+    format!("{}, {}, {}: median ms\n{table}\n", group.scene, by(group.image_size), group.device)
+}
+
+fn number(text: String) -> Cell {
+    Cell::new(text).set_alignment(CellAlignment::Right)
+}
+
+fn cell(record: &Record, wins: bool) -> String {
+    match median(record) {
+        Some(time) if wins => format!("*{}", ms(time)),
+        Some(time) => ms(time),
+        None => word(record),
+    }
+}
+
+/// Why there is no time, in a word: what is too small, or what failed.
+fn word(record: &Record) -> String {
+    if record.outcome != Outcome::Infeasible {
+        return record.outcome.name().into();
+    }
+    let reason = record.reason.as_deref().unwrap_or_default();
+    match reason.split_once(':') {
+        Some((what, _)) if what.len() <= 16 => what.trim_start_matches('_').into(),
+        _ => "infeasible".into(),
+    }
+}
+
+/// What the star and the words mean.
+fn legend(groups: &[Group<'_>]) -> String {
+    let kernels = || groups.iter().filter(|group| group.device != HOST);
+    let mut text = String::new();
+    if kernels().any(|group| !group.winners().is_empty()) {
+        text.push_str("* fastest; several: their 95% intervals overlap, which is a tie\n");
+    }
+    let mut words: Vec<String> = Vec::new();
+    for (record, reason) in kernels().flat_map(|group| group.failures()) {
+        let word = word(record);
+        if !words.contains(&word) {
+            let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+            let first = reason.lines().next().unwrap_or_default();
+            text.push_str(&format!(
+                "{word}: {}, for example {}{size}: {first}\n",
+                meaning(record.outcome),
+                record.name
+            ));
+            words.push(word);
+        }
+    }
+    text
+}
+
+fn meaning(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Measured => "measured",
+        Outcome::Infeasible => "the device cannot hold it",
+        Outcome::BuildFailed => "its program did not compile",
+        Outcome::LaunchFailed => "its kernel did not run",
+        Outcome::WrongImage => "its image differs from the reference",
+        Outcome::TimedOut => "it took too long",
+        Outcome::Crashed => "it ended its process",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{infeasible, measured};
+    use super::*;
+
+    #[test]
+    fn the_matrix_stars_winners_and_says_why_cells_are_empty() {
+        let records = [
+            measured("host", "serial-f32", 0, [410.0, 430.0]),
+            measured("pocl", "naive", 8, [83.0, 85.0]),
+            measured("pocl", "naive", 16, [80.0, 81.0]),
+            measured("pocl", "local-vectors", 8, [79.0, 82.0]),
+            infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
+        ];
+        let text = summary_terminal(&records).replace('│', " ");
+        let line =
+            |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default();
+        assert!(line("teapot, 800 x 500, host").ends_with("serial-f32 420.0 ms"), "{text}");
+        let cells: Vec<_> = line("naive").split_whitespace().collect();
+        assert_eq!(cells, ["naive", "84.00", "*80.50"], "{text}");
+        let cells: Vec<_> = line("local-vectors").split_whitespace().collect();
+        assert_eq!(cells, ["local-vectors", "*80.50", "local"], "{text}");
+        assert!(line("local:").contains("110592 B > 49152 B"), "{text}");
+        assert!(line("* fastest").contains("tie"), "{text}");
+    }
+}

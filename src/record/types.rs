@@ -1,0 +1,160 @@
+//! One point's record and one sample's line. `docs/format.md` documents every field.
+
+use serde::{Deserialize, Serialize};
+
+/// What `device` says in the records of baselines.
+pub const HOST: &str = "host";
+
+/// What came of a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// The image was right and was timed.
+    Measured,
+    /// The device cannot hold it; `reason` has the arithmetic.
+    Infeasible,
+    /// The device's compiler refused the program.
+    BuildFailed,
+    /// The device refused or failed to run the kernel.
+    LaunchFailed,
+    /// The image differs from the reference's on certain pixels: never timed.
+    WrongImage,
+    /// One frame took longer than a point may.
+    TimedOut,
+    /// The process that ran it died; also what a record is until it says otherwise.
+    #[default]
+    Crashed,
+}
+
+impl Outcome {
+    /// Its name in records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Measured => "measured",
+            Self::Infeasible => "infeasible",
+            Self::BuildFailed => "build-failed",
+            Self::LaunchFailed => "launch-failed",
+            Self::WrongImage => "wrong-image",
+            Self::TimedOut => "timed-out",
+            Self::Crashed => "crashed",
+        }
+    }
+
+    /// Whether a run with this outcome succeeded: it was measured, or it was foreseen that it cannot be.
+    pub fn is_fine(self) -> bool {
+        matches!(self, Self::Measured | Self::Infeasible)
+    }
+}
+
+/// All that was found about one point.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The measurement's name: a hash of everything that decides it.
+    pub key: String,
+    /// When the point stopped, RFC 3339.
+    pub timestamp: Option<String>,
+    /// The scene's name.
+    pub scene: String,
+    /// The device's name; [`HOST`] for a baseline.
+    pub device: String,
+    /// The strategy's name in the config.
+    pub name: String,
+    /// The preset it is, if it is one.
+    pub preset: Option<String>,
+    /// The axes spelled out; for a baseline "serial-f32", "serial-f64" or "parallel-f32".
+    pub strategy: String,
+    /// Work-items of a work-group across and down; none for a baseline.
+    pub local_size: Option<[u32; 2]>,
+    /// Pixels across and down.
+    pub image_size: [u32; 2],
+    /// Triangles in the scene.
+    pub triangles: Option<u64>,
+    /// Lights in the scene.
+    pub lights: Option<u64>,
+    /// What came of it.
+    pub outcome: Outcome,
+    /// Why it was not measured.
+    pub reason: Option<String>,
+    /// What to mind in reading a measured time.
+    pub warning: Option<String>,
+    /// The median of `samples_ms`.
+    pub median_ms: Option<f64>,
+    /// Their first quartile.
+    pub q1_ms: Option<f64>,
+    /// Their third quartile.
+    pub q3_ms: Option<f64>,
+    /// The 95% bootstrap interval of the median: low, high.
+    pub ci95_ms: Option<[f64; 2]>,
+    /// The device time of every frame, in the order taken.
+    #[serde(default)]
+    pub samples_ms: Vec<f64>,
+    /// Which rule ended the sampling.
+    pub stop_reason: Option<String>,
+    /// The median of the primary pass, where passes are separate.
+    pub primary_ms: Option<f64>,
+    /// The median of the shading and shadow pass, where passes are separate.
+    pub shadow_ms: Option<f64>,
+    /// The median of the host's clock around the same frames.
+    pub host_median_ms: Option<f64>,
+    /// Assembling and compiling the program.
+    pub build_ms: Option<f64>,
+    /// Primary rays a second.
+    pub rays_per_s: Option<f64>,
+    /// Shadow rays of a frame: one a light for every pixel that hits.
+    pub shadow_rays: Option<u64>,
+    /// Shadow rays a second, where passes are separate.
+    pub shadow_rays_per_s: Option<f64>,
+    /// Primary ray-triangle tests a second; shadow tests are not counted.
+    pub tests_per_s: Option<f64>,
+    /// The largest relative difference from the reference on certain pixels.
+    pub max_difference: Option<f64>,
+    /// Where that is: column, row.
+    pub worst_pixel: Option<[u32; 2]>,
+    /// Pixels whose radiance a tiny nudge of the ray changes: not compared.
+    pub uncertain_pixels: Option<u64>,
+    /// `__local` bytes a work-group needs.
+    pub local_bytes: Option<u64>,
+    /// `__constant` bytes needed.
+    pub constant_bytes: Option<u64>,
+    /// Global scratch or heap bytes needed.
+    pub scratch_bytes: Option<u64>,
+    /// Private bytes of a work-group's working vectors.
+    pub private_bytes: Option<u64>,
+    /// The picture, relative to the results' folder.
+    pub image: Option<String>,
+    /// The picture of the differences, where it was wrong.
+    pub difference_image: Option<String>,
+    /// The hash of source, defines and build options.
+    pub program_hash: Option<String>,
+    /// The seed of the order of rounds and of the bootstrap.
+    pub seed: Option<u64>,
+}
+
+impl Record {
+    /// Whether each of its rays is tested against every triangle, so that tests can be counted.
+    pub fn tests_every_triangle(&self) -> bool {
+        self.is_baseline() || self.strategy.contains("traversal=exhaustive")
+    }
+
+    /// Whether it is a caster on the host.
+    pub fn is_baseline(&self) -> bool {
+        self.device == HOST
+    }
+}
+
+/// One timed frame: a line of `samples.jsonl`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// The point's key.
+    pub key: String,
+    /// The round it was taken in, from 0.
+    pub round: u32,
+    /// The frame's device time.
+    pub ms: f64,
+    /// Its primary pass, where passes are separate.
+    pub primary_ms: Option<f64>,
+    /// Its shading and shadow pass, where passes are separate.
+    pub shadow_ms: Option<f64>,
+    /// The host's clock around it.
+    pub host_ms: Option<f64>,
+}

@@ -1,0 +1,126 @@
+//! The arithmetic a ray is cast in: `f32` or `f64`, with glam's vectors.
+
+use glam::{DVec3, Vec3};
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A floating point type rays can be cast in.
+pub trait Real:
+    Copy
+    + PartialOrd
+    + Send
+    + Sync
+    + From<f32>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + 'static
+{
+    /// Three of them.
+    type Vector: Vector<Self>;
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+    /// Farther than anything.
+    const INFINITY: Self;
+    /// The ratio of a circle's circumference to its diameter.
+    const PI: Self;
+    /// The nearest value to `value`.
+    fn of(value: f64) -> Self;
+    /// The larger of two.
+    fn max(self, other: Self) -> Self;
+    /// The square root.
+    fn sqrt(self) -> Self;
+    /// This to the power of `exponent`.
+    fn powf(self, exponent: Self) -> Self;
+}
+
+/// A point, a direction or a colour. `*` with another vector is by component.
+pub trait Vector<R: Real>:
+    Copy
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Neg<Output = Self>
+    + Mul<Output = Self>
+    + Mul<R, Output = Self>
+    + 'static
+{
+    /// The zero vector.
+    const ZERO: Self;
+    /// A scene's value, exactly.
+    fn of(value: Vec3) -> Self;
+    /// The nearest vector to `value`.
+    fn round(value: DVec3) -> Self;
+    /// The nearest single precision values.
+    fn to_f32(self) -> [f32; 3];
+    /// The inner product.
+    fn dot(self, other: Self) -> R;
+    /// The cross product.
+    fn cross(self, other: Self) -> Self;
+
+    /// The unit vector along this one; zero for the zero vector, never NaN.
+    fn normalize_or_zero(self) -> Self {
+        let length = self.dot(self).sqrt();
+        if length > R::ZERO { self * (R::ONE / length) } else { Self::ZERO }
+    }
+}
+
+macro_rules! real {
+    ($real:ident, $vector:ident) => {
+        impl Real for $real {
+            type Vector = $vector;
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const INFINITY: Self = $real::INFINITY;
+            const PI: Self = std::$real::consts::PI;
+            fn of(value: f64) -> Self {
+                value as $real
+            }
+            fn max(self, other: Self) -> Self {
+                $real::max(self, other)
+            }
+            fn sqrt(self) -> Self {
+                $real::sqrt(self)
+            }
+            fn powf(self, exponent: Self) -> Self {
+                $real::powf(self, exponent)
+            }
+        }
+        impl Vector<$real> for $vector {
+            const ZERO: Self = $vector::ZERO;
+            fn of(value: Vec3) -> Self {
+                let [x, y, z] = value.to_array();
+                $vector::new(x.into(), y.into(), z.into())
+            }
+            fn round(value: DVec3) -> Self {
+                $vector::new(value.x as $real, value.y as $real, value.z as $real)
+            }
+            fn to_f32(self) -> [f32; 3] {
+                self.to_array().map(|component| component as f32)
+            }
+            fn dot(self, other: Self) -> $real {
+                $vector::dot(self, other)
+            }
+            fn cross(self, other: Self) -> Self {
+                $vector::cross(self, other)
+            }
+        }
+    };
+}
+
+real!(f32, Vec3);
+real!(f64, DVec3);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_zero_vector_has_no_direction_and_is_not_nan() {
+        assert_eq!(Vector::normalize_or_zero(DVec3::ZERO), DVec3::ZERO);
+        assert_eq!(Vector::normalize_or_zero(Vec3::new(0.0, -3.0, 0.0)), Vec3::NEG_Y);
+    }
+}

@@ -1,0 +1,64 @@
+//! How a hit is shaded: the twin of `cl/shared/shade`. Hughes et al., section 15.4:
+//! direct light only, no ambient, no emission.
+
+use super::intersect::Hit;
+use super::ray::Ray;
+use super::real::{Real, Vector};
+use super::traverse::Finder;
+use crate::scene::{Light, Material, MaterialKind, Scene};
+
+/// The radiance that leaves a hit towards the ray's origin. Shadow rays start `bias` from the surface.
+pub fn shade<R: Real>(
+    scene: &Scene,
+    finder: &dyn Finder<R>,
+    ray: &Ray<R>,
+    hit: &Hit<R>,
+    bias: R,
+) -> R::Vector {
+    let triangle = &scene.mesh.triangles[hit.triangle as usize];
+    let material = scene.mesh.material(triangle);
+    let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
+    let [w0, w1, w2] = hit.weights;
+    let normal = (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero();
+    let point = ray.origin + ray.direction * hit.t;
+    let w_o = -ray.direction;
+    scene.lights.iter().fold(R::Vector::ZERO, |sum, light| {
+        let (w_i, distance) = towards::<R>(light, point);
+        let cosine = w_i.dot(normal);
+        if cosine <= R::ZERO || !visible(finder, point, w_i, distance, bias) {
+            return sum;
+        }
+        let falloff = R::from(4.0) * R::PI * distance * distance;
+        let irradiance = R::Vector::of(light.power) * (cosine / falloff);
+        sum + irradiance * reflectance::<R>(material, w_i, w_o, normal)
+    })
+}
+
+/// The unit direction from a point to a light, and how far it is.
+fn towards<R: Real>(light: &Light, point: R::Vector) -> (R::Vector, R) {
+    let off = R::Vector::of(light.position) - point;
+    (off.normalize_or_zero(), off.dot(off).sqrt())
+}
+
+/// Whether nothing lies between `bias` from the point and the light. A light
+/// no farther than the bias is inside the surface, as it were, and not seen.
+fn visible<R: Real>(finder: &dyn Finder<R>, point: R::Vector, w_i: R::Vector, distance: R, bias: R) -> bool {
+    let far = distance - bias;
+    let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
+    far > R::ZERO && !finder.any(&shadow)
+}
+
+/// How much of the light from `w_i` a surface sends towards `w_o`, a steradian.
+fn reflectance<R: Real>(material: &Material, w_i: R::Vector, w_o: R::Vector, normal: R::Vector) -> R::Vector {
+    let lambertian = R::Vector::of(material.lambertian) * (R::ONE / R::PI);
+    match material.kind {
+        MaterialKind::Lambertian => lambertian,
+        MaterialKind::BlinnPhong => {
+            let s = R::from(material.shininess);
+            let w_h = (w_i + w_o).normalize_or_zero();
+            let highlight = normal.dot(w_h).max(R::ZERO).powf(s);
+            let lobe = (s + R::from(8.0)) * highlight / (R::from(8.0) * R::PI);
+            lambertian + R::Vector::of(material.glossy) * lobe
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Which triangles a ray meets. The closest hit and any hit are one traversal:
+//! a [`Finder`] shows hits to a visitor, which says how far hits still matter.
+
+use super::intersect::{Hit, moller_trumbore};
+use super::ray::Ray;
+use super::real::{Real, Vector};
+use crate::scene::Mesh;
+use crate::strategy::Culling;
+
+/// Something that knows a mesh's triangles and finds those a ray meets.
+pub trait Finder<R: Real>: Send + Sync {
+    /// Shows `visitor` the hits along `ray`, in any order. The visitor returns the distance
+    /// beyond which hits no longer matter (those at it do); `ray.near` ends the search.
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
+
+    /// The hit nearest to the ray's origin; of equally near ones the first in the mesh.
+    fn closest(&self, ray: &Ray<R>) -> Option<Hit<R>> {
+        let mut best: Option<Hit<R>> = None;
+        self.visit(ray, &mut |hit| match best {
+            Some(b) if (b.t, b.triangle) <= (hit.t, hit.triangle) => b.t,
+            _ => best.insert(hit).t,
+        });
+        best
+    }
+
+    /// Whether the ray meets anything.
+    fn any(&self, ray: &Ray<R>) -> bool {
+        let mut found = false;
+        self.visit(ray, &mut |_| {
+            found = true;
+            ray.near
+        });
+        found
+    }
+}
+
+/// Every ray tests every triangle, as the paper's program does.
+#[derive(Clone, Debug)]
+pub struct Exhaustive<R: Real> {
+    triangles: Vec<[R::Vector; 3]>,
+    culling: Culling,
+}
+
+impl<R: Real> Exhaustive<R> {
+    /// The mesh's triangles in their order, nothing shared between them.
+    pub fn new(mesh: &Mesh, culling: Culling) -> Self {
+        let triangles = mesh.triangles.iter().map(|t| mesh.corners(t).map(Vector::of)).collect();
+        Self { triangles, culling }
+    }
+}
+
+impl<R: Real> Finder<R> for Exhaustive<R> {
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        let mut far = ray.far;
+        for (triangle, corners) in self.triangles.iter().enumerate() {
+            let Some((t, weights)) = moller_trumbore(ray, *corners, self.culling) else { continue };
+            if t <= far {
+                far = visitor(Hit { t, weights, triangle: triangle as u32 });
+                if far <= ray.near {
+                    return;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! One `[[object]]`: a file, a shape or triangles of its own, placed and painted.
+
+use crate::error::{Error, Result, nearest};
+use crate::scene::load::Document;
+use crate::scene::normals::{self, MISSING};
+use crate::scene::shapes::{self, Shape};
+use crate::scene::transform::Transform;
+use crate::scene::wire::{MaterialWire, ObjectWire};
+use crate::scene::{Material, Mesh, PAPER_GLOSSY, PAPER_SHININESS, Triangle, obj};
+use glam::Vec3;
+use std::ops::Range;
+use toml::Spanned;
+
+/// The object's triangles in the scene's space.
+pub(super) fn build(
+    document: &Document,
+    object: &Spanned<ObjectWire>,
+    notes: &mut Vec<String>,
+) -> Result<Mesh> {
+    let (wire, span) = (object.get_ref(), object.span());
+    refuse_strays(document, wire)?;
+    let mut mesh = match (&wire.obj, &wire.shape, &wire.vertices) {
+        (Some(file), None, None) => read_obj(document, file, notes)?,
+        (None, Some(name), None) => shapes::generate(&shape(document, wire, name)?),
+        (None, None, Some(vertices)) => inline(document, wire, vertices)?,
+        _ => {
+            let message = "an object is one of: obj = \"FILE\", shape = \"NAME\", vertices and faces";
+            return Err(document.error(span, message, "none or several of them here"));
+        }
+    };
+    if wire.flat {
+        normals::flatten(&mut mesh);
+    }
+    let vector = |values: Option<[f32; 3]>, default| values.map_or(default, Vec3::from_array);
+    let transform = Transform {
+        scale: vector(wire.scale.map(|v| v.0), Vec3::ONE),
+        rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
+        translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
+    };
+    transform.apply(&mut mesh);
+    if let Some(material) = &wire.material {
+        mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
+    }
+    Ok(mesh)
+}
+
+/// The material with what the file says in place of its own. One of k_g and
+/// shininess makes a highlight; the other is then the paper's.
+fn paint(base: &Material, wire: &MaterialWire) -> Material {
+    let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
+    if wire.k_g.is_none() && wire.shininess.is_none() {
+        return Material { lambertian, ..*base };
+    }
+    let glossy = wire.k_g.map_or(Vec3::splat(PAPER_GLOSSY), |k| Vec3::from_array(k.0));
+    Material::blinn_phong(lambertian, glossy, wire.shininess.map_or(PAPER_SHININESS, |s| s.0))
+}
+
+fn read_obj(document: &Document, file: &Spanned<String>, notes: &mut Vec<String>) -> Result<Mesh> {
+    let path = document.folder.join(file.get_ref());
+    if !document.bare && !path.is_file() {
+        let message = format!("no mesh file `{}`", path.display());
+        return Err(document
+            .error(file.span(), message, "not found")
+            .with_help("the path is relative to the scene file's folder"));
+    }
+    let read = obj::read(&path)?;
+    notes.extend(read.notes.into_iter().map(|note| format!("{}: {note}", path.display())));
+    Ok(read.mesh)
+}
+
+/// Refuses keys that belong to another kind of object: they would do nothing.
+fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
+    let spans = |keys: [(&'static str, Option<Range<usize>>); 3]| {
+        keys.into_iter().find_map(|(key, span)| span.map(|span| (key, span)))
+    };
+    let of_shapes = spans([
+        ("triangles", wire.triangles.as_ref().map(Spanned::span)),
+        ("fineness", wire.fineness.as_ref().map(Spanned::span)),
+        ("seed", wire.seed.as_ref().map(Spanned::span)),
+    ]);
+    let of_vertices = spans([
+        ("faces", wire.faces.as_ref().map(Spanned::span)),
+        ("normals", wire.normals.as_ref().map(Spanned::span)),
+        ("face_normals", wire.face_normals.as_ref().map(Spanned::span)),
+    ]);
+    let stray = of_shapes
+        .filter(|_| wire.shape.is_none())
+        .map(|found| (found, "shape"))
+        .or(of_vertices.filter(|_| wire.vertices.is_none()).map(|found| (found, "vertices")));
+    match stray {
+        Some(((key, span), owner)) => {
+            Err(document.error(span, format!("`{key}` without `{owner}`"), "does nothing here"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The shape of a name with its parameters.
+fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
+    let Some(mut shape) = Shape::from_name(name.get_ref()) else {
+        let meant = nearest(name.get_ref(), Shape::NAMES);
+        let suggestion = meant.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
+        let message = format!("unknown shape `{}`{suggestion}", name.get_ref());
+        return Err(document
+            .error(name.span(), message, "not a shape")
+            .with_help(format!("the shapes are {}", Shape::NAMES.join(", "))));
+    };
+    let parameters = [("triangles", &wire.triangles), ("fineness", &wire.fineness), ("seed", &wire.seed)];
+    for (key, value) in parameters {
+        let Some(value) = value else { continue };
+        shape.set(key, *value.get_ref()).map_err(|message| document.error(value.span(), message, "here"))?;
+    }
+    Ok(shape)
+}
+
+/// Faces as lists of vertex numbers from 0, optionally with lists of normal numbers.
+type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
+
+/// Triangles given in the file itself.
+fn inline(
+    document: &Document,
+    wire: &ObjectWire,
+    vertices: &Spanned<Vec<crate::scene::wire::Vector>>,
+) -> Result<Mesh> {
+    let Some(faces) = &wire.faces else {
+        return Err(document.error(vertices.span(), "`vertices` without `faces`", "in no face"));
+    };
+    let vectors = |list: &[crate::scene::wire::Vector]| list.iter().map(|v| Vec3::from_array(v.0)).collect();
+    let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
+    mesh.positions = vectors(vertices.get_ref());
+    mesh.normals = wire.normals.as_ref().map(|list| vectors(list.get_ref())).unwrap_or_default();
+    // Normals without lists of their own go with the vertices.
+    let face_normals = wire.face_normals.as_ref().or(wire.normals.as_ref().map(|_| faces));
+    check_indices(document, faces, mesh.positions.len(), "vertex")?;
+    if let Some(face_normals) = face_normals {
+        check_indices(document, face_normals, mesh.normals.len(), "normal")?;
+        check_lengths(document, faces, face_normals)?;
+    }
+    for (at, face) in faces.get_ref().iter().enumerate() {
+        let normals = face_normals.map(|lists| lists.get_ref()[at].get_ref().as_slice());
+        push_face(document, &mut mesh, face, normals)?;
+    }
+    if mesh.triangles.is_empty() {
+        return Err(document.error(faces.span(), "`faces` is empty: no triangles", "here"));
+    }
+    normals::complete(&mut mesh);
+    Ok(mesh)
+}
+
+fn push_face(
+    document: &Document,
+    mesh: &mut Mesh,
+    face: &Spanned<Vec<u32>>,
+    normals: Option<&[u32]>,
+) -> Result<()> {
+    let corners = face.get_ref();
+    if corners.len() < 3 {
+        let message = format!("a face of {} corners; expected three or more", corners.len());
+        return Err(document.error(face.span(), message, "here"));
+    }
+    let outline: Vec<_> = corners.iter().map(|&i| mesh.positions[i as usize].as_dvec3()).collect();
+    let triangles = obj::triangulate(&outline)
+        .ok_or_else(|| document.error(face.span(), "a concave face of too many corners", "here"))?;
+    mesh.triangles.extend(triangles.into_iter().map(|triangle| Triangle {
+        positions: triangle.map(|i| corners[i]),
+        normals: triangle.map(|i| normals.map_or(MISSING, |normals| normals[i])),
+        material: 0,
+    }));
+    Ok(())
+}
+
+fn check_indices(document: &Document, faces: &Faces, count: usize, what: &str) -> Result<()> {
+    for face in faces.get_ref() {
+        if let Some(index) = face.get_ref().iter().find(|&&index| index as usize >= count) {
+            let expected = match count {
+                0 => format!("but there is no {what}"),
+                _ => format!("expected 0 to {}", count - 1),
+            };
+            let message = format!("{what} {index} does not exist; {expected}");
+            return Err(document.error(face.span(), message, "here"));
+        }
+    }
+    Ok(())
+}
+
+fn check_lengths(document: &Document, faces: &Faces, normals: &Faces) -> Result<()> {
+    let (faces, lists) = (faces.get_ref(), normals.get_ref());
+    if faces.len() != lists.len() {
+        let message = format!("{} lists of normals for {} faces", lists.len(), faces.len());
+        return Err(document.error(normals.span(), message, "expected one list a face"));
+    }
+    match faces.iter().zip(lists).find(|(face, list)| face.get_ref().len() != list.get_ref().len()) {
+        Some((_, list)) => {
+            let mistake = |list: &Spanned<Vec<u32>>| -> Error {
+                document.error(list.span(), "not as many normals as the face has corners", "here")
+            };
+            Err(mistake(list))
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,158 @@
+//! Normals where a mesh has none, and in place of those that are no direction.
+
+use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// In `Triangle::normals`, while a mesh is made: to be generated.
+pub(super) const MISSING: u32 = u32::MAX;
+
+/// Gives every corner a finite normal that is not zero, in linear time.
+pub(super) fn complete(mesh: &mut Mesh) {
+    if mesh.triangles.iter().any(|triangle| triangle.normals.contains(&MISSING)) {
+        generate(mesh);
+    }
+    mesh.normals.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(|normal| *normal = tame(*normal));
+    replace_zero(mesh);
+}
+
+/// Replaces all normals by the faces' own.
+pub(super) fn flatten(mesh: &mut Mesh) {
+    mesh.normals = mesh.triangles.iter().map(|triangle| face_normal(mesh, triangle)).collect();
+    for (index, triangle) in (0..).zip(&mut mesh.triangles) {
+        triangle.normals = [index; 3];
+    }
+}
+
+/// Turns the normals of every triangle whose front is not towards `eye`, so that a
+/// mesh with its faces wound inwards is not lit from behind. Whole triangles are
+/// turned: turning single normals would break the shading along outlines.
+pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
+    let eye = eye.as_dvec3();
+    let turned = |triangle: &Triangle| {
+        let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
+        let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|n| n.as_dvec3()).sum();
+        let face = (b - a).cross(c - a);
+        let front = if face.dot(shading) < 0.0 { -face } else { face };
+        front.dot(eye - a) < 0.0
+    };
+    let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+    let turned: Vec<bool> = triangles.map(turned).collect();
+    if !turned.contains(&true) {
+        return;
+    }
+    let count = mesh.normals.len() as u32;
+    mesh.normals.extend_from_within(..);
+    mesh.normals[count as usize..].iter_mut().for_each(|normal| *normal = -*normal);
+    for (triangle, _) in mesh.triangles.iter_mut().zip(turned).filter(|(_, turned)| *turned) {
+        triangle.normals = triangle.normals.map(|index| index + count);
+    }
+}
+
+/// Adds one normal a position, the mean of its faces' weighted by their area, and
+/// gives it to the triangles without normals.
+fn generate(mesh: &mut Mesh) {
+    // In f64 the cross product of the smallest f32 edges is not zero.
+    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
+    let base = mesh.normals.len() as u32;
+    for triangle in &mut mesh.triangles {
+        if !triangle.normals.contains(&MISSING) {
+            continue;
+        }
+        let [a, b, c] = triangle.positions.map(|index| mesh.positions[index as usize].as_dvec3());
+        let weighted = (b - a).cross(c - a);
+        for index in triangle.positions {
+            sums[index as usize] += weighted;
+        }
+        triangle.normals = triangle.positions.map(|index| base + index);
+    }
+    mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
+}
+
+/// The normal itself, or, where its square would leave f32's range, its direction.
+fn tame(normal: Vec3) -> Vec3 {
+    if (1e-12..1e12).contains(&normal.length_squared()) {
+        return normal;
+    }
+    normal.as_dvec3().normalize_or_zero().as_vec3()
+}
+
+/// Gives a triangle with a zero normal its face's.
+fn replace_zero(mesh: &mut Mesh) {
+    if !mesh.normals.contains(&Vec3::ZERO) {
+        return;
+    }
+    let mut triangles = std::mem::take(&mut mesh.triangles);
+    for triangle in &mut triangles {
+        let zero = triangle.normals.map(|index| mesh.normals[index as usize] == Vec3::ZERO);
+        if !zero.contains(&true) {
+            continue;
+        }
+        let face = mesh.normals.len() as u32;
+        mesh.normals.push(face_normal(mesh, triangle));
+        for (normal, _) in triangle.normals.iter_mut().zip(zero).filter(|(_, zero)| *zero) {
+            *normal = face;
+        }
+    }
+    mesh.triangles = triangles;
+    // What is left belongs to no triangle.
+    mesh.normals.iter_mut().filter(|normal| **normal == Vec3::ZERO).for_each(|normal| *normal = Vec3::Z);
+}
+
+/// The unit normal of a triangle's plane; some unit vector where it has no plane.
+fn face_normal(mesh: &Mesh, triangle: &Triangle) -> Vec3 {
+    let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
+    (b - a).cross(c - a).try_normalize().unwrap_or(DVec3::Z).as_vec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, Shape, generate};
+
+    fn triangle(positions: [Vec3; 3], normals: Vec<Vec3>, indices: [u32; 3]) -> Mesh {
+        let triangle = Triangle { positions: [0, 1, 2], normals: indices, material: 0 };
+        let materials = vec![Material::default()];
+        Mesh { positions: positions.to_vec(), normals, triangles: vec![triangle], materials }
+    }
+
+    #[test]
+    fn a_missing_or_zero_normal_becomes_the_faces() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for (normals, indices) in [(vec![], [MISSING; 3]), (vec![Vec3::ZERO, Vec3::X], [0, 0, 1])] {
+            let mut mesh = triangle(corners, normals, indices);
+            complete(&mut mesh);
+            assert_eq!(mesh.corner_normals(&mesh.triangles[0])[0], Vec3::Z);
+        }
+    }
+
+    #[test]
+    fn triangles_without_area_get_a_unit_normal() {
+        for corners in [[Vec3::ONE; 3], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0]] {
+            let mut mesh = triangle(corners, vec![], [MISSING; 3]);
+            complete(&mut mesh);
+            assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-6));
+        }
+    }
+
+    #[test]
+    fn normals_of_any_size_stay_within_f32() {
+        let mut mesh =
+            triangle([Vec3::ZERO, Vec3::X, Vec3::Y], vec![Vec3::Z * 1e38, Vec3::X * 1e-40], [0, 1, 0]);
+        complete(&mut mesh);
+        assert_eq!(mesh.normals, [Vec3::Z, Vec3::X]);
+    }
+
+    #[test]
+    fn an_inward_sphere_is_turned_to_the_viewer() {
+        let mut mesh = generate(&Shape::Sphere { triangles: 400 });
+        mesh.triangles.iter_mut().for_each(|t| t.positions.swap(1, 2));
+        mesh.normals.iter_mut().for_each(|n| *n = -*n);
+        let eye = Vec3::new(0.0, 0.0, 10.0);
+        turn_towards(&mut mesh, eye);
+        let front = mesh.triangles.iter().filter(|t| mesh.corners(t).iter().all(|p| p.z > 0.5));
+        for triangle in front {
+            assert!(mesh.corner_normals(triangle).iter().all(|n| n.z > 0.0));
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! The second pass: faces, cut into triangles, with every index checked.
+
+use super::points::PointChunk;
+use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
+use super::text::{Chunk, Mistake, keyword, quoted, tokens, words};
+use crate::scene::mesh::Triangle;
+use crate::scene::normals::MISSING;
+use glam::Vec3;
+use std::collections::{BTreeSet, HashMap};
+
+/// How many points lie before a piece of the file, and its first material's name.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Start<'a> {
+    pub positions: usize,
+    pub normals: usize,
+    material: &'a str,
+}
+
+/// The starts of all pieces and, last, of what would follow the file.
+pub(super) fn starts(points: &[PointChunk]) -> Vec<Start<'_>> {
+    let mut start = Start::default();
+    let mut starts = vec![start];
+    for chunk in points {
+        start.positions += chunk.positions.len();
+        start.normals += chunk.normals.len();
+        start.material = chunk.last_material.as_deref().unwrap_or(start.material);
+        starts.push(start);
+    }
+    starts
+}
+
+/// What faces refer to.
+pub(super) struct FaceContext<'a> {
+    pub positions: &'a [Vec3],
+    pub total: Start<'a>,
+    /// Material indices; 0 is the default.
+    pub materials: &'a HashMap<String, u32>,
+}
+
+/// A piece's triangles; absent normals are [`MISSING`].
+#[derive(Default)]
+pub(super) struct FaceChunk {
+    pub triangles: Vec<Triangle>,
+    unknown_materials: BTreeSet<String>,
+}
+
+pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Result<FaceChunk, Mistake> {
+    let mut faces = FaceChunk::default();
+    let mut seen = *start;
+    let mut material = faces.material(context, start.material);
+    let mut corners = Vec::new();
+    for (offset, line) in chunk.lines() {
+        match keyword(line) {
+            (b"v", _) => seen.positions += 1,
+            (b"vn", _) => seen.normals += 1,
+            (b"usemtl", rest) => material = faces.material(context, &words(rest)),
+            (b"f", rest) => {
+                read_corners(context, &seen, rest, &mut corners)
+                    .and_then(|()| faces.push(context, &corners, material))
+                    .map_err(|message| Mistake::new(offset, message))?;
+            }
+            _ => {}
+        }
+    }
+    Ok(faces)
+}
+
+/// One corner of a face: a position and, if it has one, a normal.
+type Corner = (u32, u32);
+
+impl FaceChunk {
+    fn material(&mut self, context: &FaceContext, name: &str) -> u32 {
+        if let Some(&index) = context.materials.get(name) {
+            return index;
+        }
+        if !name.is_empty() {
+            self.unknown_materials.insert(name.to_owned());
+        }
+        0
+    }
+
+    fn push(&mut self, context: &FaceContext, corners: &[Corner], material: u32) -> Result<(), String> {
+        // A normal at some corners only cannot be interpolated: then none counts.
+        let complete = corners.iter().all(|corner| corner.1 != MISSING);
+        let mut push = |[a, b, c]: [usize; 3]| {
+            let [a, b, c] = [corners[a], corners[b], corners[c]];
+            let normals = if complete { [a.1, b.1, c.1] } else { [MISSING; 3] };
+            self.triangles.push(Triangle { positions: [a.0, b.0, c.0], normals, material });
+        };
+        if corners.len() == 3 {
+            push([0, 1, 2]);
+            return Ok(());
+        }
+        let outline: Vec<_> = corners.iter().map(|c| context.positions[c.0 as usize].as_dvec3()).collect();
+        let triangles = triangulate(&outline).ok_or_else(|| {
+            format!("a concave face of {} corners; expected at most {MAX_CONCAVE_CORNERS}", corners.len())
+        })?;
+        triangles.into_iter().for_each(&mut push);
+        Ok(())
+    }
+}
+
+fn read_corners(
+    context: &FaceContext,
+    seen: &Start,
+    rest: &[u8],
+    corners: &mut Vec<Corner>,
+) -> Result<(), String> {
+    corners.clear();
+    for token in tokens(rest) {
+        corners.push(corner(context, seen, token)?);
+    }
+    match corners.len() {
+        count @ 0..3 => Err(format!("a face of {count} corners; expected three or more")),
+        _ => Ok(()),
+    }
+}
+
+/// `position`, `position/texture`, `position//normal` or `position/texture/normal`;
+/// a part after a slash may be empty.
+fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
+    let mut parts = token.split(|&byte| byte == b'/');
+    let first = parts.next().unwrap_or_default();
+    let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
+    // Texture coordinates are not used, so theirs need only be a number.
+    let texture = parts.next().unwrap_or_default();
+    if !texture.is_empty() && integer(texture).is_none() {
+        return Err(not_an_index(texture, token));
+    }
+    let normal = match parts.next().unwrap_or_default() {
+        [] => MISSING,
+        part => resolve(part, token, "normal", seen.normals, context.total.normals)?,
+    };
+    if parts.next().is_some() {
+        return Err(format!("{} has too many slashes; expected vertex/texture/normal", quoted(token)));
+    }
+    Ok((position, normal))
+}
+
+/// The zero-based index that `part` means: from 1, or from -1 backwards.
+fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
+    let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
+    let index = if value < 0 { seen as i64 + value } else { value - 1 };
+    if value != 0 && (0..total as i64).contains(&index) {
+        return Ok(index as u32);
+    }
+    let valid = match (value, total) {
+        (_, 0) => format!("an index of a {what}, but the file has no {what} at all"),
+        (..0, _) => format!("-{seen} to -1, since {seen} come before this line"),
+        _ => format!("1 to {total}"),
+    };
+    Err(format!("{what} index {} in {} does not exist; expected {valid}", quoted(part), quoted(token)))
+}
+
+fn not_an_index(part: &[u8], token: &[u8]) -> String {
+    format!("{} in {} is not an index; expected a whole number", quoted(part), quoted(token))
+}
+
+/// A whole number; one beyond i64 is as far out of bounds as i64's ends.
+fn integer(token: &[u8]) -> Option<i64> {
+    let (negative, digits) = match token {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
+        return None;
+    }
+    let size = digits.iter().fold(0_i64, |value, digit| {
+        value.saturating_mul(10).saturating_add(i64::from(digit - b'0')).min(i64::MAX / 2)
+    });
+    Some(if negative { -size } else { size })
+}
+
+/// Says which materials no MTL file defines.
+pub(super) fn note_unknown_materials(faces: &[FaceChunk], notes: &mut Vec<String>) {
+    let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
+    let Some(first) = names.first() else { return };
+    let others = match names.len() {
+        1 => String::new(),
+        count => format!(" and {} more", count - 1),
+    };
+    notes.push(format!("material `{first}`{others} is not defined: k_L {} is used", mtl_default()));
+}
+
+fn mtl_default() -> f32 {
+    crate::scene::material::DEFAULT_LAMBERTIAN
+}

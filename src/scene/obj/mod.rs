@@ -1,0 +1,98 @@
+//! Wavefront OBJ -> [`Mesh`], from files of any quality.
+//!
+//! Geometry is read here and not by `tobj`: `tobj` 4.0.5 lets NaN, infinities
+//! and `1e400` through, gives fewer normals than positions for `f 1//1 2 3`, turns
+//! `l 1 2 3` into a triangle, fans concave polygons, refuses a byte order mark,
+//! `\` continuations and Latin-1 text, reports no line, and uses one core. Its MTL
+//! reader is used ([`mtl`]), and its OBJ reader is the oracle of our tests.
+//!
+//! Two passes over the text, both in parallel over pieces of whole lines: the first
+//! reads vertices and normals, the second faces, when every index can be checked.
+
+mod faces;
+mod mtl;
+mod points;
+mod polygon;
+mod text;
+
+use super::mesh::{Mesh, Triangle};
+use super::normals;
+use crate::error::{Error, Result};
+use faces::{FaceChunk, FaceContext};
+use points::PointChunk;
+use rayon::prelude::*;
+use std::path::Path;
+use text::{Mistake, Source};
+
+pub(in crate::scene) use polygon::triangulate;
+
+/// What an OBJ file held, and what in it was passed over.
+pub(super) struct ObjFile {
+    /// Triangles with normals everywhere.
+    pub mesh: Mesh,
+    /// Sentences for the user.
+    pub notes: Vec<String>,
+}
+
+/// Reads an OBJ file and the MTL files it names.
+pub(super) fn read(path: &Path) -> Result<ObjFile> {
+    let bytes = std::fs::read(path).map_err(|e| super::load::unreadable("mesh", path, &e))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    parse(&path.display().to_string(), folder, &bytes)
+}
+
+/// Reads OBJ text that lies in `folder` under `name`.
+pub(super) fn parse(name: &str, folder: &Path, bytes: &[u8]) -> Result<ObjFile> {
+    let text = text::normalise(bytes);
+    let source = Source { name, text: &text };
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err(source.error(Mistake::new(0, "UTF-16 text; expected UTF-8, ASCII or Latin-1")));
+    }
+    let chunks = text::chunks(&text);
+    let points: Vec<PointChunk> = in_order(&source, chunks.par_iter().map(points::read).collect())?;
+    let mut notes = Vec::new();
+    let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
+    let materials = mtl::load_all(folder, libraries, &mut notes)?;
+
+    let starts = faces::starts(&points);
+    let total = starts[points.len()];
+    if total.positions.max(total.normals) >= i32::MAX as usize {
+        return Err(Error::input(format!("{name}: more vertices than 32-bit indices can name")));
+    }
+    let mut mesh = Mesh { materials: materials.list, ..Mesh::default() };
+    mesh.positions.reserve_exact(total.positions);
+    mesh.normals.reserve_exact(total.normals);
+    for chunk in &points {
+        mesh.positions.extend_from_slice(&chunk.positions);
+        mesh.normals.extend_from_slice(&chunk.normals);
+    }
+
+    let context = FaceContext { positions: &mesh.positions, total, materials: &materials.by_name };
+    let read = chunks.par_iter().zip(&starts).map(|(chunk, start)| faces::read(&context, chunk, start));
+    let faces: Vec<FaceChunk> = in_order(&source, read.collect())?;
+    mesh.triangles = concatenate(&faces);
+    if mesh.triangles.is_empty() {
+        let what = format!("no triangles: {} vertices and no face (`f`)", total.positions);
+        return Err(source.error(Mistake::new(text.len(), what)));
+    }
+    faces::note_unknown_materials(&faces, &mut notes);
+    normals::complete(&mut mesh);
+    Ok(ObjFile { mesh, notes })
+}
+
+/// The chunks' results, or the mistake that comes first in the file.
+fn in_order<T>(source: &Source, results: Vec<std::result::Result<T, Mistake>>) -> Result<Vec<T>> {
+    results.into_iter().collect::<std::result::Result<_, _>>().map_err(|mistake| source.error(mistake))
+}
+
+fn concatenate(faces: &[FaceChunk]) -> Vec<Triangle> {
+    let mut all = Vec::with_capacity(faces.iter().map(|chunk| chunk.triangles.len()).sum());
+    for chunk in faces {
+        all.extend_from_slice(&chunk.triangles);
+    }
+    all
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests;

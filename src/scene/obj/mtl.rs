@@ -1,0 +1,131 @@
+//! MTL files, through `tobj`, after a look at each line so that a mistake has a place.
+
+use super::text::{Mistake, Source, keyword, number, quoted, tokens, words};
+use crate::error::Result;
+use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
+use glam::Vec3;
+use std::collections::HashMap;
+use std::path::{Component, Path};
+
+/// Materials with their names; number 0 is the default one.
+pub(super) struct Materials {
+    pub list: Vec<Material>,
+    pub by_name: HashMap<String, u32>,
+}
+
+/// Loads every MTL file that can be; the others end in a note.
+pub(super) fn load_all<'a>(
+    folder: &Path,
+    libraries: impl Iterator<Item = &'a String>,
+    notes: &mut Vec<String>,
+) -> Result<Materials> {
+    let mut materials = Materials { list: vec![Material::default()], by_name: HashMap::new() };
+    for library in libraries {
+        for name in file_names(folder, library) {
+            match open(folder, name) {
+                Ok(bytes) => materials.add(&folder.join(name).display().to_string(), &bytes)?,
+                Err(reason) => {
+                    let note = format!("material file `{name}` {reason}: k_L {DEFAULT_LAMBERTIAN} is used");
+                    if !notes.contains(&note) {
+                        notes.push(note);
+                    }
+                }
+            }
+        }
+    }
+    Ok(materials)
+}
+
+/// A name with spaces if there is such a file, else several names.
+fn file_names<'a>(folder: &Path, library: &'a str) -> Vec<&'a str> {
+    if is_inside(library) && folder.join(library).is_file() {
+        return vec![library];
+    }
+    library.split_whitespace().collect()
+}
+
+/// Whether a path stays in the folder it is relative to: an OBJ from elsewhere must not read any file.
+fn is_inside(name: &str) -> bool {
+    let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+    Path::new(&name.replace('\\', "/")).components().all(inside)
+}
+
+fn open(folder: &Path, name: &str) -> std::result::Result<Vec<u8>, String> {
+    if !is_inside(name) {
+        return Err("lies outside the mesh's folder and is not read".to_owned());
+    }
+    let path = folder.join(name.replace('\\', "/"));
+    if path.is_dir() {
+        return Err("is a folder".to_owned());
+    }
+    std::fs::read(path).map_err(|error| format!("cannot be read ({error})"))
+}
+
+impl Materials {
+    fn add(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        let text = super::text::normalise(bytes);
+        let source = Source { name, text: &text };
+        let plain = check(&text).map_err(|mistake| source.error(mistake))?;
+        let (list, _) = tobj::load_mtl_buf(&mut plain.as_bytes())
+            .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
+        for material in list {
+            self.by_name.insert(material.name.clone(), self.list.len() as u32);
+            self.list.push(convert(&material));
+        }
+        Ok(())
+    }
+}
+
+/// The lines that matter here, checked and in the form `tobj` takes: it stops at an
+/// empty `map_Kd`, a single grey value, an inline comment or Latin-1 text.
+fn check(text: &[u8]) -> std::result::Result<String, Mistake> {
+    let mut plain = String::new();
+    for chunk in super::text::chunks(text) {
+        for (offset, line) in chunk.lines() {
+            match keyword(line) {
+                (b"newmtl", rest) if !rest.trim_ascii().is_empty() => {
+                    plain.push_str(&format!("newmtl {}\n", words(rest)));
+                }
+                (b"newmtl", _) => return Err(Mistake::new(offset, "`newmtl` without a name")),
+                (name @ (b"Kd" | b"Ks"), rest) => {
+                    let [r, g, b] = colour(name, rest).map_err(|message| Mistake::new(offset, message))?;
+                    plain.push_str(&format!("{} {r} {g} {b}\n", words(name)));
+                }
+                (b"Ns", rest) => {
+                    let token = tokens(rest).next().unwrap_or_default();
+                    let value = value(b"Ns", token).map_err(|message| Mistake::new(offset, message))?;
+                    plain.push_str(&format!("Ns {value}\n"));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(plain)
+}
+
+/// Three values, or one for all three, as MTL allows.
+fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
+    let values: Vec<f32> =
+        tokens(rest).take(3).map(|token| value(name, token)).collect::<std::result::Result<_, _>>()?;
+    match values[..] {
+        [grey] => Ok([grey; 3]),
+        [r, g, b] => Ok([r, g, b]),
+        _ => Err(format!("{} of {} numbers; expected one or three", words(name), values.len())),
+    }
+}
+
+fn value(name: &[u8], token: &[u8]) -> std::result::Result<f32, String> {
+    number(token).filter(|value| *value >= 0.0).ok_or_else(|| {
+        format!("{} in {}; expected a finite number of at least 0", quoted(token), words(name))
+    })
+}
+
+/// Kd is k_L, Ks is k_G and Ns is s; without a Ks there is no highlight.
+fn convert(material: &tobj::Material) -> Material {
+    let lambertian = material.diffuse.map_or(Vec3::splat(DEFAULT_LAMBERTIAN), Vec3::from_array);
+    let glossy = material.specular.map_or(Vec3::ZERO, Vec3::from_array);
+    if glossy == Vec3::ZERO {
+        return Material::lambertian(lambertian);
+    }
+    Material::blinn_phong(lambertian, glossy, material.shininess.unwrap_or(PAPER_SHININESS))
+}

@@ -1,0 +1,138 @@
+//! Odd and bad files, and `tobj` as the oracle for good ones.
+
+use super::*;
+use proptest::prelude::*;
+
+fn read(text: &str) -> Result<ObjFile> {
+    parse("test.obj", Path::new("/nowhere"), text.as_bytes())
+}
+
+const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+fn message(text: &str) -> String {
+    read(text).err().map(|error| error.to_string()).unwrap_or_default()
+}
+
+#[test]
+fn mistakes_name_file_line_value_and_what_was_expected() {
+    let cases = [
+        (String::new(), "test.obj:1: no triangles"),
+        (format!("{CORNERS}l 1 2 3\n"), "test.obj:5: no triangles: 3 vertices"),
+        ("v nan 0 0\n".to_owned(), "test.obj:1: `nan` in a vertex; expected a finite"),
+        ("\nv 0 1e400 0\n".to_owned(), "test.obj:2: `1e400`"),
+        ("v 0 0\n".to_owned(), "test.obj:1: a vertex of 2 numbers; expected three"),
+        ("v 1e38 0 0\n".to_owned(), "test.obj:1: vertex (1e38"),
+        (format!("{CORNERS}f 0 1 2\n"), "test.obj:4: vertex index `0`"),
+        (
+            format!("{CORNERS}f 1 2 4\n"),
+            "test.obj:4: vertex index `4` in `4` does not exist; expected 1 to 3",
+        ),
+        (format!("{CORNERS}f -4 -2 -1\n"), "expected -3 to -1"),
+        (format!("{CORNERS}f 1 2 99999999999999999999999\n"), "expected 1 to 3"),
+        (format!("{CORNERS}f 1//1 2//2 3//3\n"), "the file has no normal at all"),
+        (format!("{CORNERS}f 1 2\n"), "test.obj:4: a face of 2 corners; expected three or more"),
+        (format!("{CORNERS}f 1 2 3.5\n"), "`3.5` in `3.5` is not an index"),
+        (format!("{CORNERS}f / / /\n"), "is not an index"),
+        (format!("{CORNERS}f 1/1/1/1 2 3\n"), "test.obj:4:"),
+    ];
+    for (text, expected) in cases {
+        assert!(message(&text).contains(expected), "{text:?}: {}", message(&text));
+    }
+}
+
+#[test]
+fn odd_but_clear_files_are_read() {
+    let same = [
+        "\u{feff}v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n".as_bytes().to_vec(),
+        b"v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r".to_vec(),
+        b"# C:\\\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\n2 \\\n3".to_vec(),
+        b"  v 0 0 0 # a\n\tv 1 0 0 1 0 0\nv 0 1 0\n f 1/ 2// 3/7 # b".to_vec(),
+        b"o G\xe4nse\nusemtl\ng\np 1\nl 1 2\nfoo bar\nf 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_vec(),
+    ];
+    for text in same {
+        let file = parse("test.obj", Path::new("/nowhere"), &text).unwrap();
+        assert_eq!(file.mesh.positions, [glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
+        assert_eq!(file.mesh.triangles[0].positions, [0, 1, 2]);
+        assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
+    }
+}
+
+#[test]
+fn a_mistake_after_continued_lines_has_its_own_line() {
+    assert!(message("v 0 0 \\\n\\\n0\nv 1 0 x\n").contains("test.obj:4: `x`"));
+}
+
+#[test]
+fn normals_at_some_corners_only_are_generated_at_all() {
+    let file = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2 3\n")).unwrap();
+    assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
+}
+
+#[test]
+fn a_material_file_outside_the_folder_or_missing_is_a_note() {
+    for library in ["../../etc/passwd", "/etc/passwd", "none.mtl", "a b.mtl", "."] {
+        let file = read(&format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
+        assert!(file.notes.len() >= 2, "{library}: {:?}", file.notes);
+        assert_eq!(*file.mesh.material(&file.mesh.triangles[0]), crate::scene::Material::default());
+    }
+}
+
+#[test]
+fn many_chunks_read_as_one() {
+    let mut text = String::new();
+    for i in 0..40_000 {
+        text.push_str(&format!("v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nf -3 -2 -1\n"));
+    }
+    let file = read(&text).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 40_000);
+    for (i, triangle) in (0..).zip(&file.mesh.triangles) {
+        assert_eq!(triangle.positions, [3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    text.push_str("f 1 2 oops\n");
+    assert!(message(&text).contains("test.obj:160001:"));
+}
+
+fn obj_text() -> impl Strategy<Value = String> {
+    let vertex = prop::array::uniform3(1e-2_f32..1e3);
+    let counts = (prop::collection::vec(vertex, 3..40), prop::collection::vec(any::<[u32; 6]>(), 1..60));
+    counts.prop_map(|(vertices, faces)| {
+        let mut text = String::new();
+        for [x, y, z] in &vertices {
+            text.push_str(&format!("v {x} {y} {z}\nvn {z} {x} {y}\n"));
+        }
+        let count = vertices.len() as u32;
+        for face in faces {
+            let [a, b, c, d, e, f] = face.map(|index| 1 + index % count);
+            text.push_str(&format!("f {a}//{d} {b}//{e} {c}//{f}\n"));
+        }
+        text
+    })
+}
+
+proptest! {
+    #[test]
+    fn good_files_read_as_tobj_reads_them(text in obj_text()) {
+        let ours = read(&text).unwrap().mesh;
+        let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
+        let load = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| unreachable!());
+        let theirs = &load.unwrap().0[0].mesh;
+        let corner = |list: &[f32], index: u32| {
+            let at = 3 * index as usize;
+            glam::Vec3::new(list[at], list[at + 1], list[at + 2])
+        };
+        for (at, triangle) in ours.triangles.iter().enumerate() {
+            for i in 0..3 {
+                let position = corner(&theirs.positions, theirs.indices[3 * at + i]);
+                prop_assert_eq!(ours.corners(triangle)[i], position);
+                let normal = corner(&theirs.normals, theirs.normal_indices[3 * at + i]);
+                prop_assert_eq!(ours.corner_normals(triangle)[i], normal);
+            }
+        }
+        prop_assert_eq!(3 * ours.triangles.len(), theirs.indices.len());
+    }
+
+    #[test]
+    fn no_text_makes_it_panic(text in "([vf#lp\\\\ ]|vn|usemtl|mtllib|[0-9/. \n-]|nan|1e9){0,60}") {
+        let _ = read(&text);
+    }
+}

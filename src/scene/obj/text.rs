@@ -1,0 +1,159 @@
+//! OBJ text: lines, pieces of whole lines, tokens, and where a mistake is.
+
+use crate::error::Error;
+use std::borrow::Cow;
+
+/// A line longer than this is not shown around a mistake.
+const SHOWN_LINE_BYTES: usize = 400;
+/// Nor is a file longer than this copied into an error.
+const SHOWN_FILE_BYTES: usize = 4 << 20;
+/// Pieces shorter than this are not worth another thread.
+const CHUNK_BYTES: usize = 1 << 17;
+
+/// A mistake at a byte of the normalised text.
+#[derive(Debug)]
+pub(super) struct Mistake {
+    offset: usize,
+    message: String,
+}
+
+impl Mistake {
+    pub fn new(offset: usize, message: impl Into<String>) -> Self {
+        Self { offset, message: message.into() }
+    }
+}
+
+/// A text with the name users know it by.
+pub(super) struct Source<'a> {
+    pub name: &'a str,
+    pub text: &'a [u8],
+}
+
+impl Source<'_> {
+    /// The mistake with its file and line, and the line itself where it can be shown.
+    pub fn error(&self, mistake: Mistake) -> Error {
+        let before = &self.text[..mistake.offset.min(self.text.len())];
+        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+        let message = format!("{}:{line}: {}", self.name, mistake.message);
+        let rest = &self.text[before.len()..];
+        let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        // Only UTF-8 text has the same offsets in the error as in the file.
+        match std::str::from_utf8(self.text) {
+            Ok(text) if text.len() <= SHOWN_FILE_BYTES && length <= SHOWN_LINE_BYTES => {
+                let span = before.len()..before.len() + length;
+                Error::in_file(self.name, text, span, message, "here")
+            }
+            _ => Error::input(message),
+        }
+    }
+}
+
+/// Some whole lines of a text.
+pub(super) struct Chunk<'a> {
+    start: usize,
+    bytes: &'a [u8],
+}
+
+impl<'a> Chunk<'a> {
+    /// Its lines without surrounding space, each with its offset in the text.
+    pub fn lines(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
+        let mut offset = self.start;
+        self.bytes.split(|&byte| byte == b'\n').map(move |line| {
+            let start = offset;
+            offset += line.len() + 1;
+            (start, line.trim_ascii())
+        })
+    }
+}
+
+/// Cuts a text at line ends into pieces for all threads.
+pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
+    let target = (text.len() / (4 * rayon::current_num_threads())).max(CHUNK_BYTES);
+    let mut chunks = Vec::new();
+    let mut start = 0;
+    while start < text.len() {
+        let from = (start + target).min(text.len());
+        let end = text[from..].iter().position(|&byte| byte == b'\n').map_or(text.len(), |at| from + at + 1);
+        chunks.push(Chunk { start, bytes: &text[start..end] });
+        start = end;
+    }
+    chunks
+}
+
+/// The text with line feeds only, without byte order mark, and continued lines
+/// joined. A joined line is followed by as many empty ones, so that line numbers stay.
+pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let continued = || bytes.contains(&b'\\') && bytes.windows(2).any(|pair| pair == b"\\\n");
+    if !bytes.contains(&b'\r') && !continued() {
+        return Cow::Borrowed(bytes);
+    }
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut joined = 0;
+    for line in split_lines(bytes) {
+        // A comment such as `# made from C:\` continues nothing.
+        let comment = joined == 0 && line.trim_ascii_start().starts_with(b"#");
+        match line.strip_suffix(b"\\") {
+            Some(head) if !comment => {
+                out.extend_from_slice(head);
+                out.push(b' ');
+                joined += 1;
+            }
+            _ => {
+                out.extend_from_slice(line);
+                out.extend(std::iter::repeat_n(b'\n', 1 + joined));
+                joined = 0;
+            }
+        }
+    }
+    Cow::Owned(out)
+}
+
+/// Lines that end in LF, CR LF or CR.
+fn split_lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let mut rest = Some(bytes);
+    std::iter::from_fn(move || {
+        let text = rest?;
+        let Some(end) = text.iter().position(|&byte| byte == b'\n' || byte == b'\r') else {
+            return rest.take();
+        };
+        let skip = if text[end..].starts_with(b"\r\n") { 2 } else { 1 };
+        rest = Some(&text[end + skip..]);
+        Some(&text[..end])
+    })
+}
+
+/// A line's first word and what follows it.
+pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
+    let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+    line.split_at(end)
+}
+
+/// The words of a line, up to a comment.
+pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let end = line.iter().position(|&byte| byte == b'#').unwrap_or(line.len());
+    line[..end].split(u8::is_ascii_whitespace).filter(|token| !token.is_empty())
+}
+
+/// A name or a word for a message: UTF-8, else Latin-1.
+pub(super) fn words(bytes: &[u8]) -> String {
+    let bytes = bytes.trim_ascii();
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
+    }
+}
+
+/// A token as a message shows it: printable, and not the whole of a megabyte.
+pub(super) fn quoted(token: &[u8]) -> String {
+    let mut shown: String = words(token).chars().take(40).flat_map(char::escape_default).collect();
+    if token.len() > 40 {
+        shown.push_str("...");
+    }
+    format!("`{shown}`")
+}
+
+/// A finite f32, or `None`.
+pub(super) fn number(token: &[u8]) -> Option<f32> {
+    std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f32| value.is_finite())
+}

@@ -1,0 +1,104 @@
+//! `--set camera.position=[0,0,1]`: values put into a document before it is read.
+
+use crate::error::{Error, Result};
+use toml::{Table, Value};
+
+/// Sets each dotted path in turn. A number in a path is an array's element from 0,
+/// and the first number beyond an array adds to it, as in `light.0.power`.
+pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
+    for (path, value) in overrides {
+        let keys: Vec<&str> = path.split('.').collect();
+        if keys.iter().any(|key| key.is_empty()) {
+            return Err(Error::input(format!("override `{path}`: an empty name between its dots")));
+        }
+        set_in_table(document, &keys, value)
+            .map_err(|reason| Error::input(format!("override `{path}`: {reason}")))?;
+    }
+    Ok(())
+}
+
+fn set_in_table(table: &mut Table, keys: &[&str], value: &Value) -> std::result::Result<(), String> {
+    match keys {
+        [] => Ok(()),
+        [key] => {
+            table.insert((*key).to_owned(), value.clone());
+            Ok(())
+        }
+        [key, rest @ ..] => {
+            let inner = table.entry((*key).to_owned()).or_insert_with(|| container(rest));
+            set_in_value(inner, key, rest, value)
+        }
+    }
+}
+
+fn set_in_value(
+    target: &mut Value,
+    name: &str,
+    keys: &[&str],
+    value: &Value,
+) -> std::result::Result<(), String> {
+    match target {
+        Value::Table(table) => set_in_table(table, keys, value),
+        Value::Array(array) => set_in_array(array, name, keys, value),
+        _ => Err(format!("`{name}` is a {}, which has nothing inside", target.type_str())),
+    }
+}
+
+fn set_in_array(
+    array: &mut Vec<Value>,
+    name: &str,
+    keys: &[&str],
+    value: &Value,
+) -> std::result::Result<(), String> {
+    let [key, rest @ ..] = keys else { return Ok(()) };
+    let count = array.len();
+    let index = key.parse::<usize>().ok().filter(|index| *index <= count).ok_or_else(|| {
+        format!("`{name}` is an array of {count}; expected an index from 0 to {count}, not `{key}`")
+    })?;
+    if rest.is_empty() {
+        match array.get_mut(index) {
+            Some(element) => *element = value.clone(),
+            None => array.push(value.clone()),
+        }
+        return Ok(());
+    }
+    if index == count {
+        array.push(container(rest));
+    }
+    set_in_value(&mut array[index], key, rest, value)
+}
+
+/// What a path that does not exist yet goes through: an array before a number, else a table.
+fn container(rest: &[&str]) -> Value {
+    match rest.first().map(|key| key.parse::<usize>()) {
+        Some(Ok(_)) => Value::Array(Vec::new()),
+        _ => Value::Table(Table::new()),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    fn set(path: &str, value: i64) -> Result<String> {
+        let mut document: Table = "[camera]\nz_near = 0.1\n[[light]]\npower = 1".parse().unwrap();
+        apply(&mut document, &[(path.to_owned(), Value::Integer(value))])?;
+        Ok(toml::to_string(&document).unwrap())
+    }
+
+    #[test]
+    fn paths_reach_into_tables_and_arrays_and_make_what_is_absent() {
+        assert!(set("camera.z_near", 2).unwrap().contains("z_near = 2"));
+        assert!(set("light.0.power", 7).unwrap().contains("power = 7"));
+        assert_eq!(set("light.1.power", 7).unwrap().matches("[[light]]").count(), 2);
+        assert!(set("display.exposure", 3).unwrap().contains("[display]\nexposure = 3"));
+    }
+
+    #[test]
+    fn a_path_through_a_number_or_out_of_an_array_is_refused() {
+        for path in ["camera.z_near.x", "light.2.power", "light.first.power", "camera..x"] {
+            assert!(set(path, 1).unwrap_err().to_string().contains(path), "{path}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! A hall with two rows of columns, its faces towards who stands inside.
+
+use super::grid::{grid, split};
+use crate::scene::Mesh;
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+const WIDTH: f64 = 4.0;
+const HEIGHT: f64 = 3.0;
+const LENGTH: f64 = 10.0;
+const MAX_COLUMNS: u32 = 12;
+/// Fewer triangles do not look like a column.
+const MIN_COLUMN_TRIANGLES: f64 = 40.0;
+/// Columns take this part of the triangles: they are what is round.
+const COLUMN_SHARE: f64 = 0.75;
+
+/// About `triangles` triangles, at least twelve; below some hundred, fewer columns.
+pub(super) fn interior(triangles: u32) -> Mesh {
+    let triangles = f64::from(triangles);
+    let columns = ((COLUMN_SHARE * triangles / MIN_COLUMN_TRIANGLES) as u32).min(MAX_COLUMNS) & !1;
+    let mut mesh = Mesh::default();
+    let mut budget = COLUMN_SHARE * triangles;
+    for number in 0..columns {
+        // Each takes its part of what is left, so that rounding does not add up.
+        let (around, up) = split(budget / f64::from(columns - number) / 2.0, 0.5);
+        let part = column(around.max(4), up, foot(number, columns / 2));
+        budget -= part.triangles.len() as f64;
+        mesh.append(part);
+    }
+    let mut rest = triangles - mesh.triangles.len() as f64;
+    for (number, wall) in walls().into_iter().enumerate() {
+        let (across, up) = split(rest / (6 - number) as f64 / 2.0, 1.0);
+        let part = grid(across, up, |u, v| {
+            (wall[0] + wall[1] * u + wall[2] * v, wall[1].cross(wall[2]).normalize())
+        });
+        rest -= part.triangles.len() as f64;
+        mesh.append(part);
+    }
+    mesh.share_first_material();
+    mesh
+}
+
+/// Where a column stands: alternately left and right, from front to back.
+fn foot(number: u32, a_side: u32) -> DVec3 {
+    let side = if number.is_multiple_of(2) { -1.0 } else { 1.0 };
+    let depth = (f64::from(number / 2) + 0.5) / f64::from(a_side);
+    DVec3::new(side * 0.27 * WIDTH, 0.0, -LENGTH * depth)
+}
+
+/// A shaft between a base and a capital, open at both ends.
+fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
+    let radius = |v: f64| {
+        let flare = |distance: f64| 0.13 * (-(distance / 0.06).powi(2)).exp();
+        0.24 - 0.05 * v + flare(v) + flare(1.0 - v)
+    };
+    grid(around, up, |u, v| {
+        let (sin, cos) = (TAU * u).sin_cos();
+        let slope = (radius(v + 1e-5) - radius(v - 1e-5)) / (2e-5 * HEIGHT);
+        let position = foot + DVec3::new(radius(v) * cos, HEIGHT * v, -radius(v) * sin);
+        (position, DVec3::new(cos, -slope, -sin).normalize())
+    })
+}
+
+/// Floor, ceiling, left, right, back and front as a corner and two edges; the normal,
+/// edge x edge, points into the hall.
+fn walls() -> [[DVec3; 3]; 6] {
+    let (x, y, z) = (DVec3::X * WIDTH, DVec3::Y * HEIGHT, DVec3::Z * LENGTH);
+    let corner = -x / 2.0 - z;
+    [
+        [corner, z, x],
+        [corner + y, x, z],
+        [corner, y, z],
+        [corner + x, z, y],
+        [corner, x, y],
+        [corner + z, y, x],
+    ]
+}

@@ -1,0 +1,77 @@
+//! Newell's teapot: 32 bicubic Bezier patches.
+
+use super::grid::{grid, split};
+use crate::scene::Mesh;
+use glam::DVec3;
+use serde::Deserialize;
+
+/// M. Newell, 1975; the file says by way of what.
+const DATA: &str = include_str!("newell_teapot_patches.json");
+
+#[derive(Deserialize)]
+struct Data {
+    patches: Vec<Vec<usize>>,
+    vertices: Vec<[f64; 3]>,
+}
+
+/// A patch's 4 x 4 control points.
+type Patch = [[DVec3; 4]; 4];
+
+/// 32 x 2 x `columns` x `rows` triangles. Those on the collapsed edges of the lid and
+/// the base have no area and are kept: the paper counts them.
+pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for patch in patches() {
+        mesh.append(grid(columns, rows, |u, v| surface(&patch, u, v)));
+    }
+    mesh.share_first_material();
+    mesh
+}
+
+/// About `triangles` triangles, at least 64. Rows and columns may differ: every edge
+/// that patches share is between rows or between columns of both.
+pub(super) fn of_triangles(triangles: u32) -> Mesh {
+    let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
+    teapot(columns, rows)
+}
+
+fn patches() -> Vec<Patch> {
+    // The data is part of this program, and a test reads it.
+    let Ok(data) = serde_json::from_str::<Data>(DATA) else { return Vec::new() };
+    let point = |index: &usize| {
+        let [x, y, z] = data.vertices[*index];
+        // z is up in the data; a turn about x keeps it right-handed.
+        DVec3::new(x, z, -y)
+    };
+    let row = |patch: &[usize], j: usize| std::array::from_fn(|i| point(&patch[4 * j + i]));
+    data.patches.iter().map(|patch| std::array::from_fn(|j| row(patch, j))).collect()
+}
+
+/// The point at u (within control rows) and v (across them), and the outward normal.
+fn surface(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3) {
+    let position = blend(patch, bernstein(u), bernstein(v));
+    // Where an edge is collapsed to a point, the normal is its neighbourhood's.
+    let normal = normal(patch, u, v).or_else(|| normal(patch, u.clamp(1e-3, 0.999), v.clamp(1e-3, 0.999)));
+    (position, normal.unwrap_or(DVec3::Y))
+}
+
+fn normal(patch: &Patch, u: f64, v: f64) -> Option<DVec3> {
+    let along_u = blend(patch, slope(u), bernstein(v));
+    let along_v = blend(patch, bernstein(u), slope(v));
+    let normal = along_u.cross(along_v);
+    (normal.length() > 1e-9).then(|| normal.normalize())
+}
+
+fn blend(patch: &Patch, u: [f64; 4], v: [f64; 4]) -> DVec3 {
+    (0..4).map(|j| (0..4).map(|i| patch[j][i] * u[i]).sum::<DVec3>() * v[j]).sum()
+}
+
+fn bernstein(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t]
+}
+
+fn slope(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [-3.0 * s * s, 3.0 * s * (s - 2.0 * t), 3.0 * t * (2.0 * s - t), 3.0 * t * t]
+}

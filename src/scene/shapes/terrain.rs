@@ -1,0 +1,63 @@
+//! Hills: fractal value noise with its exact slope.
+
+use super::grid::{grid, split};
+use crate::scene::Mesh;
+use glam::DVec3;
+
+const OCTAVES: u32 = 7;
+/// Hills across the terrain in the first octave.
+const FIRST_FREQUENCY: f64 = 3.5;
+const HEIGHT: f64 = 0.6;
+
+/// About `triangles` triangles, at least two.
+pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
+    let (columns, rows) = split(f64::from(triangles) / 2.0, 1.0);
+    grid(columns, rows, |u, v| {
+        // From front to back, so that du x dv points up.
+        let (x, z) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
+        let (height, slope_x, slope_z) = fractal(x, z, seed);
+        (DVec3::new(x, height, z), DVec3::new(-slope_x, 1.0, -slope_z).normalize())
+    })
+}
+
+/// Height and slopes: octaves of half the size and two fifths of the height each.
+fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
+    let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
+    let mut sum = (0.0, 0.0, 0.0);
+    for octave in 0..OCTAVES {
+        // Shifted, so that the octaves' lattices do not meet.
+        let shift = 17.3 * f64::from(octave);
+        let noise = noise(x * frequency + shift, z * frequency - shift, seed.wrapping_add(octave));
+        sum.0 += amplitude * noise.0;
+        sum.1 += amplitude * frequency * noise.1;
+        sum.2 += amplitude * frequency * noise.2;
+        frequency *= 2.0;
+        amplitude *= 0.4;
+    }
+    sum
+}
+
+/// Noise from 0 to 1, and its slopes.
+fn noise(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
+    let (i, k) = (x.floor(), z.floor());
+    let ((sx, dx), (sz, dz)) = (fade(x - i), fade(z - k));
+    let corner = |a: i32, b: i32| hash(i as i32 + a, k as i32 + b, seed);
+    let (v00, v10, v01, v11) = (corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1));
+    let (along_x, along_z, twist) = (v10 - v00, v01 - v00, v00 - v10 - v01 + v11);
+    let value = v00 + along_x * sx + along_z * sz + twist * sx * sz;
+    (value, (along_x + twist * sz) * dx, (along_z + twist * sx) * dz)
+}
+
+/// Perlin's 6t^5 - 15t^4 + 10t^3, and its slope.
+fn fade(t: f64) -> (f64, f64) {
+    let value = t * t * t * (t * (6.0 * t - 15.0) + 10.0);
+    (value, 30.0 * t * t * (t - 1.0) * (t - 1.0))
+}
+
+/// A number from 0 to 1 for a lattice point (a murmur finaliser over its coordinates).
+fn hash(x: i32, z: i32, seed: u32) -> f64 {
+    let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (z as u32).wrapping_mul(0xd816_3841) ^ seed;
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    f64::from(h ^ (h >> 16)) / f64::from(u32::MAX)
+}

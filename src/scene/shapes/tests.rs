@@ -1,0 +1,124 @@
+//! Counts, orientation and closure of every shape.
+
+use super::*;
+use glam::Vec3;
+use std::collections::HashMap;
+
+fn shapes(triangles: u32) -> [Shape; 5] {
+    [
+        Shape::Sphere { triangles },
+        Shape::TeapotOf { triangles },
+        Shape::Gourd { triangles },
+        Shape::Terrain { triangles, seed: 7 },
+        Shape::Interior { triangles },
+    ]
+}
+
+#[test]
+fn the_papers_counts_are_exact() {
+    let count = |name| generate(&Shape::from_name(name).unwrap()).triangles.len();
+    assert_eq!([count("ground"), count("pyramid"), count("gourd"), count("teapot")], [2, 4, 648, 1024]);
+}
+
+#[test]
+fn a_target_is_met_within_a_few_per_cent() {
+    for target in [500, 5_000, 77_777, 300_000] {
+        for shape in shapes(target) {
+            let ratio = generate(&shape).triangles.len() as f64 / f64::from(target);
+            let allowed = if target < 5_000 { 0.15 } else { 0.05 };
+            assert!((ratio - 1.0).abs() <= allowed, "{shape:?}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn every_shape_is_made_from_any_small_target() {
+    for target in [1, 2, 4, 6, 12, 100] {
+        for shape in shapes(target) {
+            let mesh = generate(&shape);
+            assert!(
+                !mesh.triangles.is_empty() && mesh.triangles.len() <= 64.max(2 * target as usize),
+                "{shape:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn normals_are_unit_vectors_on_their_triangles_side() {
+    for name in Shape::NAMES.into_iter().filter(|name| *name != "pyramid") {
+        let mesh = generate(&Shape::from_name(name).unwrap());
+        assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4), "{name}");
+        for triangle in &mesh.triangles {
+            let [a, b, c] = mesh.corners(triangle);
+            let face = (b - a).cross(c - a);
+            let sum: Vec3 = mesh.corner_normals(triangle).iter().sum();
+            assert!(face.dot(sum) >= -1e-9, "{name}: {triangle:?} {face} {sum}");
+        }
+    }
+}
+
+/// How often each directed edge of the mesh occurs.
+fn directed_edges(mesh: &Mesh) -> HashMap<(u32, u32), u32> {
+    let mut edges = HashMap::new();
+    for [a, b, c] in mesh.triangles.iter().map(|t| t.positions) {
+        for edge in [(a, b), (b, c), (c, a)] {
+            *edges.entry(edge).or_default() += 1;
+        }
+    }
+    edges
+}
+
+#[test]
+fn sphere_gourd_and_pyramid_are_closed() {
+    let fine = Shape::Sphere { triangles: 10_000 };
+    for shape in [Shape::Sphere { triangles: 6 }, fine, Shape::Gourd { triangles: 648 }, Shape::Pyramid] {
+        let edges = directed_edges(&generate(&shape));
+        for ((a, b), count) in &edges {
+            // Two triangles share the edge and pass it in opposite directions.
+            assert_eq!((*count, edges.get(&(*b, *a))), (1, Some(&1)), "{shape:?}");
+        }
+    }
+}
+
+#[test]
+fn a_shape_is_the_same_each_time() {
+    for shape in shapes(3_000) {
+        assert_eq!(generate(&shape), generate(&shape));
+    }
+}
+
+#[test]
+fn the_teapot_has_32_triangles_without_area_and_stands_on_zero() {
+    let mesh = generate(&Shape::Teapot { fineness: 4 });
+    let degenerate = mesh.triangles.iter().filter(|t| {
+        let [a, b, c] = mesh.corners(t);
+        (b - a).cross(c - a).length() < 1e-6
+    });
+    assert_eq!(degenerate.count(), 32);
+    let (low, high) = mesh.bounds().unwrap();
+    assert!(low.y.abs() < 1e-5 && (high.y - 3.15).abs() < 1e-5, "{low} {high}");
+    let apex = mesh.positions.iter().position(|p| (p.y - 3.15).abs() < 1e-5 && p.x.abs() < 1e-5).unwrap();
+    assert!(mesh.normals[apex].y > 0.9, "{}", mesh.normals[apex]);
+    assert_eq!(mesh.materials.len(), 1);
+}
+
+#[test]
+fn the_interior_faces_inwards() {
+    let mesh = generate(&Shape::Interior { triangles: 12 });
+    let middle = Vec3::new(0.0, 1.5, -5.0);
+    for triangle in &mesh.triangles {
+        let inwards = middle - mesh.corners(triangle)[0];
+        assert!(mesh.corner_normals(triangle).iter().all(|n| n.dot(inwards) > 0.0));
+    }
+}
+
+#[test]
+fn parameters_are_checked() {
+    let mut shape = Shape::Ground;
+    assert!(shape.set("triangles", 5).unwrap_err().contains("no `triangles`"));
+    let mut shape = Shape::Sphere { triangles: 1 };
+    assert!(shape.set("triangles", 0).unwrap_err().contains("expected 1 to"));
+    let mut shape = Shape::TeapotOf { triangles: 100 };
+    assert!(shape.set("fineness", 5).is_err());
+}

@@ -1,0 +1,82 @@
+//! Where an object stands: scaled, then turned, then moved.
+
+use super::mesh::{Mesh, PARALLEL_TRIANGLES};
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Scale along the object's axes, rotation about x, then y, then z, translation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Transform {
+    /// No component is zero; a negative one mirrors.
+    pub scale: Vec3,
+    /// Angles about x, y and z.
+    pub rotation_degrees: Vec3,
+    /// In the scene's units.
+    pub translation: Vec3,
+}
+
+impl Transform {
+    /// Leaves everything where it is.
+    pub const IDENTITY: Self =
+        Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
+
+    /// Moves positions and turns normals with them.
+    pub fn apply(&self, mesh: &mut Mesh) {
+        // A mesh that stays must keep its bits: the paper's scenes are given in exact numbers.
+        if *self == Self::IDENTITY {
+            return;
+        }
+        let [x, y, z] = self.rotation_degrees.as_dvec3().to_array().map(f64::to_radians);
+        let rotation = DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
+        let (scale, translation) = (self.scale.as_dvec3(), self.translation.as_dvec3());
+        let place = |p: &mut Vec3| *p = (rotation * (p.as_dvec3() * scale) + translation).as_vec3();
+        mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(place);
+        // Normals go with the inverse transpose; its size does not matter, its range does.
+        let inverse = scale.abs().min_element() / scale;
+        let turn = |n: &mut Vec3| {
+            let turned: DVec3 = rotation * (n.as_dvec3() * inverse);
+            *n = turned.normalize_or(DVec3::Z).as_vec3();
+        };
+        mesh.normals.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(turn);
+        if scale.x * scale.y * scale.z < 0.0 {
+            mesh.triangles.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(|triangle| {
+                // A mirrored triangle is wound the other way.
+                triangle.positions.swap(1, 2);
+                triangle.normals.swap(1, 2);
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Shape, generate};
+
+    #[test]
+    fn rotation_is_about_x_then_y_then_z() {
+        let mut mesh = generate(&Shape::Ground);
+        mesh.positions = vec![Vec3::Y];
+        mesh.normals = vec![Vec3::Y];
+        let quarter = Vec3::new(90.0, 90.0, 0.0);
+        let transform =
+            Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: Vec3::ONE };
+        transform.apply(&mut mesh);
+        // y turns to z about x, and z to x about y.
+        assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
+        assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
+    }
+
+    #[test]
+    fn a_squeezed_and_mirrored_sphere_keeps_its_normals_outside() {
+        let mut mesh = generate(&Shape::Sphere { triangles: 400 });
+        let scale = Vec3::new(-3.0, 0.5, 1.0);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh);
+        for triangle in &mesh.triangles {
+            let [a, b, c] = mesh.corners(triangle);
+            let face = (b - a).cross(c - a);
+            assert!(mesh.corner_normals(triangle).iter().all(|n| n.dot(face) > 0.0));
+            assert!(face.dot(a + b + c) > 0.0);
+        }
+    }
+}

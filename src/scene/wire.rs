@@ -1,0 +1,201 @@
+//! The scene file as TOML has it. Its number types refuse what is out of range, so
+//! that `toml` points at the place.
+
+use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
+use std::fmt;
+use std::marker::PhantomData;
+use toml::Spanned;
+
+/// A whole scene file.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneWire {
+    pub name: Option<String>,
+    #[serde(default)]
+    pub camera: CameraWire,
+    #[serde(default)]
+    pub object: Vec<Spanned<ObjectWire>>,
+    pub light: Option<Vec<LightWire>>,
+    pub background: Option<Triple<NonNegative>>,
+    pub shadow_bias: Option<Number<NonNegative>>,
+    #[serde(default)]
+    pub display: DisplayWire,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraWire {
+    pub position: Option<Spanned<Vector>>,
+    pub look_at: Option<Spanned<Vector>>,
+    pub up: Option<Spanned<Vector>>,
+    pub fov_x_degrees: Option<Spanned<Number<Angle>>>,
+    pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
+    pub z_near: Option<Number<NonNegative>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ObjectWire {
+    pub obj: Option<Spanned<String>>,
+    pub shape: Option<Spanned<String>>,
+    pub triangles: Option<Spanned<u32>>,
+    pub fineness: Option<Spanned<u32>>,
+    pub seed: Option<Spanned<u32>>,
+    pub vertices: Option<Spanned<Vec<Vector>>>,
+    pub faces: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
+    pub normals: Option<Spanned<Vec<Vector>>>,
+    pub face_normals: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
+    pub scale: Option<Triple<NonZero>>,
+    pub rotation: Option<Vector>,
+    pub translation: Option<Vector>,
+    #[serde(default)]
+    pub flat: bool,
+    pub material: Option<MaterialWire>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialWire {
+    pub k_l: Option<Triple<NonNegative>>,
+    pub k_g: Option<Triple<NonNegative>>,
+    pub shininess: Option<Number<NonNegative>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LightWire {
+    pub position: Vector,
+    pub power: Triple<NonNegative>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DisplayWire {
+    pub exposure: Option<Number<NonNegative>>,
+    pub gamma: Option<Number<Positive>>,
+}
+
+/// A range of numbers, and its name in messages.
+pub(super) trait Range {
+    const EXPECTED: &'static str;
+    fn contains(value: f32) -> bool;
+}
+
+macro_rules! ranges {
+    ($($(#[$doc:meta])* $name:ident: $expected:literal, $holds:expr;)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(super) struct $name;
+        impl Range for $name {
+            const EXPECTED: &'static str = $expected;
+            fn contains(value: f32) -> bool {
+                let holds: fn(f32) -> bool = $holds;
+                value.is_finite() && holds(value)
+            }
+        }
+    )*};
+}
+
+ranges! {
+    /// Any that f32 holds.
+    Finite: "a finite number", |_| true;
+    /// For what has no sign.
+    NonNegative: "a finite number of at least 0", |value| value >= 0.0;
+    /// For divisors.
+    Positive: "a finite number of more than 0", |value| value > 0.0;
+    /// For scales.
+    NonZero: "a finite number other than 0", |value| value != 0.0;
+    /// For fields of view; near the ends their tangent leaves f32.
+    Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99;
+}
+
+/// A number in a range.
+#[derive(Clone, Copy)]
+pub(super) struct Number<R>(pub f32, PhantomData<R>);
+
+/// Three numbers in a range; one number stands for three of it.
+#[derive(Clone, Copy)]
+pub(super) struct Triple<R>(pub [f32; 3], PhantomData<R>);
+
+/// Three finite numbers.
+#[derive(Clone, Copy)]
+pub(super) struct Vector(pub [f32; 3]);
+
+impl<'de, R: Range> Deserialize<'de> for Number<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(NumberVisitor::<R>(PhantomData)).map(|value| Self(value, PhantomData))
+    }
+}
+
+impl<'de, R: Range> Deserialize<'de> for Triple<R> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let visitor = TripleVisitor::<R> { single: true, range: PhantomData };
+        deserializer.deserialize_any(visitor).map(|values| Self(values, PhantomData))
+    }
+}
+
+impl<'de> Deserialize<'de> for Vector {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let visitor = TripleVisitor::<Finite> { single: false, range: PhantomData };
+        deserializer.deserialize_any(visitor).map(Self)
+    }
+}
+
+fn checked<R: Range, E: serde::de::Error>(value: f64) -> Result<f32, E> {
+    let narrow = value as f32;
+    if R::contains(narrow) { Ok(narrow) } else { Err(E::custom(format!("{value} is not {}", R::EXPECTED))) }
+}
+
+struct NumberVisitor<R>(PhantomData<R>);
+
+impl<R: Range> Visitor<'_> for NumberVisitor<R> {
+    type Value = f32;
+
+    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        out.write_str(R::EXPECTED)
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<f32, E> {
+        checked::<R, E>(value)
+    }
+
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<f32, E> {
+        checked::<R, E>(value as f64)
+    }
+}
+
+struct TripleVisitor<R> {
+    single: bool,
+    range: PhantomData<R>,
+}
+
+impl<'de, R: Range> Visitor<'de> for TripleVisitor<R> {
+    type Value = [f32; 3];
+
+    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let single = if self.single { "a number or " } else { "" };
+        write!(out, "{single}three numbers [x, y, z], each {}", R::EXPECTED)
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<[f32; 3], E> {
+        if self.single {
+            return checked::<R, E>(value).map(|value| [value; 3]);
+        }
+        Err(E::invalid_type(serde::de::Unexpected::Float(value), &self))
+    }
+
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<[f32; 3], E> {
+        if self.single {
+            return checked::<R, E>(value as f64).map(|value| [value; 3]);
+        }
+        Err(E::invalid_type(serde::de::Unexpected::Signed(value), &self))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<[f32; 3], A::Error> {
+        let mut values = Vec::with_capacity(3);
+        while let Some(Number::<R>(value, _)) = sequence.next_element()? {
+            values.push(value);
+        }
+        <[f32; 3]>::try_from(values).map_err(|values| A::Error::invalid_length(values.len(), &self))
+    }
+}

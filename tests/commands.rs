@@ -1,0 +1,94 @@
+//! Commands that only report: devices, strategies, occupancy, and what becomes of mistakes.
+
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::assert::OutputAssertExt as _;
+
+fn raycl(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    command.args(arguments);
+    command
+}
+
+/// Runs it and gives standard output, which must be all it says.
+fn output(arguments: &[&str]) -> String {
+    let output = raycl(arguments).output().expect("it runs");
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    serde_json::from_str(&output(arguments)).expect("JSON")
+}
+
+/// Runs it, expects this exit code, and gives standard error.
+fn mistake(command: &mut Command, code: i32) -> String {
+    let output = command.assert().code(code).get_output().clone();
+    assert!(output.stdout.is_empty(), "{output:?}");
+    String::from_utf8(output.stderr).expect("UTF-8")
+}
+
+#[test]
+fn without_a_platform_the_error_is_instant_and_says_what_to_install() {
+    let start = Instant::now();
+    let message = mistake(raycl(&["devices"]).env("OCL_ICD_VENDORS", "/nonexistent"), 1);
+    assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
+    for part in ["no OpenCL platform", "pocl-opencl-icd", "make setup"] {
+        assert!(message.contains(part), "{message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+}
+
+#[test]
+fn devices_are_listed_with_their_limits() {
+    let listing = json(&["devices", "--json"]);
+    let devices = listing["devices"].as_array().expect("a list");
+    assert!(!devices.is_empty());
+    let text = output(&["devices"]);
+    for device in devices {
+        assert!(device["limits"]["local_bytes"].is_u64(), "{device}");
+        assert!(text.contains(device["name"].as_str().expect("a name")), "{text}");
+    }
+    assert!(devices.iter().any(|device| device["slug"] == listing["default"]));
+}
+
+#[test]
+fn strategies_have_every_axis_of_every_preset() {
+    let listing = json(&["strategies", "--json"]);
+    let axes = listing["axes"].as_array().expect("axes").len();
+    for preset in listing["presets"].as_array().expect("presets") {
+        assert_eq!(preset["axes"].as_object().expect("axes").len(), axes, "{preset}");
+    }
+}
+
+#[test]
+fn the_papers_occupancy_is_contradicted() {
+    let paper = json(&["occupancy", "--paper", "--local-sizes", "16x16,32x32", "--json"]);
+    assert_eq!(paper["rows"][0]["predicted_threads"], 1536);
+    assert_eq!(paper["rows"][0]["threads"], 512);
+    assert_eq!(paper["rows"][1]["threads"], 0);
+}
+
+#[test]
+fn mistakes_exit_with_2_and_name_the_remedy() {
+    let message = mistake(&mut raycl(&["occupancy", "--compute-capability", "8.8"]), 2);
+    assert!(message.contains("'8.8'") && message.contains("8.9"), "{message}");
+    let message = mistake(&mut raycl(&["occupancy", "--local-sizes", "8by8"]), 2);
+    assert!(message.contains("8by8") && message.contains("16x16"), "{message}");
+    let message = mistake(&mut raycl(&["occupancy", "--local-bytes", "-4"]), 2);
+    assert!(message.contains("'-4'") && message.contains("--local-bytes"), "{message}");
+    let message = mistake(&mut raycl(&["device"]), 2);
+    assert!(message.contains("'devices'"), "{message}");
+    mistake(&mut raycl(&[]), 2);
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let mut child =
+        raycl(&["strategies"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert!(output.status.success(), "{output:?}");
+    assert!(output.stderr.is_empty(), "{output:?}");
+}

@@ -1,0 +1,79 @@
+//! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use raycl::device::{Device, discover, select};
+use raycl::image::Radiance;
+use raycl::launch::{Caster, DeviceScene, Queue};
+use raycl::program::{BuiltProgram, ProgramSpec, Sources};
+use raycl::reference::{Reference, reference};
+use raycl::scene::{Scene, load_scene};
+use raycl::strategy::{Culling, Requirements, Strategy, Workload};
+use raycl::verify::{Verdict, verify};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// The device tests run on: PoCL, or what RAYCL_TEST_DEVICE names. A missing device fails the tests.
+pub fn device() -> Device {
+    let pattern =
+        std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
+    let devices = discover().expect("an OpenCL platform; `make setup` installs PoCL");
+    let chosen = select(&devices, &[pattern]).expect("the test device");
+    (*chosen.first().expect("a usable test device")).clone()
+}
+
+/// A scene of the repository.
+pub fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    load_scene(&path).expect("a scene of the repository").scene
+}
+
+/// A device with the references of one scene at one size.
+pub struct Stand {
+    device: Device,
+    pub queue: Queue,
+    scene: Scene,
+    size: [u32; 2],
+    references: HashMap<&'static str, Reference>,
+}
+
+impl Stand {
+    pub fn new(scene: Scene, size: [u32; 2]) -> Self {
+        let device = device();
+        let queue = Queue::open(device.platform, device.device).expect("an open device");
+        Self { device, queue, scene, size, references: HashMap::new() }
+    }
+
+    /// Builds a strategy's program for the scene; none where the device cannot hold it, with why.
+    pub fn build(
+        &self,
+        strategy: &Strategy,
+        local_size: [u32; 2],
+    ) -> Result<(Workload, BuiltProgram), String> {
+        let workload = Workload::of(&self.scene, self.size, local_size);
+        Requirements::check(strategy, &workload, &self.device.info.limits)
+            .map_err(|refused| refused.reason)?;
+        let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, true).expect("a program");
+        let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
+        Ok((workload, program.unwrap_or_else(|error| panic!("{strategy}: {error}"))))
+    }
+
+    /// The image of a strategy.
+    pub fn cast(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Radiance, String> {
+        let (workload, program) = self.build(strategy, local_size)?;
+        let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy.layout).expect("an upload");
+        let caster = Caster::new(&self.queue, &program, strategy, &workload, &self.scene, &uploaded)
+            .unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
+        caster.cast().unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
+        Ok(caster.read().expect("an image").0)
+    }
+
+    /// How a strategy's image compares with the reference; an error where the device cannot hold it.
+    pub fn check(&mut self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Verdict, String> {
+        let image = self.cast(strategy, local_size)?;
+        let name = if strategy.culling == Culling::Back { "back" } else { "none" };
+        let (scene, size) = (&self.scene, self.size);
+        let expected =
+            self.references.entry(name).or_insert_with(|| reference(scene, size, strategy.culling));
+        Ok(verify(&image, expected, scene.display))
+    }
+}
