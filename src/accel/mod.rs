@@ -8,9 +8,19 @@ mod bins;
 mod bounds;
 mod build;
 mod partition;
+#[cfg(test)]
+mod tests;
+mod triangles;
+mod validate;
+mod walk;
+mod wide;
 
 use crate::scene::Mesh;
 use bounds::Bounds;
+
+pub use triangles::{TRIANGLE_WORDS, TriangleForm, triangle_rows};
+pub use walk::{Hit, Walk};
+pub use wide::WideBvh;
 
 /// A node of a [`Bvh`]: 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,5 +82,13 @@ impl Bvh {
     /// logarithm. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size)
+    }
+
+    /// The most bytes the host needs at one time to build a tree over that many triangles.
+    pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
+        let buffers = 2 * size_of::<bounds::Primitive>() as u64 + 4;
+        // In the worst case every other leaf holds one triangle; nodes are made in pieces, then joined.
+        let nodes = 2 * 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
+        triangles * buffers + nodes
     }
 }
