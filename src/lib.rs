@@ -8,6 +8,7 @@
 //! [`record`] keeps what was found. [`image`] turns radiance into pictures.
 //! [`cli`] holds one file a subcommand.
 
+pub mod accel;
 pub mod cli;
 pub mod config;
 pub mod device;

@@ -1,0 +1,149 @@
+//! Binned surface-area heuristic: counts and boxes of the primitives in slices of a node, along three axes.
+//!
+//! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
+
+use super::bounds::{Bounds, Primitive};
+use glam::Vec4;
+
+/// Maps a primitive's centre to a slice number along each axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slicer<const N: usize> {
+    low: Vec4,
+    scale: Vec4,
+}
+
+/// Adding it to a float in `0..2^22` leaves the nearest integer in the low bits: no saturating conversion.
+const ROUND: f32 = 8_388_608.0;
+
+impl<const N: usize> Slicer<N> {
+    /// Slices `region`, which should hold all (doubled) centres; those outside go to the first or last slice.
+    pub fn new(region: Bounds) -> Self {
+        let scale = Vec4::splat(N as f32) / (region.high - region.low);
+        // A flat axis, and one whose extent overflows, has one slice.
+        let usable = scale.cmpgt(Vec4::ZERO) & scale.cmplt(Vec4::INFINITY);
+        Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
+    }
+
+    /// The slice of a primitive along each axis, each below `N`.
+    #[inline(always)]
+    fn slices(&self, primitive: &Primitive) -> [usize; 3] {
+        let place = (primitive.centre() - self.low) * self.scale - Vec4::splat(0.5);
+        let slice = place.max(Vec4::ZERO).min(Vec4::splat((N - 1) as f32)) + Vec4::splat(ROUND);
+        [slice.x, slice.y, slice.z].map(|s| s.to_bits() as usize & (N - 1))
+    }
+
+    /// The slice along one axis: the same operations as `slices`, so the same number.
+    #[inline(always)]
+    pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
+        let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
+        let place = (centre - self.low[AXIS]) * self.scale[AXIS] - 0.5;
+        // Written as the register's max and min behave: a NaN goes to slice 0.
+        let place = if place > 0.0 { place } else { 0.0 };
+        let place = if place < (N - 1) as f32 { place } else { (N - 1) as f32 };
+        (place + ROUND).to_bits() as usize & (N - 1)
+    }
+
+    /// The plane below a slice, on the scale of doubled centres.
+    fn plane(&self, axis: usize, slice: usize) -> f32 {
+        self.low[axis] + slice as f32 / self.scale[axis]
+    }
+}
+
+/// Where to cut a node, and what the cut gives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    pub axis: usize,
+    /// The first slice on the right.
+    pub slice: usize,
+    /// How many primitives go left.
+    pub left_count: usize,
+    /// The children's boxes.
+    pub bounds: [Bounds; 2],
+    /// Boxes that hold the children's doubled centres but for rounding.
+    pub regions: [Bounds; 2],
+}
+
+/// Counts and boxes of the primitives in `N` slices (a power of two) along each axis.
+#[derive(Clone, Debug)]
+pub(super) struct Bins<const N: usize> {
+    bounds: [[Bounds; N]; 3],
+    counts: [[u32; N]; 3],
+}
+
+impl<const N: usize> Bins<N> {
+    /// Sorts primitives into slices.
+    pub fn of(primitives: &[Primitive], slicer: &Slicer<N>) -> Self {
+        let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
+        for primitive in primitives {
+            let slices = slicer.slices(primitive);
+            for axis in 0..3 {
+                let bin = &mut bins.bounds[axis][slices[axis]];
+                *bin = bin.union(primitive.0);
+                bins.counts[axis][slices[axis]] += 1;
+            }
+        }
+        bins
+    }
+
+    /// Adds the bins of other primitives under the same slicer.
+    pub fn merge(mut self, other: &Self) -> Self {
+        for axis in 0..3 {
+            for slice in 0..N {
+                let bin = &mut self.bounds[axis][slice];
+                *bin = bin.union(other.bounds[axis][slice]);
+                self.counts[axis][slice] += other.counts[axis][slice];
+            }
+        }
+        self
+    }
+
+    /// How many primitives lie below a slice.
+    pub fn count_below(&self, axis: usize, slice: usize) -> usize {
+        self.counts[axis][..slice].iter().sum::<u32>() as usize
+    }
+
+    /// The cut of least cost, or `None` if every one leaves a side empty or costs more than a float holds.
+    pub fn best_cut(&self, slicer: &Slicer<N>, region: Bounds) -> Option<Cut> {
+        let mut best = (f32::INFINITY, 0, 0);
+        for axis in 0..3 {
+            best = self.best_on_axis(axis, best);
+        }
+        let (cost, axis, slice) = best;
+        (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
+    }
+
+    /// The better of `best` and the best cut along an axis. A cut with an empty side costs infinity times
+    /// zero, which is not less than anything.
+    #[inline(always)]
+    fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
+        let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);
+        let mut right_cost = [0.0; N];
+        let (mut side, mut count) = (Bounds::EMPTY, 0);
+        for slice in (1..N).rev() {
+            side = side.union(bounds[slice]);
+            count += counts[slice];
+            right_cost[slice] = side.half_area() * count as f32;
+        }
+        (side, count) = (Bounds::EMPTY, 0);
+        for slice in 1..N {
+            side = side.union(bounds[slice - 1]);
+            count += counts[slice - 1];
+            let cost = side.half_area() * count as f32 + right_cost[slice];
+            if cost < best.0 {
+                best = (cost, axis, slice);
+            }
+        }
+        best
+    }
+
+    fn cut(&self, axis: usize, slice: usize, slicer: &Slicer<N>, region: Bounds) -> Cut {
+        let join = |bins: &[Bounds]| bins.iter().copied().fold(Bounds::EMPTY, Bounds::union);
+        let (below, above) = self.bounds[axis].split_at(slice);
+        let bounds = [join(below), join(above)];
+        let plane = slicer.plane(axis, slice);
+        let mut regions = bounds.map(|b| region.intersection(Bounds { low: b.low * 2.0, high: b.high * 2.0 }));
+        regions[0].high[axis] = regions[0].high[axis].min(plane);
+        regions[1].low[axis] = regions[1].low[axis].max(plane);
+        Cut { axis, slice, left_count: self.count_below(axis, slice), bounds, regions }
+    }
+}

@@ -1,0 +1,76 @@
+//! Axis-aligned boxes, and a triangle's box with its number in 32 bytes.
+
+use glam::{Vec3, Vec4};
+
+/// An axis-aligned box. The fourth lane carries nothing: four lanes make one register.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounds {
+    /// Smallest corner.
+    pub low: Vec4,
+    /// Largest corner.
+    pub high: Vec4,
+}
+
+impl Bounds {
+    /// The box of nothing: growing it by a box gives that box.
+    pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
+
+    /// The smallest box around both.
+    #[inline(always)]
+    pub fn union(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// What both boxes have in common.
+    pub fn intersection(self, other: Self) -> Self {
+        Self { low: self.low.max(other.low), high: self.high.min(other.high) }
+    }
+
+    /// Half the surface area; infinite for the empty box.
+    #[inline(always)]
+    pub fn half_area(self) -> f32 {
+        let e = self.high - self.low;
+        e.x * (e.y + e.z) + e.y * e.z
+    }
+}
+
+/// A triangle's box and number. The number lies in `low.w` as the bits of a normal float, so that arithmetic on
+/// whole registers meets no denormals.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Primitive(pub Bounds);
+
+/// The bits of 1.0, added to a triangle's number.
+const NUMBER_BASE: u32 = 0x3f80_0000;
+
+impl Primitive {
+    /// The box of a triangle's three corners.
+    #[inline(always)]
+    pub fn new(corners: [Vec3; 3], triangle: u32) -> Self {
+        let [a, b, c] = corners;
+        let low = a.min(b).min(c).extend(f32::from_bits(NUMBER_BASE + triangle));
+        Self(Bounds { low, high: a.max(b).max(c).extend(1.0) })
+    }
+
+    /// The triangle's number in the mesh.
+    #[inline(always)]
+    pub fn triangle(self) -> u32 {
+        self.0.low.w.to_bits() - NUMBER_BASE
+    }
+
+    /// Twice the box's centre: the sum saves a multiplication.
+    #[inline(always)]
+    pub fn centre(self) -> Vec4 {
+        self.0.low + self.0.high
+    }
+
+    /// The smallest box around all centres.
+    pub fn centre_bounds(primitives: &[Self]) -> Bounds {
+        let point = |p: &Self| Bounds { low: p.centre(), high: p.centre() };
+        primitives.iter().map(point).fold(Bounds::EMPTY, Bounds::union)
+    }
+
+    /// The smallest box around all boxes.
+    pub fn bounds(primitives: &[Self]) -> Bounds {
+        primitives.iter().map(|p| p.0).fold(Bounds::EMPTY, Bounds::union)
+    }
+}

@@ -1,0 +1,179 @@
+//! Builds a binary tree on all cores: binned surface-area heuristic from the root down.
+//!
+//! A node's primitives (32 bytes each: box and number) lie side by side in one of two buffers and move to the
+//! other at every cut, so all reads and writes are sequential. Big nodes are binned and moved in chunks on all cores;
+//! below that, the two halves of a cut are independent tasks.
+
+use super::bins::{Bins, Cut, Slicer};
+use super::bounds::{Bounds, Primitive};
+use super::partition::{partition, partition_chunks};
+use super::{Bvh, Node};
+use crate::scene::Mesh;
+use rayon::prelude::*;
+
+/// Nodes of more triangles are binned and moved on all cores.
+const PARALLEL_NODE: usize = 1 << 16;
+/// Triangles a chunk of such a node.
+const CHUNK: usize = 1 << 14;
+/// Nodes of fewer triangles are one task, subtree and all.
+const TASK: usize = 1 << 12;
+/// Nodes of more triangles have `FINE` slices, others `COARSE`.
+const FINE_NODE: usize = 64;
+const FINE: usize = 16;
+const COARSE: usize = 8;
+/// From this depth on nodes are halved by count, which bounds the depth whatever the triangles are.
+const HALVING_DEPTH: u32 = 64;
+
+/// A subtree in the making.
+struct Work<'a> {
+    /// Its primitives.
+    primitives: &'a mut [Primitive],
+    /// Room for them to move to.
+    spare: &'a mut [Primitive],
+    /// Where its triangles' numbers go.
+    order: &'a mut [u32],
+    /// Its box.
+    bounds: Bounds,
+    /// Holds all doubled centres.
+    region: Bounds,
+    /// Cuts above it.
+    depth: u32,
+}
+
+/// A finished subtree, depth first, in pieces.
+#[derive(Default)]
+struct Subtree {
+    pieces: Vec<Vec<Node>>,
+    nodes: usize,
+    depth: u32,
+}
+
+/// See [`Bvh::build`].
+pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
+    let leaf_size = leaf_size.max(1);
+    let mut primitives: Vec<Primitive> = Vec::new();
+    let primitive = |(i, t)| Primitive::new(mesh.corners(t), i as u32);
+    mesh.triangles.par_iter().enumerate().map(primitive).collect_into_vec(&mut primitives);
+    if primitives.is_empty() {
+        return Bvh { nodes: Vec::new(), order: Vec::new(), depth: 0 };
+    }
+    let mut spare = Vec::new();
+    primitives.par_iter().copied().collect_into_vec(&mut spare);
+    let mut order = vec![0; primitives.len()];
+    let (bounds, region) = primitives
+        .par_chunks(CHUNK)
+        .map(|chunk| (Primitive::bounds(chunk), Primitive::centre_bounds(chunk)))
+        .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)));
+    let root = Work { primitives: &mut primitives, spare: &mut spare, order: &mut order, bounds, region, depth: 0 };
+    let tree = grow(root, leaf_size);
+    Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
+}
+
+/// Builds a subtree: big ones in two tasks, the rest at once.
+fn grow(work: Work, leaf_size: usize) -> Subtree {
+    let count = work.primitives.len();
+    if count <= TASK.max(leaf_size) {
+        let mut nodes = Vec::with_capacity(2 * count / leaf_size + 1);
+        let depth = grow_serially(work, leaf_size, &mut nodes);
+        return Subtree { nodes: nodes.len(), pieces: vec![nodes], depth };
+    }
+    let bounds = work.bounds;
+    let [left, right] = divide(work);
+    let (left, right) = rayon::join(|| grow(left, leaf_size), || grow(right, leaf_size));
+    let root = Node::inner(bounds, left.nodes as u32 + 1, count);
+    let mut pieces = vec![vec![root]];
+    pieces.extend(left.pieces);
+    pieces.extend(right.pieces);
+    Subtree { pieces, nodes: 1 + left.nodes + right.nodes, depth: left.depth.max(right.depth) }
+}
+
+/// Appends a subtree and returns its deepest node's depth.
+fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
+    let (count, depth, place) = (work.primitives.len(), work.depth, nodes.len());
+    nodes.push(Node::leaf(work.bounds, count));
+    if count <= leaf_size {
+        for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
+            *number = primitive.triangle();
+        }
+        return depth;
+    }
+    let [left, right] = divide(work);
+    let left_depth = grow_serially(left, leaf_size, nodes);
+    nodes[place].right = (nodes.len() - place) as u32;
+    left_depth.max(grow_serially(right, leaf_size, nodes))
+}
+
+/// Cuts a node in two.
+fn divide(work: Work) -> [Work; 2] {
+    let count = work.primitives.len();
+    let cut = if work.depth >= HALVING_DEPTH {
+        None
+    } else if count > PARALLEL_NODE {
+        cut_in_chunks(work.primitives, work.spare, work.region)
+    } else if count > FINE_NODE {
+        cut::<FINE>(work.primitives, work.spare, work.region)
+    } else {
+        cut::<COARSE>(work.primitives, work.spare, work.region)
+    };
+    match cut {
+        Some(cut) => work.split(cut),
+        None => work.halve(),
+    }
+}
+
+/// Finds the best cut and moves the primitives. The region may be loose (it is cut, not measured, on the way
+/// down): where it hides every cut it is measured once.
+fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
+    let try_region = |region: Bounds| {
+        let slicer = Slicer::<N>::new(region);
+        Bins::of(source, &slicer).best_cut(&slicer, region).map(|cut| (slicer, cut))
+    };
+    let (slicer, cut) = try_region(region).or_else(|| try_region(Primitive::centre_bounds(source)))?;
+    partition(source, target, &slicer, &cut);
+    Some(cut)
+}
+
+/// The same on all cores.
+fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
+    let try_region = |region: Bounds| {
+        let slicer = Slicer::<FINE>::new(region);
+        let chunks: Vec<_> = source.par_chunks(CHUNK).map(|c| (c, Bins::of(c, &slicer))).collect();
+        let bins = chunks[1..].iter().fold(chunks[0].1.clone(), |sum, (_, bins)| sum.merge(bins));
+        bins.best_cut(&slicer, region).map(|cut| (slicer, chunks, cut))
+    };
+    let (slicer, chunks, cut) = try_region(region).or_else(|| try_region(Primitive::centre_bounds(source)))?;
+    partition_chunks(&chunks, target, &slicer, &cut);
+    Some(cut)
+}
+
+impl<'a> Work<'a> {
+    /// The two sides of a cut, whose primitives now lie in `spare`.
+    fn split(self, cut: Cut) -> [Self; 2] {
+        let (left, right) = self.spare.split_at_mut(cut.left_count);
+        let (spare_left, spare_right) = self.primitives.split_at_mut(cut.left_count);
+        let (order_left, order_right) = self.order.split_at_mut(cut.left_count);
+        let side = |primitives, spare, order, i: usize| Work {
+            primitives,
+            spare,
+            order,
+            bounds: cut.bounds[i],
+            region: cut.regions[i],
+            depth: self.depth + 1,
+        };
+        [side(left, spare_left, order_left, 0), side(right, spare_right, order_right, 1)]
+    }
+
+    /// Two halves by count, for triangles that no plane tells apart.
+    fn halve(self) -> [Self; 2] {
+        let middle = self.primitives.len() / 2;
+        let (left, right) = self.primitives.split_at(middle);
+        let cut = Cut {
+            axis: 0,
+            slice: 0,
+            left_count: middle,
+            bounds: [left, right].map(Primitive::bounds),
+            regions: [left, right].map(Primitive::centre_bounds),
+        };
+        Work { primitives: self.spare, spare: self.primitives, ..self }.split(cut)
+    }
+}

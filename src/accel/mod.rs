@@ -1,0 +1,94 @@
+//! Trees over a mesh's triangles, so that a ray need not meet them all.
+//!
+//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is what a device reads: the same tree collapsed to 2 to
+//! 32 children a node, as rows of floats. [`validate`](Bvh::validate) proves either of them right, and
+//! [`WideBvh::closest_hit`] walks one on the host.
+
+mod bins;
+mod bounds;
+mod build;
+mod partition;
+#[cfg(test)]
+mod tests;
+mod triangles;
+mod validate;
+mod walk;
+mod wide;
+
+use crate::scene::Mesh;
+use bounds::Bounds;
+
+pub use triangles::{TRIANGLE_WORDS, TriangleForm, triangle_rows};
+pub use walk::{Hit, Walk};
+pub use wide::WideBvh;
+
+/// A node of a [`Bvh`]: 32 bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// The smallest corner of its box.
+    pub low: [f32; 3],
+    /// The right child is this many nodes further on, the left child is the next node; 0 in a leaf.
+    pub right: u32,
+    /// The largest corner of its box.
+    pub high: [f32; 3],
+    /// How many triangles lie below it, at least 1.
+    pub count: u32,
+}
+
+impl Node {
+    fn inner(bounds: Bounds, right: u32, count: usize) -> Self {
+        let (low, high) = (bounds.low.truncate(), bounds.high.truncate());
+        Self { low: low.to_array(), right, high: high.to_array(), count: count as u32 }
+    }
+
+    fn leaf(bounds: Bounds, count: usize) -> Self {
+        Self::inner(bounds, 0, count)
+    }
+
+    /// Whether it holds triangles itself.
+    pub fn is_leaf(&self) -> bool {
+        self.right == 0
+    }
+
+    /// Half the surface area of its box.
+    pub fn half_area(&self) -> f32 {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.high[axis] - self.low[axis]);
+        x * (y + z) + y * z
+    }
+}
+
+/// A binary bounding volume hierarchy, depth first: the root is node 0, a left child follows its parent.
+///
+/// The triangles of any subtree lie side by side in `order`. The root's begin at 0; a left child's where its
+/// parent's begin, a right child's after its sibling's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Bvh {
+    /// The nodes; none without triangles.
+    pub nodes: Vec<Node>,
+    /// The triangles' numbers in the mesh, leaf by leaf.
+    pub order: Vec<u32>,
+    /// Edges from the root to its deepest leaf.
+    pub depth: u32,
+}
+
+impl Bvh {
+    /// Triangles a leaf, at most, of a tree meant for nodes of any width: Embree's medium quality stops there too.
+    pub const LEAF_SIZE: usize = 4;
+
+    /// Builds a tree over a mesh's triangles on all of rayon's threads.
+    ///
+    /// `leaf_size` is the most triangles a leaf may hold. Degenerate and coincident triangles are triangles like any
+    /// other; those that no plane tells apart are halved by count, so the depth is at most 64 plus their
+    /// logarithm. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
+    pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
+        build::build(mesh, leaf_size)
+    }
+
+    /// The most bytes the host needs at one time to build a tree over that many triangles.
+    pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
+        let buffers = 2 * size_of::<bounds::Primitive>() as u64 + 4;
+        // In the worst case every other leaf holds one triangle; nodes are made in pieces, then joined.
+        let nodes = 2 * 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
+        triangles * buffers + nodes
+    }
+}

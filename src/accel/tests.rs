@@ -1,0 +1,201 @@
+//! Trees over random, degenerate, coincident, tiny and huge triangles, against a search of all of them.
+
+use super::*;
+use crate::scene::Triangle;
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+fn mesh_of(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Mesh {
+    let mut mesh = Mesh::default();
+    for corners in triangles {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(corners);
+        mesh.triangles.push(Triangle { positions: [first, first + 1, first + 2], normals: [0; 3], material: 0 });
+    }
+    mesh
+}
+
+fn random_point(rng: &mut ChaCha8Rng) -> Vec3 {
+    Vec3::from_array(rng.random()) * 2.0 - 1.0
+}
+
+/// Random triangles about `edge` wide in a cube two wide, then scaled.
+fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    mesh_of((0..count).map(|_| {
+        let centre = random_point(&mut rng);
+        [(); 3].map(|()| (centre + edge * random_point(&mut rng)) * scale)
+    }))
+}
+
+/// How far along a ray it meets a triangle: Moeller and Trumbore, "Fast, minimum storage ray/triangle
+/// intersection", 1997, in f64.
+fn meet(mesh: &Mesh, triangle: u32, origin: DVec3, direction: DVec3) -> Option<f64> {
+    let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
+    let (e1, e2, p) = (b - a, c - a, direction.cross(c - a));
+    let det = e1.dot(p);
+    if det == 0.0 {
+        return None;
+    }
+    let s = origin - a;
+    let (u, q) = (s.dot(p) / det, s.cross(e1));
+    let (v, t) = (direction.dot(q) / det, e2.dot(q) / det);
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+}
+
+fn closest_of_all(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<f64> {
+    let all = 0..mesh.triangles.len() as u32;
+    all.filter_map(|triangle| meet(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
+}
+
+/// Both trees are right and find what a search of all triangles finds.
+fn check(mesh: &Mesh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
+    let bvh = Bvh::build(mesh, leaf_size);
+    bvh.validate(mesh).unwrap();
+    let wide = WideBvh::new(&bvh, width, 2 * leaf_size).unwrap();
+    wide.validate(mesh).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    for _ in 0..20 {
+        let origin = 3.0 * scale * random_point(&mut rng).as_dvec3();
+        let direction = scale * random_point(&mut rng).as_dvec3() - origin;
+        let walk = wide.closest_hit(origin, direction, f64::INFINITY, |triangle, reach| {
+            meet(mesh, triangle, origin, direction).filter(|&distance| distance < reach)
+        });
+        assert_eq!(walk.hit.map(|hit| hit.distance), closest_of_all(mesh, origin, direction));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn random_triangles(
+        seed: u64,
+        count in 0usize..600,
+        edge in prop::sample::select(vec![0.0f32, 0.01, 0.3, 2.0]),
+        scale in prop::sample::select(vec![1e-6f32, 1e-3, 1.0, 1e6]),
+        leaf_size in 1usize..17,
+        width in prop::sample::select(WideBvh::WIDTHS.to_vec()),
+    ) {
+        check(&random_mesh(seed, count, edge, scale), leaf_size, width, f64::from(scale), seed);
+    }
+}
+
+#[test]
+fn no_triangle_and_one_triangle() {
+    check(&Mesh::default(), 4, 8, 1.0, 1);
+    check(&random_mesh(2, 1, 1.0, 1.0), 4, 32, 1.0, 2);
+    let empty = WideBvh::new(&Bvh::build(&Mesh::default(), 4), 8, 8).unwrap();
+    assert_eq!((empty.node_count(), empty.depth, empty.stack_size()), (1, 1, 8));
+}
+
+#[test]
+fn coincident_triangles_are_halved() {
+    let one = random_mesh(3, 1, 1.0, 1.0).positions;
+    let mesh = mesh_of(std::iter::repeat_n([one[0], one[1], one[2]], 10_000));
+    check(&mesh, 4, 8, 1.0, 3);
+    assert_eq!(Bvh::build(&mesh, 1).depth, 14);
+}
+
+#[test]
+fn concentric_triangles_share_a_centre() {
+    let corners = [Vec3::NEG_ONE, Vec3::new(1.0, -1.0, 0.0), Vec3::ONE];
+    let mesh = mesh_of((1..3000).map(|size| corners.map(|corner| corner * size as f32)));
+    check(&mesh, 4, 8, 3000.0, 4);
+}
+
+#[test]
+fn points_and_lines_are_triangles_too() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mesh = mesh_of((0..3000).map(|i| {
+        let (a, b) = (random_point(&mut rng), random_point(&mut rng));
+        if i % 2 == 0 { [a, a, a] } else { [a, b, (a + b) / 2.0] }
+    }));
+    check(&mesh, 2, 4, 1.0, 5);
+}
+
+#[test]
+fn places_far_apart_by_powers_of_two_keep_the_depth_bounded() {
+    let mesh = mesh_of((-140..120).flat_map(|power| {
+        let corner = Vec3::splat(2f32.powi(power));
+        std::iter::repeat_n([corner, corner * Vec3::new(1.0, 1.25, 1.0), corner * 1.5], 40)
+    }));
+    let bvh = Bvh::build(&mesh, 1);
+    bvh.validate(&mesh).unwrap();
+    assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
+}
+
+#[test]
+fn coordinates_near_the_largest_float() {
+    let mesh = random_mesh(6, 2000, 0.1, 1.5e38);
+    Bvh::build(&mesh, 4).validate(&mesh).unwrap();
+}
+
+#[test]
+fn nodes_on_all_cores_give_a_right_tree() {
+    let mesh = random_mesh(7, 150_000, 0.01, 1.0);
+    let bvh = Bvh::build(&mesh, 4);
+    bvh.validate(&mesh).unwrap();
+    assert_eq!(bvh, Bvh::build(&mesh, 4), "a build gives the same tree every time");
+    for (width, leaf_size) in [(2, 4), (8, 8), (32, 32)] {
+        WideBvh::new(&bvh, width, leaf_size).unwrap().validate(&mesh).unwrap();
+    }
+}
+
+#[test]
+fn all_triangles_in_one_place_on_all_cores() {
+    let mesh = mesh_of(std::iter::repeat_n([Vec3::ZERO, Vec3::X, Vec3::Y], 100_000));
+    Bvh::build(&mesh, 4).validate(&mesh).unwrap();
+}
+
+#[test]
+fn a_tree_is_much_cheaper_than_a_search_of_all() {
+    let mesh = random_mesh(8, 20_000, 0.02, 1.0);
+    let wide = WideBvh::new(&Bvh::build(&mesh, 4), 8, 8).unwrap();
+    let origin = DVec3::new(0.1, 0.2, 5.0);
+    let walk = wide.closest_hit(origin, -DVec3::Z, 10.0, |t, _| meet(&mesh, t, origin, -DVec3::Z));
+    assert!(walk.nodes < 60 && walk.triangles < 200, "{walk:?}");
+}
+
+#[test]
+fn impossible_layouts_are_refused() {
+    let bvh = Bvh::build(&random_mesh(9, 100, 0.1, 1.0), 4);
+    for (width, leaf_size) in [(3, 8), (8, 2), (8, 64)] {
+        assert!(WideBvh::new(&bvh, width, leaf_size).is_err(), "{width} wide, {leaf_size} a leaf");
+    }
+}
+
+#[test]
+fn a_wrong_tree_is_found_out() {
+    let mesh = random_mesh(10, 500, 0.1, 1.0);
+    let good = Bvh::build(&mesh, 4);
+    let spoil = |change: &dyn Fn(&mut Bvh)| {
+        let mut bad = good.clone();
+        change(&mut bad);
+        bad.validate(&mesh).unwrap_err()
+    };
+    assert!(spoil(&|bvh| bvh.order[0] = bvh.order[1]).contains("twice"));
+    assert!(spoil(&|bvh| bvh.nodes[0].high[1] = 0.0).contains("enclose"));
+    assert!(spoil(&|bvh| bvh.nodes[0].right = 5000).contains("beyond"));
+    assert!(spoil(&|bvh| bvh.depth += 1).contains("depth"));
+    let mut wide = WideBvh::new(&good, 8, 8).unwrap();
+    wide.nodes[6 * 8] = WideBvh::UNUSED;
+    assert!(wide.validate(&mesh).unwrap_err().contains("not marked"));
+}
+
+#[test]
+fn triangle_rows_follow_the_leaf_order() {
+    let mesh = random_mesh(11, 50, 0.1, 1.0);
+    let order = Bvh::build(&mesh, 4).order;
+    for (form, second) in [(TriangleForm::Corners, 1.0), (TriangleForm::Edges, 0.0)] {
+        let rows = triangle_rows(&mesh, &order, form);
+        assert_eq!(rows.len(), 50 * TRIANGLE_WORDS);
+        for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
+            let [a, b, _] = mesh.corners(&mesh.triangles[number as usize]);
+            assert_eq!((row[0], row[3].to_bits()), (a.x, number));
+            assert_eq!(row[4], if second == 1.0 { b.x } else { b.x - a.x });
+        }
+    }
+}

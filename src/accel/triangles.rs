@@ -1,0 +1,40 @@
+//! A tree's triangles in leaf order, as rows of floats.
+
+use crate::scene::Mesh;
+use rayon::prelude::*;
+
+/// Words a triangle in [`triangle_rows`]: three float4, 48 bytes.
+pub const TRIANGLE_WORDS: usize = 12;
+
+/// What a triangle's three float4 hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TriangleForm {
+    /// The corners v0, v1, v2, exactly as the mesh has them: watertight tests need these.
+    Corners,
+    /// v0, e1 = v1 - v0 and e2 = v2 - v0.
+    Edges,
+}
+
+/// The triangles of `order` one after another, 12 words each.
+///
+/// | words | content |
+/// |---|---|
+/// | 0, 1, 2 | v0 |
+/// | 3 | the triangle's number in the mesh, as bits |
+/// | 4, 5, 6 and 8, 9, 10 | v1 and v2, or e1 and e2 |
+/// | 7, 11 | the number of its material, as bits, and 0 |
+pub fn triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm) -> Vec<f32> {
+    let row = |&number: &u32| {
+        let triangle = &mesh.triangles[number as usize];
+        let [a, b, c] = mesh.corners(triangle);
+        let (b, c) = match form {
+            TriangleForm::Corners => (b, c),
+            TriangleForm::Edges => (b - a, c - a),
+        };
+        let (number, material) = (f32::from_bits(number), f32::from_bits(triangle.material));
+        [a.x, a.y, a.z, number, b.x, b.y, b.z, material, c.x, c.y, c.z, 0.0]
+    };
+    let mut rows: Vec<[f32; TRIANGLE_WORDS]> = Vec::new();
+    order.par_iter().map(row).collect_into_vec(&mut rows);
+    rows.into_flattened()
+}

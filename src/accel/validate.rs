@@ -1,0 +1,141 @@
+//! Proves a tree right, for tests: every triangle once, boxes that enclose, indices in range.
+
+use super::{Bvh, Node, WideBvh};
+use crate::scene::Mesh;
+
+/// What is wrong, or nothing.
+type Verdict = Result<(), String>;
+
+impl Bvh {
+    /// Whether every triangle lies in exactly one leaf, every box encloses its children and triangles, every node is
+    /// reached once, and counts and depth are right.
+    ///
+    /// # Errors
+    ///
+    /// Says what is wrong first.
+    pub fn validate(&self, mesh: &Mesh) -> Verdict {
+        is_permutation(&self.order, mesh.triangles.len())?;
+        if self.nodes.is_empty() != self.order.is_empty() {
+            return Err(format!("{} nodes over {} triangles", self.nodes.len(), self.order.len()));
+        }
+        let (mut reached, mut depth) = (0, 0);
+        let mut waiting = Vec::new();
+        if let Some(root) = self.nodes.first() {
+            expect_equal("the root's triangles", root.count as usize, self.order.len())?;
+            waiting.push((0, 0, 0));
+        }
+        while let Some((number, first, level)) = waiting.pop() {
+            // Depth first, nodes come in the order of their numbers: each once, and none in a circle.
+            expect_equal("the next node in depth-first order", number, reached)?;
+            reached += 1;
+            depth = depth.max(level);
+            let node = &self.nodes[number];
+            if node.is_leaf() {
+                let places = first..first + node.count as usize;
+                encloses_triangles(mesh, &self.order[places], (node.low, node.high))?;
+            } else {
+                let [left, right] = self.checked_children(number, node)?;
+                let right_first = first + self.nodes[left].count as usize;
+                waiting.extend([(right, right_first, level + 1), (left, first, level + 1)]);
+            }
+        }
+        expect_equal("nodes reached", reached, self.nodes.len())?;
+        expect_equal("depth", depth as usize, self.depth as usize)
+    }
+
+    fn checked_children(&self, number: usize, node: &Node) -> Result<[usize; 2], String> {
+        let children = [number + 1, number + node.right as usize];
+        let [Some(left), Some(right)] = children.map(|child| self.nodes.get(child)) else {
+            return Err(format!("node {number} has a child beyond the last node: {children:?}"));
+        };
+        if left.count == 0 || right.count == 0 {
+            return Err(format!("node {number} has a child without triangles"));
+        }
+        expect_equal("triangles below both children", (left.count + right.count) as usize, node.count as usize)?;
+        for child in [left, right] {
+            encloses((node.low, node.high), (child.low, child.high))?;
+        }
+        Ok(children)
+    }
+}
+
+impl WideBvh {
+    /// Whether every triangle lies in exactly one leaf of the layout, every child's box encloses what is below it,
+    /// every node is reached once, unused places are marked so, and the depth is right.
+    ///
+    /// # Errors
+    ///
+    /// Says what is wrong first.
+    pub fn validate(&self, mesh: &Mesh) -> Verdict {
+        is_permutation(&self.order, mesh.triangles.len())?;
+        let mut held = vec![0u32; self.order.len()];
+        let mut reached = vec![false; self.node_count()];
+        let mut depth = 0;
+        let everything = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
+        let mut waiting = vec![(0, everything, 1)];
+        while let Some((node, bounds, level)) = waiting.pop() {
+            match reached.get_mut(node) {
+                Some(seen) if !*seen => *seen = true,
+                Some(_) => return Err(format!("node {node} has two parents")),
+                None => return Err(format!("node {node} of {} is named", self.node_count())),
+            }
+            depth = depth.max(level);
+            for place in 0..self.width {
+                let [low, high] = self.child_box(node, place);
+                let word = self.child(node, place);
+                let Some(places) = Self::leaf_range(word) else {
+                    encloses(bounds, (low, high))?;
+                    waiting.push((word as usize, (low, high), level + 1));
+                    continue;
+                };
+                if places.is_empty() {
+                    let is_marked = word == Self::UNUSED && [low, high] == [[f32::MAX; 3]; 2];
+                    is_marked.then_some(()).ok_or(format!("place {place} of node {node} is not marked unused"))?;
+                    continue;
+                }
+                encloses(bounds, (low, high))?;
+                let triangles = self.order.get(places.clone()).ok_or("a leaf ends beyond the last triangle")?;
+                encloses_triangles(mesh, triangles, (low, high))?;
+                held[places].iter_mut().for_each(|count| *count += 1);
+            }
+        }
+        if let Some(place) = held.iter().position(|&count| count != 1) {
+            return Err(format!("the triangle at place {place} lies in {} leaves", held[place]));
+        }
+        expect_equal("nodes reached", reached.iter().filter(|&&seen| seen).count(), self.node_count())?;
+        expect_equal("depth", depth, self.depth as usize)
+    }
+}
+
+/// A box's smallest and largest corner.
+type Corners = ([f32; 3], [f32; 3]);
+
+fn expect_equal(what: &str, found: usize, expected: usize) -> Verdict {
+    (found == expected).then_some(()).ok_or(format!("{what}: {found}, expected {expected}"))
+}
+
+fn encloses(outer: Corners, inner: Corners) -> Verdict {
+    let is_inside = |axis: usize| outer.0[axis] <= inner.0[axis] && inner.1[axis] <= outer.1[axis];
+    (0..3).all(is_inside).then_some(()).ok_or(format!("{outer:?} does not enclose {inner:?}"))
+}
+
+fn encloses_triangles(mesh: &Mesh, triangles: &[u32], bounds: Corners) -> Verdict {
+    for &number in triangles {
+        for corner in mesh.corners(&mesh.triangles[number as usize]) {
+            encloses(bounds, (corner.to_array(), corner.to_array()))?;
+        }
+    }
+    Ok(())
+}
+
+fn is_permutation(order: &[u32], count: usize) -> Verdict {
+    expect_equal("triangles in leaf order", order.len(), count)?;
+    let mut seen = vec![false; count];
+    for &number in order {
+        match seen.get_mut(number as usize) {
+            Some(seen) if !*seen => *seen = true,
+            _ => return Err(format!("triangle {number} comes twice or is none of {count}")),
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! Follows a ray through a tree on the host, in f64: the readable twin of the kernels' traversal.
+
+use super::WideBvh;
+use glam::DVec3;
+
+/// The closest triangle a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Its number in the mesh.
+    pub triangle: u32,
+    /// How far along the ray, in lengths of its direction.
+    pub distance: f64,
+}
+
+/// What following a ray found and what it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Walk {
+    /// The closest hit.
+    pub hit: Option<Hit>,
+    /// Nodes whose children's boxes were tested.
+    pub nodes: u32,
+    /// Triangles tested.
+    pub triangles: u32,
+}
+
+impl WideBvh {
+    /// The closest of the hits that `test` finds nearer than `reach`, nearer boxes first.
+    ///
+    /// `test(triangle, reach)` says how far along the ray it meets a triangle of the mesh if that is nearer than
+    /// `reach`; of equal distances the first found stays.
+    pub fn closest_hit(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        mut reach: f64,
+        mut test: impl FnMut(u32, f64) -> Option<f64>,
+    ) -> Walk {
+        let mut walk = Walk::default();
+        let mut waiting = vec![(0.0, 0)];
+        while let Some((near, word)) = waiting.pop() {
+            if near > reach {
+                continue;
+            }
+            if let Some(places) = Self::leaf_range(word) {
+                for &triangle in &self.order[places] {
+                    walk.triangles += 1;
+                    if let Some(distance) = test(triangle, reach) {
+                        walk.hit = Some(Hit { triangle, distance });
+                        reach = distance;
+                    }
+                }
+            } else {
+                walk.nodes += 1;
+                let begin = waiting.len();
+                waiting.extend((0..self.width).filter_map(|place| {
+                    let entry = enter(origin, direction, self.child_box(word as usize, place))?;
+                    (entry <= reach).then_some((entry, self.child(word as usize, place)))
+                }));
+                waiting[begin..].sort_by(|a, b| b.0.total_cmp(&a.0));
+            }
+        }
+        walk
+    }
+}
+
+/// Where a ray enters a box, or `None` if it misses it. Errs towards a hit, by a few roundings of f64.
+fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
+    let (mut near, mut far) = (0.0f64, f64::INFINITY);
+    for axis in 0..3 {
+        let (from, to) = (f64::from(low[axis]) - origin[axis], f64::from(high[axis]) - origin[axis]);
+        if direction[axis] == 0.0 {
+            if from > 0.0 || to < 0.0 {
+                return None;
+            }
+            continue;
+        }
+        let (t0, t1) = (from / direction[axis], to / direction[axis]);
+        near = near.max(t0.min(t1) * (1.0 - 1e-15));
+        far = far.min(t0.max(t1) * (1.0 + 1e-15));
+    }
+    (near <= far).then_some(near)
+}

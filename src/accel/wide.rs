@@ -1,0 +1,227 @@
+//! A tree as devices read it: up to 32 children a node, bounds as rows of floats.
+
+use super::{Bvh, Node};
+use crate::error::{Error, Result};
+
+/// A tree of `width` children a node in the layout kernels read, made from a [`Bvh`].
+///
+/// # Nodes
+///
+/// Node `n` begins at word `n * stride` of `nodes`, the root is node 0. It is rows of `width` 32-bit words, one word a
+/// child (W = width):
+///
+/// | words | row | content |
+/// |---|---|---|
+/// | 0 .. W | 0 | smallest x of the child's box, a float |
+/// | W .. 2W | 1 | largest x |
+/// | 2W .. 3W, 3W .. 4W | 2, 3 | smallest and largest y |
+/// | 4W .. 5W, 5W .. 6W | 4, 5 | smallest and largest z |
+/// | 6W .. 7W | 6 | the child word |
+/// | 7W .. stride | | zeros: up to 8 wide, 8 rows make whole cache lines (64 bytes at W = 2, 256 at W = 8); wider, none |
+///
+/// so the plane of `axis` on `side` (0 low, 1 high) is row `2 * axis + side`. Bounds are the smallest and largest
+/// of the corners' floats, without rounding.
+///
+/// # Child words
+///
+/// | bits | inner child | leaf |
+/// |---|---|---|
+/// | 31 | 0 | 1, so a signed word is negative |
+/// | 25 .. 31 | 0 | how many triangles, 0 to 63 |
+/// | 0 .. 25 | its node number | its first place in leaf order |
+///
+/// Children come first, unused places last. An unused place is a leaf of no triangles ([`WideBvh::UNUSED`])
+/// whose box is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), so that a test which lets it through does no harm.
+///
+/// # Order
+///
+/// The inner children of a node lie side by side and subtrees depth first. A node's triangles lie side by side in
+/// leaf order, which `order` translates to the mesh's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WideBvh {
+    /// Children a node: 2, 4, 8, 16 or 32.
+    pub width: usize,
+    /// Words from a node to the next.
+    pub stride: usize,
+    /// The nodes' words; floats by their bits.
+    pub nodes: Vec<u32>,
+    /// The triangles' numbers in the mesh, in leaf order.
+    pub order: Vec<u32>,
+    /// Nodes on the longest way from the root to a leaf, at least 1.
+    pub depth: u32,
+}
+
+/// A binary subtree: its root, and where its triangles begin in leaf order.
+#[derive(Clone, Copy)]
+struct Subtree<'a> {
+    bvh: &'a Bvh,
+    node: usize,
+    first: u32,
+}
+
+impl Subtree<'_> {
+    fn root(&self) -> &Node {
+        &self.bvh.nodes[self.node]
+    }
+
+    /// Whether it may be opened: a subtree that fits a leaf becomes one.
+    fn is_inner(&self, leaf_size: usize) -> bool {
+        self.root().count as usize > leaf_size && !self.root().is_leaf()
+    }
+
+    fn children(&self) -> [Self; 2] {
+        let left = Self { node: self.node + 1, ..*self };
+        let right = self.node + self.root().right as usize;
+        [left, Self { node: right, first: self.first + left.root().count, ..*self }]
+    }
+}
+
+impl WideBvh {
+    /// The widths there are.
+    pub const WIDTHS: [usize; 5] = [2, 4, 8, 16, 32];
+    /// The most triangles a leaf can hold.
+    pub const MAX_LEAF_SIZE: usize = 63;
+    /// The most triangles and the most nodes a child word can name.
+    pub const MAX_INDEX: usize = 1 << 25;
+    /// The child word of a leaf.
+    pub const LEAF: u32 = 1 << 31;
+    /// The child word of an unused place: a leaf of no triangles.
+    pub const UNUSED: u32 = Self::LEAF;
+    const COUNT_SHIFT: u32 = 25;
+
+    /// Collapses a binary tree: a node's children are its subtree's after opening, as long as there is room, the one
+    /// of largest surface; subtrees of at most `leaf_size` triangles become leaves.
+    ///
+    /// # Errors
+    ///
+    /// If the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or below the tree's own, or if
+    /// there are more than 33,554,432 triangles or nodes.
+    pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
+        check(bvh, width, leaf_size)?;
+        let stride = if width <= 8 { 8 * width } else { 7 * width };
+        let mut wide = Self { width, stride, nodes: Vec::new(), order: bvh.order.clone(), depth: 1 };
+        let mut children = Vec::with_capacity(width);
+        if !bvh.nodes.is_empty() {
+            children.push(Subtree { bvh, node: 0, first: 0 });
+        }
+        let mut waiting = vec![(0, 1, children)];
+        wide.add_nodes(1);
+        while let Some((place, depth, mut children)) = waiting.pop() {
+            open(&mut children, width, leaf_size);
+            wide.depth = wide.depth.max(depth);
+            let below = wide.write(place, &children, leaf_size);
+            waiting.extend(below.map(|(place, child)| (place, depth + 1, vec![child])).rev());
+        }
+        if wide.nodes.len() / stride > Self::MAX_INDEX {
+            return Err(Error::run("the tree has more than 33,554,432 nodes, which a child word cannot name")
+                .with_help("choose a larger leaf size or a wider node"));
+        }
+        Ok(wide)
+    }
+
+    /// How many nodes there are.
+    pub fn node_count(&self) -> usize {
+        self.nodes.len() / self.stride
+    }
+
+    /// Entries a traversal's stack needs at most if it holds the children not yet visited, the current node's included.
+    pub fn stack_size(&self) -> usize {
+        self.depth as usize * (self.width - 1) + 1
+    }
+
+    /// A child's word.
+    pub fn child(&self, node: usize, place: usize) -> u32 {
+        self.nodes[node * self.stride + 6 * self.width + place]
+    }
+
+    /// A child's box: its smallest and its largest corner.
+    pub fn child_box(&self, node: usize, place: usize) -> [[f32; 3]; 2] {
+        let row = |row: usize| f32::from_bits(self.nodes[node * self.stride + row * self.width + place]);
+        [[row(0), row(2), row(4)], [row(1), row(3), row(5)]]
+    }
+
+    /// A leaf's places in leaf order, from its child word; `None` for an inner node's.
+    pub fn leaf_range(word: u32) -> Option<std::ops::Range<usize>> {
+        let first = word as usize & (Self::MAX_INDEX - 1);
+        let count = (word & !Self::LEAF) >> Self::COUNT_SHIFT;
+        (word & Self::LEAF != 0).then_some(first..first + count as usize)
+    }
+
+    /// Appends nodes of unused places and returns the first one's number.
+    fn add_nodes(&mut self, count: usize) -> usize {
+        let first = self.node_count();
+        self.nodes.resize((first + count) * self.stride, 0);
+        for node in first..first + count {
+            let begin = node * self.stride;
+            self.nodes[begin..begin + 6 * self.width].fill(f32::MAX.to_bits());
+            self.nodes[begin + 6 * self.width..begin + 7 * self.width].fill(Self::UNUSED);
+        }
+        first
+    }
+
+    /// Writes a node and makes room for its inner children, which it returns with their numbers.
+    fn write<'a>(
+        &mut self,
+        node: usize,
+        children: &[Subtree<'a>],
+        leaf_size: usize,
+    ) -> impl DoubleEndedIterator<Item = (usize, Subtree<'a>)> + use<'a> {
+        let inner: Vec<_> = children.iter().copied().filter(|child| child.is_inner(leaf_size)).collect();
+        let first_inner = self.add_nodes(inner.len());
+        let mut next_inner = first_inner as u32;
+        for (place, child) in children.iter().enumerate() {
+            let word = if child.is_inner(leaf_size) {
+                next_inner += 1;
+                next_inner - 1
+            } else {
+                Self::LEAF | child.root().count << Self::COUNT_SHIFT | child.first
+            };
+            self.write_child(node, place, child.root(), word);
+        }
+        (first_inner..).zip(inner).collect::<Vec<_>>().into_iter()
+    }
+
+    fn write_child(&mut self, node: usize, place: usize, child: &Node, word: u32) {
+        let begin = node * self.stride + place;
+        for axis in 0..3 {
+            self.nodes[begin + 2 * axis * self.width] = child.low[axis].to_bits();
+            self.nodes[begin + (2 * axis + 1) * self.width] = child.high[axis].to_bits();
+        }
+        self.nodes[begin + 6 * self.width] = word;
+    }
+}
+
+/// Opens the largest subtrees until there are `width` of them or none is left to open.
+fn open(children: &mut Vec<Subtree>, width: usize, leaf_size: usize) {
+    while children.len() < width {
+        let area = |subtree: &Subtree| subtree.root().half_area();
+        let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(leaf_size));
+        let Some((largest, _)) = candidates.max_by(|a, b| area(a.1).total_cmp(&area(b.1))) else {
+            return;
+        };
+        let [left, right] = children[largest].children();
+        children[largest] = left;
+        children.push(right);
+    }
+}
+
+fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
+    if !WideBvh::WIDTHS.contains(&width) {
+        return Err(Error::input(format!("a node of {width} children was asked for: 2, 4, 8, 16 or 32 are possible")));
+    }
+    let own = bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
+    if !(own..=WideBvh::MAX_LEAF_SIZE).contains(&leaf_size) {
+        return Err(Error::input(format!(
+            "leaves of up to {leaf_size} triangles were asked for: {own} to {} are possible for this tree",
+            WideBvh::MAX_LEAF_SIZE
+        )));
+    }
+    if bvh.order.len() > WideBvh::MAX_INDEX {
+        return Err(Error::run(format!(
+            "the scene has {} triangles: a tree's leaves can name {}",
+            bvh.order.len(),
+            WideBvh::MAX_INDEX
+        )));
+    }
+    Ok(())
+}
