@@ -7,6 +7,9 @@
 #if !defined(CULL_BACK) || !defined(PAPER_EPSILONS) || !defined(FAST_MATH)
 #error "CULL_BACK, PAPER_EPSILONS, FAST_MATH: 0 or 1"
 #endif
+#if !defined(RASTER) || !defined(TREE) || !defined(TILES)
+#error "RASTER, TREE, TILES: 0 or 1: whether triangles are rasterised, rays walk a tree, rays walk it in tiles"
+#endif
 #ifndef TRIANGLES
 #error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
 #endif
@@ -22,34 +25,52 @@
 #include "layout/rows.cl"
 #include "layout/{layout}.cl"
 #include "intersect/{intersector}.cl"
+#if TREE
+#include "shared/tree.cl"
+#endif
 #include "triangles/rows.cl"
 #include "shared/gather.cl"
 #define ANY_HIT 1
-#include "traversal/exhaustive.cl"
+#include "traversal/{traversal}.cl"
 #undef ANY_HIT
 #include "shared/shade.cl"
 #include "shading/{shading}.cl"
 #define ANY_HIT 0
-#include "traversal/exhaustive.cl"
+#include "traversal/{traversal}.cl"
 #undef ANY_HIT
 
 #if PLANES_OF_ORIGIN
-#define PREPARED_PARAMETER , const __global float *restrict prepared
+#define PREPARED_PARAMETER , const __global float4 *restrict prepared
 #define BIND_PREPARED(scene) scene.prepared = prepared;
 #else
 #define PREPARED_PARAMETER
 #define BIND_PREPARED(scene)
 #endif
 
-#define SCENE_PARAMETERS \
-    GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias PREPARED_PARAMETER
+#if TREE
+#define TREE_PARAMETERS , const __global float *restrict nodes, const __global float *restrict leaves
+#define BIND_TREE(scene)     \
+    scene.tree.nodes = nodes;  \
+    scene.tree.leaves = leaves;
+#else
+#define TREE_PARAMETERS
+#define BIND_TREE(scene)
+#endif
+
+#define SCENE_PARAMETERS                                                                                   \
+    GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias,     \
+        const float extent                                                                                  \
+        PREPARED_PARAMETER TREE_PARAMETERS
+#define TILE_PARAMETERS SCENE_PARAMETERS
 #define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
 #define BIND_SCENE(scene)            \
     BIND_GEOMETRY(scene.geometry)    \
     scene.lights = lights;           \
     scene.light_count = light_count; \
     scene.bias = bias;               \
+    scene.extent = extent;           \
     BIND_PREPARED(scene)             \
+    BIND_TREE(scene)                 \
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
 
@@ -184,7 +205,7 @@ __kernel GROUP_SHAPE void cast_rays(SCENE_PARAMETERS, const __global float4 *res
 #if PLANES_OF_ORIGIN
 // The planes of every triangle (first dimension) for the eye and each light (second dimension).
 __kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restrict lights, const float4 eye,
-                              __global float *restrict prepared) {
+                              __global float4 *restrict prepared) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);
     const Uniform3 from = origin ? LOAD3(lights + 6 * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
@@ -194,10 +215,14 @@ __kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restric
     corner.a = LOAD3(soup + SOUP_STRIDE * triangle);
     corner.b = LOAD3(soup + SOUP_STRIDE * triangle + 3);
     corner.c = LOAD3(soup + SOUP_STRIDE * triangle + 6);
-    store_planes(corner, from, front, prepared + PLANE_FLOATS * ((size_t)origin * triangle_count + triangle));
+    const Row row = planes_of(corner, from, front);
+    STORE_ROW(row, prepared + 3 * ((size_t)origin * triangle_count + triangle))
 }
 #endif
 
 #if RASTER
 #include "traversal/raster.cl"
+#endif
+#if TILES
+#include "traversal/tile.cl"
 #endif

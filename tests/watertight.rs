@@ -6,7 +6,7 @@ mod common;
 
 use common::Stand;
 use glam::Vec3;
-use raycl::launch::{DeviceScene, Ray, cast_rays};
+use raycl::launch::{Ray, cast_rays};
 use raycl::scene::Scene;
 use raycl::strategy::{Intersector, Strategy, Triangles, Width, preset};
 
@@ -83,11 +83,12 @@ fn rays(scene: &Scene, origin: Vec3, count: usize) -> Vec<Ray> {
 fn leaks(scene: &Scene, strategy: &Strategy, origins: &[Vec3], count: usize) -> usize {
     let stand = Stand::new(scene.clone(), [64, 64]);
     let local_size = [8, 2];
-    let (_, program) = stand.build(strategy, local_size).expect("a strategy that fits");
-    let uploaded = DeviceScene::upload(&stand.queue, scene, strategy.layout).expect("an upload");
+    let built = stand.build(strategy, local_size).expect("a strategy that fits");
     let leaked = |&origin: &Vec3| {
         let rays = rays(scene, origin, count / origins.len());
-        let hits = cast_rays(&stand.queue, &program, strategy, local_size, &uploaded, &rays).expect("a cast");
+        let (program, tree) = (&built.program, built.tree.as_ref());
+        let hits = cast_rays(&stand.queue, program, strategy, local_size, &built.scene, tree, &rays);
+        let hits = hits.expect("a cast");
         hits.iter().filter(|hit| hit.is_none()).count()
     };
     origins.iter().map(leaked).sum()

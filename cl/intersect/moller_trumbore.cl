@@ -5,46 +5,50 @@
 
 typedef struct {
     varying t_min;
+    float extent; // the largest coordinate of the scene
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction) {
+Probe prepare_probe(varying t_min, Vec3 direction, float extent) {
     Probe probe;
     probe.t_min = t_min;
+    probe.extent = extent;
     return probe;
 }
 
 #if PAPER_EPSILONS
-#define PARALLEL(size) ((size) <= 1e-7f)
-#define OUTSIDE_BY(size) (-1e-10f * (size))
+#define EDGE_ON(size, e1, e2) ((size) <= 1e-7f)
+#define SLACK(edge, size, extent) (1e-10f * (size))
 #else
-// Triangles count as this much larger than they are, relative to themselves: rounding opens no gap along an edge
-// that rays follow exactly. (Rays aimed at edges from anywhere need the watertight test all the same.)
-#define PARALLEL(size) ((size) == 0.0f)
-#define OUTSIDE_BY(size) (-1e-6f * (size))
+// A triangle nearly edge-on has a rounded to nothing known: it is not hit. Otherwise weights are allowed their rounding
+// error, which grows with the distance that s spans and the edge it is crossed with, so that a ray along an edge
+// falls through between no two triangles. (From anywhere at all, only the watertight test promises that.)
+#define EDGE_ON(size, e1, e2) ((size) <= 1e-5f * uniform_size(e1) * uniform_size(e2))
+#define SLACK(edge, size, extent) (ROUNDING * (extent) * uniform_size(edge))
 #endif
 
 // Lanes whose ray hits the triangle at t_min < t < t_max, and where.
 Mask intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    const Vec3 v0 = splat(row.a);
-    const Vec3 e1 = splat(uniform_difference(row.b, row.a));
-    const Vec3 e2 = splat(uniform_difference(row.c, row.a));
+    const Uniform3 edge1 = uniform_difference(row.b, row.a), edge2 = uniform_difference(row.c, row.a);
+    const Vec3 v0 = splat(row.a), e1 = splat(edge1), e2 = splat(edge2);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
     const varying_int sign = sign_bit(a);
     const varying size = flip_sign(a, sign);
     const Vec3 s = subtract(origin, v0);
     const varying w1 = flip_sign(dot3(s, q), sign);
+    const varying slack1 = SLACK(edge2, size, probe->extent);
 #if CULL_BACK
-    Mask inside = (a > 0.0f) & !PARALLEL(size);
+    Mask inside = (a > 0.0f) & !EDGE_ON(size, edge1, edge2);
 #else
-    Mask inside = !PARALLEL(size);
+    Mask inside = !EDGE_ON(size, edge1, edge2);
 #endif
-    inside &= (w1 >= OUTSIDE_BY(size)) & (w1 <= size - OUTSIDE_BY(size));
+    inside &= (w1 >= -slack1) & (w1 <= size + slack1);
     if (!ANY(inside)) return inside;
 
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
-    inside &= (w2 >= OUTSIDE_BY(size)) & (size - w1 - w2 >= OUTSIDE_BY(size));
+    const varying slack2 = SLACK(edge1, size, probe->extent);
+    inside &= (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
     if (!ANY(inside)) return inside;
 
     const varying per_size = 1.0f / size;

@@ -88,6 +88,7 @@ Row corners(const Geometry *geometry, int triangle) {
     row.a = LOAD3(geometry->positions + 3 * index[0]);
     row.b = LOAD3(geometry->positions + 3 * index[1]);
     row.c = LOAD3(geometry->positions + 3 * index[2]);
+    row.slack = 0.0f;
     return row;
 }
 

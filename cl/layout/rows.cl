@@ -3,7 +3,23 @@
 // What a ray-triangle test reads: three corners, or three planes prepared for a common origin.
 typedef struct {
     Uniform3 a, b, c;
+    float slack; // of planes: how far outside still counts as inside
 } Row;
+
+// A row in memory: four floats each of a, b and c; the first four end with the slack. Rows start at 16 bytes.
+#define ROW_FLOATS 12
+#define LOAD_ROW(row, quads)                                     \
+    {                                                              \
+        const float4 a = (quads)[0], b = (quads)[1], c = (quads)[2]; \
+        row.a = uniform3(a.x, a.y, a.z);                             \
+        row.b = uniform3(b.x, b.y, b.z);                             \
+        row.c = uniform3(c.x, c.y, c.z);                             \
+        row.slack = a.w;                                             \
+    }
+#define STORE_ROW(row, quads)                                          \
+    (quads)[0] = (float4)((row).a.x, (row).a.y, (row).a.z, (row).slack); \
+    (quads)[1] = (float4)((row).b.x, (row).b.y, (row).b.z, 0.0f);        \
+    (quads)[2] = (float4)((row).c.x, (row).c.y, (row).c.z, 0.0f);
 
 // What shading reads, for the triangle of each lane.
 typedef struct {

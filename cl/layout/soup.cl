@@ -60,6 +60,7 @@ Row corners(const Geometry *geometry, int triangle) {
     row.a = LOAD3(at);
     row.b = LOAD3(at + 3);
     row.c = LOAD3(at + 6);
+    row.slack = 0.0f;
     return row;
 }
 

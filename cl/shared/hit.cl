@@ -3,6 +3,9 @@
 #define FAR MAXFLOAT        // not infinity: fast math may assume there is none
 #define NO_HIT 0x7fffffff   // the triangle of a ray that hits nothing
 
+// A few roundings of single precision, relative to the largest term.
+#define ROUNDING 5e-8f
+
 typedef struct {
     varying t;      // distance along the unit direction
     varying w1, w2; // barycentric weights of the second and third corner

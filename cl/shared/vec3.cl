@@ -52,7 +52,10 @@ Uniform3 uniform3(float x, float y, float z) {
 }
 
 Uniform3 uniform_difference(Uniform3 a, Uniform3 b) { return uniform3(a.x - b.x, a.y - b.y, a.z - b.z); }
+Uniform3 uniform_scale(Uniform3 a, float s) { return uniform3(a.x * s, a.y * s, a.z * s); }
 float uniform_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+float uniform_size(Uniform3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
 
 Uniform3 uniform_cross(Uniform3 a, Uniform3 b) {
     return uniform3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
@@ -60,7 +63,3 @@ Uniform3 uniform_cross(Uniform3 a, Uniform3 b) {
 
 // The first three numbers at a pointer of any address space.
 #define LOAD3(pointer) uniform3((pointer)[0], (pointer)[1], (pointer)[2])
-#define STORE3(pointer, u) \
-    (pointer)[0] = (u).x;    \
-    (pointer)[1] = (u).y;    \
-    (pointer)[2] = (u).z;

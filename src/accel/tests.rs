@@ -12,7 +12,11 @@ fn mesh_of(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Mesh {
     for corners in triangles {
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(corners);
-        mesh.triangles.push(Triangle { positions: [first, first + 1, first + 2], normals: [0; 3], material: 0 });
+        mesh.triangles.push(Triangle {
+            positions: [first, first + 1, first + 2],
+            normals: [0; 3],
+            material: 0,
+        });
     }
     mesh
 }

@@ -113,8 +113,10 @@ impl WideBvh {
             waiting.extend(below.map(|(place, child)| (place, depth + 1, vec![child])).rev());
         }
         if wide.nodes.len() / stride > Self::MAX_INDEX {
-            return Err(Error::run("the tree has more than 33,554,432 nodes, which a child word cannot name")
-                .with_help("choose a larger leaf size or a wider node"));
+            return Err(Error::run(
+                "the tree has more than 33,554,432 nodes, which a child word cannot name",
+            )
+            .with_help("choose a larger leaf size or a wider node"));
         }
         Ok(wide)
     }
@@ -207,9 +209,12 @@ fn open(children: &mut Vec<Subtree>, width: usize, leaf_size: usize) {
 
 fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     if !WideBvh::WIDTHS.contains(&width) {
-        return Err(Error::input(format!("a node of {width} children was asked for: 2, 4, 8, 16 or 32 are possible")));
+        return Err(Error::input(format!(
+            "a node of {width} children was asked for: 2, 4, 8, 16 or 32 are possible"
+        )));
     }
-    let own = bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
+    let own =
+        bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
     if !(own..=WideBvh::MAX_LEAF_SIZE).contains(&leaf_size) {
         return Err(Error::input(format!(
             "leaves of up to {leaf_size} triangles were asked for: {own} to {} are possible for this tree",

@@ -4,7 +4,7 @@ use super::choice::{is_axis, one_device, parse_assignment, parse_size, parse_str
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, save};
-use crate::launch::{Caster, DeviceScene, FrameTimes, Queue};
+use crate::launch::{Caster, DeviceScene, DeviceTree, FrameTimes, Queue};
 use crate::measure::Summary;
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::reference::reference;
@@ -73,6 +73,7 @@ struct Report {
     local_size: [u32; 2],
     image_size: [u32; 2],
     load_ms: f64,
+    tree_ms: f64,
     build_ms: f64,
     upload_ms: f64,
     primary_ms: Option<f64>,
@@ -98,13 +99,13 @@ pub fn run(args: Args) -> Result<()> {
     let scene = &loaded.scene;
     let device = one_device(args.device.as_deref())?;
     let (strategy, local_size) = strategy(&args, &device)?;
-    let workload = Workload::of(scene, size, local_size);
+    let mut workload = Workload::of(scene, size, local_size);
     Requirements::check(&strategy, &workload, &device.info.limits).map_err(|infeasible| {
         Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
     })?;
 
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let cast = cast(&args, &device, scene, &strategy, &workload, &sources)?;
+    let cast = cast(&args, &device, scene, &strategy, &mut workload, &sources)?;
     if args.verify {
         check(scene, &cast.image, &strategy)?;
     }
@@ -123,6 +124,7 @@ pub fn run(args: Args) -> Result<()> {
         local_size,
         image_size: size,
         load_ms,
+        tree_ms: cast.tree_ms,
         build_ms: cast.build_ms,
         upload_ms: cast.upload_ms,
         primary_ms: cast.times.primary_ms,
@@ -184,6 +186,7 @@ struct Cast {
     image: Radiance,
     hits: usize,
     times: FrameTimes,
+    tree_ms: f64,
     build_ms: f64,
     upload_ms: f64,
 }
@@ -193,19 +196,24 @@ fn cast(
     device: &Device,
     scene: &Scene,
     strategy: &Strategy,
-    workload: &Workload,
+    workload: &mut Workload,
     sources: &Sources,
 ) -> Result<Cast> {
     let failed = |what: &str, error: &dyn std::fmt::Display| Error::run(format!("{what} failed: {error}"));
     let build_start = Instant::now();
     let queue = Queue::open(device.platform, device.device)?;
+    let open_ms = ms_since(build_start);
+    let tree =
+        DeviceTree::build(&queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
+    workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
+    let build_start = Instant::now();
     let spec = ProgramSpec::new(sources, strategy, workload, device.info.supports_reduce_builtin())?;
     let program = BuiltProgram::build(&queue.context, queue.device, &spec)
         .map_err(|error| failed("the build", &error))?;
-    let mut build_ms = ms_since(build_start);
+    let mut build_ms = open_ms + ms_since(build_start);
     let device_scene = DeviceScene::upload(&queue, scene, strategy.layout)
         .map_err(|error| failed("uploading the scene", &error))?;
-    let caster = Caster::new(&queue, &program, strategy, workload, scene, &device_scene)
+    let caster = Caster::new(&queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
         .map_err(|error| failed("preparing the frame", &error))?;
     let mut frames = Vec::new();
     for _ in 0..args.repeat {
@@ -216,7 +224,9 @@ fn cast(
         build_ms += (first.host_ms - first.frame_ms).max(0.0);
     }
     let (image, hits) = caster.read().map_err(|error| failed("reading the image", &error))?;
-    Ok(Cast { image, hits, times: medians(&frames), build_ms, upload_ms: device_scene.upload_ms })
+    let upload_ms = device_scene.upload_ms + tree.as_ref().map_or(0.0, |tree| tree.upload_ms);
+    let tree_ms = tree.map_or(0.0, |tree| tree.build_ms);
+    Ok(Cast { image, hits, times: medians(&frames), tree_ms, build_ms, upload_ms })
 }
 
 fn medians(frames: &[FrameTimes]) -> FrameTimes {
@@ -251,6 +261,7 @@ fn text(report: &Report, device: &Device) -> String {
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, local size {x} x {y}"),
         format!("load      {:9.2} ms", report.load_ms),
+        format!("tree      {:9.2} ms", report.tree_ms),
         format!("build     {:9.2} ms", report.build_ms),
         format!("upload    {:9.2} ms", report.upload_ms),
         format!("kernel    {:9.2} ms{}", report.frame_ms, kernel_parts(report)),

@@ -4,11 +4,11 @@ use crate::config::{LimitOverrides, NamedStrategy};
 use crate::device::{Device, DeviceLimits};
 use crate::error::Result;
 use crate::image::Radiance;
-use crate::launch::{Caster, DeviceScene, LaunchError, Queue};
+use crate::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::record::{Outcome, Record};
 use crate::scene::Scene;
-use crate::strategy::{Layout, Requirements, Workload};
+use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Workload};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
@@ -21,6 +21,7 @@ pub struct Bench {
     /// The scene at hand, by its number, in the layouts uploaded so far.
     scene: usize,
     layouts: HashMap<Layout, DeviceScene>,
+    trees: HashMap<(NodeWidth, LeafSize), DeviceTree>,
 }
 
 /// Why a point cannot be timed.
@@ -75,6 +76,7 @@ impl Bench {
             sources: sources.clone(),
             scene: usize::MAX,
             layouts: HashMap::new(),
+            trees: HashMap::new(),
         })
     }
 
@@ -104,26 +106,61 @@ impl Bench {
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, spec)
             .map_err(|error| Refusal::new(Outcome::BuildFailed, error.log))?;
         record.build_ms = Some(program.build_ms);
-        let queue = self.queue.clone();
-        let device_scene = self.scene(number, scene, named.strategy.layout)?;
-        Ok(Caster::new(&queue, &program, &named.strategy, workload, scene, device_scene)?)
+        self.upload(number, scene, named.strategy.layout)?;
+        let Some(device_scene) = self.layouts.get(&named.strategy.layout) else {
+            return Err(Refusal::new(Outcome::LaunchFailed, "the scene was not uploaded"));
+        };
+        let tree = self.tree(&named.strategy);
+        Ok(Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?)
     }
 
-    /// The scene numbered `number` in a layout; the scene before it is dropped.
-    fn scene(
+    /// Drops what belongs to another scene.
+    fn turn_to(&mut self, number: usize) {
+        if self.scene != number {
+            self.scene = number;
+            self.layouts.clear();
+            self.trees.clear();
+        }
+    }
+
+    /// Builds the scene's tree, where a strategy wants one, and says in `workload` how deep it is.
+    pub fn grow(
+        &mut self,
+        named: &NamedStrategy,
+        number: usize,
+        scene: &Scene,
+        workload: &mut Workload,
+    ) -> std::result::Result<(), Refusal> {
+        self.turn_to(number);
+        let strategy = &named.strategy;
+        let kind = (strategy.node_width, strategy.leaf_size);
+        if strategy.needs_tree() && !self.trees.contains_key(&kind) {
+            Requirements::check(strategy, workload, &self.limits)
+                .map_err(|infeasible| Refusal::new(Outcome::Infeasible, infeasible.reason))?;
+            if let Some(tree) = DeviceTree::build(&self.queue, &scene.mesh, strategy)? {
+                self.trees.insert(kind, tree);
+            }
+        }
+        workload.stack_size = self.tree(strategy).map_or(0, |tree| tree.stack_size);
+        Ok(())
+    }
+
+    fn tree(&self, strategy: &Strategy) -> Option<&DeviceTree> {
+        self.trees.get(&(strategy.node_width, strategy.leaf_size)).filter(|_| strategy.needs_tree())
+    }
+
+    /// Uploads the scene numbered `number` in a layout; the scene before it is dropped.
+    fn upload(
         &mut self,
         number: usize,
         scene: &Scene,
         layout: Layout,
-    ) -> std::result::Result<&DeviceScene, LaunchError> {
-        if self.scene != number {
-            self.scene = number;
-            self.layouts.clear();
+    ) -> std::result::Result<(), LaunchError> {
+        self.turn_to(number);
+        if let Entry::Vacant(entry) = self.layouts.entry(layout) {
+            entry.insert(DeviceScene::upload(&self.queue, scene, layout)?);
         }
-        Ok(match self.layouts.entry(layout) {
-            Entry::Occupied(entry) => entry.into_mut(),
-            Entry::Vacant(entry) => entry.insert(DeviceScene::upload(&self.queue, scene, layout)?),
-        })
+        Ok(())
     }
 }
 

@@ -97,7 +97,11 @@ impl<'a> Checker<'a> {
         record: &mut Record,
     ) -> Result<std::result::Result<Cast, Refusal>> {
         let named = &self.run.experiment.strategies[strategy];
-        let workload = Workload::of(scene, point.image_size, local_size);
+        let mut workload = Workload::of(scene, point.image_size, local_size);
+        if let Err(refusal) = self.benches[device].grow(named, point.scene, scene, &mut workload) {
+            record.key = self.key(point, scene, record);
+            return Ok(Err(refusal));
+        }
         let spec = self.benches[device].spec(named, &workload)?;
         record.program_hash = Some(spec.hash());
         record.key = self.key(point, scene, record);

@@ -4,7 +4,8 @@ use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::scene::DeviceScene;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
-use super::{NO_HIT, PLANE_FLOATS, Queue};
+use super::tree::DeviceTree;
+use super::{NO_HIT, ROW_FLOATS, Queue};
 use crate::image::Radiance;
 use crate::program::BuiltProgram;
 use crate::scene::Scene;
@@ -34,6 +35,9 @@ pub enum LaunchError {
         /// Work-items of the local size.
         items: usize,
     },
+    /// The scene's tree could not be made.
+    #[error("{0}")]
+    Tree(String),
     /// The in-kernel allocator asked for more than the pool holds.
     #[error("the in-kernel heap ran out: {used} of {size} values were asked for")]
     HeapExhausted {
@@ -91,6 +95,7 @@ struct Parts<'a> {
     camera: CameraArguments,
     working: &'a Working,
     prepared: Option<&'a Buffer<f32>>,
+    tree: Option<&'a DeviceTree>,
 }
 
 impl Caster {
@@ -102,6 +107,7 @@ impl Caster {
         workload: &Workload,
         scene: &Scene,
         device_scene: &DeviceScene,
+        tree: Option<&DeviceTree>,
     ) -> Result<Self, LaunchError> {
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
@@ -120,6 +126,7 @@ impl Caster {
             camera: camera(scene, size),
             working: &working,
             prepared: prepared.as_ref(),
+            tree,
         };
         let mut steps = Steps::new();
         if let Some(prepared) = &prepared {
@@ -133,11 +140,11 @@ impl Caster {
             Passes::Separate => {
                 let nearest = allocate::<i32>(queue, pixels)?;
                 match strategy.traversal {
-                    Traversal::Exhaustive => {
+                    Traversal::Raster => steps.extend(parts.rasterise(&nearest, pixels)?),
+                    _ => {
                         steps.extend(parts.reset_heap(Phase::Primary));
                         steps.push((Phase::Primary, Step::Run(parts.cast_primary(&nearest)?)));
                     }
-                    Traversal::Raster => steps.extend(parts.rasterise(&nearest, pixels)?),
                 }
                 steps.extend(parts.reset_heap(Phase::Shadow));
                 steps.push((Phase::Shadow, Step::Run(parts.shade_nearest(&image, &nearest)?)));
@@ -210,7 +217,7 @@ fn prepared_planes(
     if strategy.intersector != Intersector::CommonOrigin {
         return Ok(None);
     }
-    allocate(queue, PLANE_FLOATS * scene.triangle_count * (1 + scene.light_count)).map(Some)
+    allocate(queue, ROW_FLOATS * scene.triangle_count * (1 + scene.light_count)).map(Some)
 }
 
 impl<'a> Parts<'a> {
@@ -224,9 +231,12 @@ impl<'a> Parts<'a> {
         kernel.global_work_size(self.workload.global_size(self.strategy));
         kernel.local_work_size(self.workload.local_size.map(|n| n as usize));
         geometry_arguments(&mut kernel, self.scene);
-        kernel.arg(&self.scene.lights).arg(self.scene.light_count as i32).arg(self.bias);
+        kernel.arg(&self.scene.lights).arg(self.scene.light_count as i32).arg(self.bias).arg(self.scene.extent);
         if let Some(prepared) = self.prepared {
             kernel.arg(prepared);
+        }
+        if let Some(tree) = self.tree {
+            kernel.arg(&tree.nodes).arg(&tree.leaves);
         }
         camera_arguments(&mut kernel, &self.camera);
         finish(&mut kernel);
@@ -271,7 +281,8 @@ impl<'a> Parts<'a> {
     }
 
     fn cast_primary(&self, nearest: &'a Buffer<i32>) -> Result<Kernel, LaunchError> {
-        self.pixel_kernel("cast_primary", |kernel| {
+        let name = if self.strategy.traversal == Traversal::Tile { "tile_primary" } else { "cast_primary" };
+        self.pixel_kernel(name, |kernel| {
             kernel.arg(nearest);
         })
     }
@@ -281,7 +292,8 @@ impl<'a> Parts<'a> {
         image: &'a Buffer<Float4>,
         nearest: &'a Buffer<i32>,
     ) -> Result<Kernel, LaunchError> {
-        self.pixel_kernel("shade_nearest", |kernel| {
+        let name = if self.strategy.traversal == Traversal::Tile { "tile_shade" } else { "shade_nearest" };
+        self.pixel_kernel(name, |kernel| {
             kernel.arg(self.background).arg(image).arg(nearest);
         })
     }

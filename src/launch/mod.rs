@@ -10,14 +10,16 @@ mod queue;
 mod rays;
 mod scene;
 mod steps;
+mod tree;
 
 pub use caster::{Caster, LaunchError};
 pub use frame::FrameTimes;
 pub use queue::Queue;
 pub use rays::{Ray, cast_rays};
 pub use scene::DeviceScene;
+pub use tree::DeviceTree;
 
 /// The kernels' mark for a ray that hits nothing: NO_HIT in cl/shared/hit.cl.
 const NO_HIT: i32 = i32::MAX;
-/// Floats of a triangle's planes for one origin: PLANE_FLOATS in cl/triangles/rows.cl.
-const PLANE_FLOATS: usize = 9;
+/// Floats of a triangle's planes for one origin: ROW_FLOATS in cl/layout/rows.cl.
+const ROW_FLOATS: usize = 12;

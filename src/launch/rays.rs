@@ -3,7 +3,7 @@
 use super::buffers::{allocate, upload};
 use super::scene::DeviceScene;
 use super::steps::geometry_arguments;
-use super::{LaunchError, Queue};
+use super::{DeviceTree, LaunchError, Queue};
 use crate::program::BuiltProgram;
 use crate::strategy::{Intersector, Strategy, Vectors};
 use glam::Vec3;
@@ -31,6 +31,7 @@ pub fn cast_rays(
     strategy: &Strategy,
     local_size: [u32; 2],
     scene: &DeviceScene,
+    tree: Option<&DeviceTree>,
     rays: &[Ray],
 ) -> Result<Vec<Option<u32>>, LaunchError> {
     if !matches!(strategy.vectors, Vectors::Private | Vectors::Local) {
@@ -48,9 +49,12 @@ pub fn cast_rays(
     let [across, down] = local_size.map(|n| n as usize);
     kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
     geometry_arguments(&mut kernel, scene);
-    kernel.arg(&scene.lights).arg(scene.light_count as i32).arg(0.0_f32);
+    kernel.arg(&scene.lights).arg(scene.light_count as i32).arg(0.0_f32).arg(scene.extent);
     if let Some(prepared) = &prepared {
         kernel.arg(prepared);
+    }
+    if let Some(tree) = tree {
+        kernel.arg(&tree.nodes).arg(&tree.leaves);
     }
     kernel.arg(&packed).arg(rays.len() as i32).arg(&nearest);
     let kernel = kernel.build()?;
@@ -77,7 +81,7 @@ fn prepare(
     if strategy.intersector != Intersector::CommonOrigin || scene.triangle_count == 0 {
         return Ok(None);
     }
-    let prepared = allocate::<f32>(queue, super::PLANE_FLOATS * scene.triangle_count)?;
+    let prepared = allocate::<f32>(queue, super::ROW_FLOATS * scene.triangle_count)?;
     let mut kernel = Kernel::builder();
     kernel.program(&program.program).name("prepare_origins").queue(queue.commands.clone());
     kernel.global_work_size([scene.triangle_count, 1]);

@@ -2,9 +2,10 @@
 
 use super::buffers::upload;
 use super::{LaunchError, Queue};
-use crate::scene::{Material, Mesh, Scene};
+use crate::scene::{Material, Mesh, Scene, Triangle};
 use crate::strategy::{Layout, Workload};
 use ocl::Buffer;
+use rayon::prelude::*;
 use std::time::Instant;
 
 /// Floats a triangle of the soup takes: corners 9, normals 9, material 8.
@@ -36,6 +37,8 @@ pub struct DeviceScene {
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,
     pub(super) triangle_count: usize,
+    /// The largest coordinate of triangles and eye: what rounding errors of positions are relative to.
+    pub(super) extent: f32,
     /// How long making and uploading the buffers took.
     pub upload_ms: f64,
 }
@@ -62,6 +65,7 @@ impl DeviceScene {
             lights,
             light_count: scene.lights.len(),
             triangle_count: mesh.triangles.len(),
+            extent: extent(scene),
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         })
     }
@@ -76,22 +80,32 @@ impl Workload {
             normals: scene.mesh.normals.len(),
             materials: scene.mesh.materials.len(),
             lights: scene.lights.len(),
+            stack_size: 0,
             image_size,
             local_size,
         }
     }
 }
 
+fn extent(scene: &Scene) -> f32 {
+    let (low, high) = scene.mesh.bounds().unwrap_or_default();
+    [low, high, scene.camera.position].map(|point| point.abs().max_element()).into_iter().fold(0.0, f32::max)
+}
+
 /// 104 bytes a triangle, nothing shared: the paper's data.
 fn soup(mesh: &Mesh) -> Vec<f32> {
-    let mut floats = Vec::with_capacity(mesh.triangles.len() * SOUP_FLOATS);
-    for triangle in &mesh.triangles {
-        for point in mesh.corners(triangle).iter().chain(&mesh.corner_normals(triangle)) {
-            floats.extend(point.to_array());
+    let row = |triangle: &Triangle| {
+        let mut row = [0.0; SOUP_FLOATS];
+        let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));
+        for (place, point) in row.chunks_exact_mut(3).zip(points) {
+            place.copy_from_slice(&point.to_array());
         }
-        floats.extend(mesh.material(triangle).to_floats());
-    }
-    floats
+        row[18..].copy_from_slice(&mesh.material(triangle).to_floats());
+        row
+    };
+    let mut rows = Vec::new();
+    mesh.triangles.par_iter().map(row).collect_into_vec(&mut rows);
+    rows.into_flattened()
 }
 
 fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) -> ocl::Result<Sets<I>> {

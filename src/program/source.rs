@@ -74,10 +74,13 @@ fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     Ok(format!("{before}{}{after}", file_of(axis, value)))
 }
 
-/// The file of a value: its name, with 16- and 32-bit indices sharing one file.
+/// The file of a value: its name, but 16- and 32-bit indices share one file, what is rasterised casts its shadow
+/// rays exhaustively, and what walks a tree in tiles casts single rays as `bvh` does.
 fn file_of(axis: &str, value: &str) -> String {
     match (axis, value) {
         ("layout", "indexed16" | "indexed32") => "indexed".to_owned(),
+        ("traversal", "raster") => "exhaustive".to_owned(),
+        ("traversal", "tile") => "bvh".to_owned(),
         _ => value.replace('-', "_"),
     }
 }

@@ -56,11 +56,20 @@ fn defines(strategy: &Strategy, workload: &Workload, reduce_builtin: bool) -> Ve
         ("PAPER_EPSILONS", u64::from(strategy.epsilons == Epsilons::Paper)),
         ("FAST_MATH", u64::from(strategy.math == Math::Fast)),
         ("RASTER", u64::from(strategy.traversal == Traversal::Raster)),
+        ("TREE", u64::from(strategy.needs_tree())),
+        ("TILES", u64::from(strategy.traversal == Traversal::Tile)),
         ("REDUCE_BUILTIN", u64::from(reduce_builtin)),
         ("TRIANGLES", if_staged(workload.triangles)),
     ];
     if strategy.triangles == Triangles::Tiled {
         defines.push(("TILE_TRIANGLES", TILE_TRIANGLES));
+    }
+    if strategy.needs_tree() {
+        let (across, down) = strategy.tile.pixels();
+        defines.push(("NODE_WIDTH", strategy.node_width.children() as u64));
+        defines.push(("STACK_SIZE", workload.stack_size as u64));
+        defines.push(("TILE_X", across as u64));
+        defines.push(("TILE_Y", down as u64));
     }
     if strategy.layout != Layout::Soup {
         defines.push(("INDEX_BITS", if strategy.layout == Layout::Indexed16 { 16 } else { 32 }));

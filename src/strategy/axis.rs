@@ -69,6 +69,8 @@ axis! {
     Traversal "traversal" "how the triangles that a ray may hit are found" {
         Exhaustive "exhaustive" "every ray tests every triangle, as the paper does",
         Raster "raster" "one work-item a triangle, depth resolved by atomics, then a shading pass",
+        Bvh "bvh" "every ray, or packet of rays, walks a tree of boxes",
+        Tile "tile" "a tile of rays with a common origin walks the tree together",
     }
 }
 axis! {
@@ -146,10 +148,64 @@ axis! {
     }
 }
 axis! {
+    /// Children of a tree's node.
+    NodeWidth "node_width" "children of a tree's node" {
+        N2 "2" "one ray walks these fastest",
+        N4 "4" "four",
+        N8 "8" "what a CPU's vectors test at once",
+        N16 "16" "sixteen",
+        N32 "32" "what a GPU's sub-group tests at once",
+    }
+}
+axis! {
+    /// Triangles that a leaf of a tree holds at most.
+    LeafSize "leaf_size" "triangles that a tree's leaf holds at most" {
+        L4 "4" "few: a ray tests each of them",
+        L8 "8" "eight",
+        L16 "16" "sixteen",
+        L32 "32" "many: a tile of rays shares their preparation",
+    }
+}
+axis! {
+    /// The tile of rays that walks a tree together.
+    TileSize "tile" "pixels of a tile that walks the tree together" {
+        T8x8 "8x8" "64 rays",
+        T16x8 "16x8" "128 rays",
+        T16x16 "16x16" "256 rays",
+        T32x16 "32x16" "512 rays",
+    }
+}
+axis! {
     /// What the compiler may do to arithmetic.
     Math "math" "what the compiler may do to arithmetic" {
         Strict "strict" "IEEE single precision as OpenCL C defines it",
         Fast "fast" "-cl-fast-relaxed-math",
+    }
+}
+
+impl NodeWidth {
+    /// The number of children.
+    pub fn children(self) -> usize {
+        2 << (self as usize)
+    }
+}
+
+impl LeafSize {
+    /// The number of triangles.
+    pub fn triangles(self) -> usize {
+        4 << (self as usize)
+    }
+}
+
+impl TileSize {
+    /// Pixels across and down.
+    pub fn pixels(self) -> (usize, usize) {
+        match self {
+            Self::T8x8 => (8, 8),
+            Self::T16x8 => (16, 8),
+            Self::T16x16 => (16, 16),
+            Self::T32x16 => (32, 16),
+        }
     }
 }
 

@@ -6,8 +6,8 @@ mod presets;
 mod requirements;
 
 pub use axis::{
-    Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, Math, Passes, Shading, Traversal, Triangles,
-    Vectors, Width,
+    Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading,
+    TileSize, Traversal, Triangles, Vectors, Width,
 };
 pub use fastest::fastest;
 pub use presets::{PRESETS, Preset, preset};
@@ -66,6 +66,12 @@ strategy! {
     epsilons: Epsilons,
     /// Rays a work-item.
     width: Width,
+    /// Children of a tree's node.
+    node_width: NodeWidth,
+    /// Triangles a leaf holds at most.
+    leaf_size: LeafSize,
+    /// The tile of rays that walks a tree together.
+    tile: TileSize,
     /// What the compiler may do to arithmetic.
     math: Math,
 }
@@ -93,6 +99,11 @@ impl Strategy {
         self.traversal == Traversal::Exhaustive
     }
 
+    /// Whether rays walk a tree.
+    pub fn needs_tree(&self) -> bool {
+        matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
+    }
+
     /// Refuses combinations that make no sense on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
@@ -104,6 +115,7 @@ impl Strategy {
     /// Why this combination makes no sense on any device, if so.
     pub fn contradiction(&self) -> Option<&'static str> {
         let raster = self.traversal == Traversal::Raster;
+        let tile = self.traversal == Traversal::Tile;
         let eager = self.shading == Shading::Eager;
         let tiled = self.triangles == Triangles::Tiled;
         let in_place = matches!(self.triangles, Triangles::Global | Triangles::Constant);
@@ -125,6 +137,22 @@ impl Strategy {
             (
                 raster && self.intersector != Intersector::MollerTrumbore,
                 "traversal = raster has its own edge functions for primary rays and moller-trumbore for shadow rays",
+            ),
+            (
+                self.needs_tree() && (self.triangles != Triangles::Global || self.layout != Layout::Soup),
+                "traversal = bvh and tile read triangles in the order of their tree: triangles = global, layout = soup",
+            ),
+            (
+                self.needs_tree() && common_origin,
+                "traversal = bvh and tile prepare what rays of a common origin share themselves: another intersector",
+            ),
+            (
+                tile && (eager || self.passes == Passes::Fused || self.vectors != Vectors::Private),
+                "traversal = tile keeps a tile's rays in private memory and shades them once: vectors = private, shading = deferred, passes = separate",
+            ),
+            (
+                tile && self.epsilons == Epsilons::Paper,
+                "traversal = tile has edge functions of its own: epsilons = relative",
             ),
             (
                 self.math == Math::Fast && self.intersector == Intersector::Watertight,

@@ -1,8 +1,8 @@
 //! Named strategies: the paper's rows and the fast ones.
 
 use super::{
-    Culling, Epsilons, Intersector, Layout, Math, Passes, Shading, Strategy, Traversal, Triangles, Vectors,
-    Width,
+    Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading, Strategy, TileSize,
+    Traversal, Triangles, Vectors, Width,
 };
 use crate::error::{Error, Result, nearest};
 
@@ -29,6 +29,9 @@ const PAPER: Strategy = Strategy {
     culling: Culling::None,
     epsilons: Epsilons::Paper,
     width: Width::W1,
+    node_width: NodeWidth::N8,
+    leaf_size: LeafSize::L4,
+    tile: TileSize::T32x16,
     math: Math::Strict,
 };
 
@@ -123,6 +126,21 @@ pub const PRESETS: &[Preset] = &[
             triangles: Triangles::Tiled,
             ..MODERN
         },
+    },
+    Preset {
+        name: "bvh",
+        about: "deferred, each ray walking a tree of two children a node: what a GPU's single rays want",
+        strategy: Strategy { traversal: Traversal::Bvh, node_width: NodeWidth::N2, ..MODERN },
+    },
+    Preset {
+        name: "bvh-packet",
+        about: "deferred, packets of 16 rays walking a tree of eight children a node",
+        strategy: Strategy { traversal: Traversal::Bvh, width: Width::W16, ..MODERN },
+    },
+    Preset {
+        name: "tile",
+        about: "tiles of 512 rays walking a tree together in vectors of 16: fastest for big scenes on a CPU",
+        strategy: Strategy { traversal: Traversal::Tile, width: Width::W16, ..MODERN },
     },
 ];
 

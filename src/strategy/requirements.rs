@@ -8,6 +8,8 @@ const WORKING_BYTES: u64 = 9 * 3 * 4;
 /// A triangle of the soup: 26 floats. Its corners, or its normals: 9. Its material: 8.
 const SOUP_BYTES: u64 = 26 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
+/// What a test reads of a triangle: three float4.
+const ROW_BYTES: u64 = 12 * 4;
 const MATERIAL_BYTES: u64 = 8 * 4;
 const POINT_BYTES: u64 = 3 * 4;
 
@@ -31,6 +33,8 @@ pub struct Workload {
     pub materials: usize,
     /// Lights in the scene.
     pub lights: usize,
+    /// Entries of a traversal's stack; 0 where there is no tree, or none is built yet.
+    pub stack_size: usize,
     /// Pixels across and down.
     pub image_size: [u32; 2],
     /// Work-items of a work-group across and down.
@@ -40,7 +44,11 @@ pub struct Workload {
 impl Workload {
     /// Work-items across and down: one a block of pixels, whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
-        let block = strategy.width.block();
+        let block = if strategy.traversal == Traversal::Tile {
+            strategy.tile.pixels()
+        } else {
+            strategy.width.block()
+        };
         let across = |pixels: u32, block: usize, local: u32| {
             (pixels as usize).div_ceil(block).next_multiple_of(local as usize)
         };
@@ -212,7 +220,7 @@ fn local(strategy: &Strategy, w: &Workload) -> Sum {
     match strategy.triangles {
         Triangles::Global | Triangles::Constant => {}
         Triangles::Local => add_scene(&mut sum, strategy, w),
-        Triangles::Tiled => sum.add("tile", &[(CORNERS_BYTES, " B"), (TILE_TRIANGLES, " triangles")]),
+        Triangles::Tiled => sum.add("tile", &[(ROW_BYTES, " B"), (TILE_TRIANGLES, " triangles")]),
         Triangles::SplitVertices => add_vertices(&mut sum, strategy, w),
         Triangles::SplitNormals => add_normals(&mut sum, strategy, w),
     }
@@ -264,6 +272,13 @@ fn global(strategy: &Strategy, w: &Workload) -> Sum {
     if strategy.traversal == Traversal::Raster {
         sum.add("depth", &[(4, " B"), (pixels, " pixels")]);
     }
+    if strategy.needs_tree() {
+        let children = strategy.node_width.children() as u64;
+        // Full nodes over full leaves, and half as many again for those that are not.
+        let nodes = 3 * (w.triangles as u64) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
+        sum.add("leaves", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        sum.add("about", &[(8 * children * 4, " B"), (nodes, " nodes")]);
+    }
     if strategy.intersector == super::Intersector::CommonOrigin {
         let origins = 1 + w.lights as u64;
         sum.add(
@@ -298,6 +313,7 @@ mod tests {
             normals: triangles,
             materials: 2,
             lights: 1,
+            stack_size: 0,
             image_size: [800, 500],
             local_size: [local, local],
         }

@@ -3,7 +3,7 @@
 
 use raycl::device::{Device, discover, select};
 use raycl::image::Radiance;
-use raycl::launch::{Caster, DeviceScene, LaunchError, Queue};
+use raycl::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use raycl::program::{BuiltProgram, ProgramSpec, Sources};
 use raycl::reference::{Reference, reference};
 use raycl::scene::{Scene, load_scene};
@@ -25,6 +25,14 @@ pub fn device() -> Device {
 pub fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     load_scene(&path).expect("a scene of the repository").scene
+}
+
+/// A strategy's program with the scene in its layout, and the tree it walks.
+pub struct Built {
+    pub workload: Workload,
+    pub program: BuiltProgram,
+    pub scene: DeviceScene,
+    pub tree: Option<DeviceTree>,
 }
 
 /// A device with the references of one scene at one size.
@@ -54,17 +62,20 @@ impl Stand {
             .map_err(|refused| refused.reason)?;
         let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, true).expect("a program");
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
-        Ok((workload, program.unwrap_or_else(|error| panic!("{strategy}: {error}"))))
+        let program = program.unwrap_or_else(|error| panic!("{strategy}: {error}"));
+        let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy.layout).expect("an upload");
+        Ok(Built { workload, program, scene: uploaded, tree })
     }
 
     /// The image of a strategy.
     pub fn cast(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Radiance, String> {
-        let (workload, program) = self.build(strategy, local_size)?;
-        let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy.layout).expect("an upload");
-        let caster = match Caster::new(&self.queue, &program, strategy, &workload, &self.scene, &uploaded) {
-            Err(error @ LaunchError::WorkGroup { .. }) => return Err(error.to_string()),
-            other => other.unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}")),
-        };
+        let built = self.build(strategy, local_size)?;
+        let Built { workload, program, scene, tree } = &built;
+        let caster =
+            match Caster::new(&self.queue, program, strategy, workload, &self.scene, scene, tree.as_ref()) {
+                Err(error @ LaunchError::WorkGroup { .. }) => return Err(error.to_string()),
+                other => other.unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}")),
+            };
         caster.cast().unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
         Ok(caster.read().expect("an image").0)
     }

@@ -1,0 +1,52 @@
+//! A scene's tree in a device's memory.
+
+use super::buffers::upload;
+use super::{LaunchError, Queue};
+use crate::accel::{Bvh, TriangleForm, WideBvh, triangle_rows};
+use crate::scene::Mesh;
+use crate::strategy::Strategy;
+use ocl::Buffer;
+use std::time::Instant;
+
+/// Stacks are sized in steps of this many entries, so that scenes of like depth share a program.
+const STACK_STEP: usize = 32;
+
+/// The nodes of a tree, and its triangles in leaf order.
+#[derive(Debug)]
+pub struct DeviceTree {
+    pub(super) nodes: Buffer<u32>,
+    pub(super) leaves: Buffer<f32>,
+    /// Entries that a stack needs on the deepest way down, rounded up.
+    pub stack_size: usize,
+    /// How long building the tree took, on the host.
+    pub build_ms: f64,
+    /// How long uploading it took.
+    pub upload_ms: f64,
+}
+
+impl DeviceTree {
+    /// Builds a mesh's tree as `strategy` wants it, and uploads it; none where it wants none.
+    pub fn build(queue: &Queue, mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
+        if !strategy.needs_tree() {
+            return Ok(None);
+        }
+        let start = Instant::now();
+        let leaf_size = strategy.leaf_size.triangles();
+        let bvh = Bvh::build(mesh, leaf_size.min(Bvh::LEAF_SIZE));
+        let wide = WideBvh::new(&bvh, strategy.node_width.children(), leaf_size)
+            .map_err(|error| LaunchError::Tree(error.to_string()))?;
+        let build_ms = start.elapsed().as_secs_f64() * 1e3;
+
+        let start = Instant::now();
+        let nodes = upload(queue, &wide.nodes)?;
+        let leaves = upload(queue, &triangle_rows(mesh, &wide.order, TriangleForm::Corners))?;
+        queue.commands.finish()?;
+        Ok(Some(Self {
+            nodes,
+            leaves,
+            stack_size: wide.stack_size().next_multiple_of(STACK_STEP),
+            build_ms,
+            upload_ms: start.elapsed().as_secs_f64() * 1e3,
+        }))
+    }
+}
