@@ -76,10 +76,10 @@ impl<const N: usize> Bins<N> {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for primitive in primitives {
             let slices = slicer.slices(primitive);
-            for axis in 0..3 {
-                let bin = &mut bins.bounds[axis][slices[axis]];
+            for (axis, slice) in slices.into_iter().enumerate() {
+                let bin = &mut bins.bounds[axis][slice];
                 *bin = bin.union(primitive.0);
-                bins.counts[axis][slices[axis]] += 1;
+                bins.counts[axis][slice] += 1;
             }
         }
         bins
@@ -141,7 +141,8 @@ impl<const N: usize> Bins<N> {
         let (below, above) = self.bounds[axis].split_at(slice);
         let bounds = [join(below), join(above)];
         let plane = slicer.plane(axis, slice);
-        let mut regions = bounds.map(|b| region.intersection(Bounds { low: b.low * 2.0, high: b.high * 2.0 }));
+        let mut regions =
+            bounds.map(|b| region.intersection(Bounds { low: b.low * 2.0, high: b.high * 2.0 }));
         regions[0].high[axis] = regions[0].high[axis].min(plane);
         regions[1].low[axis] = regions[1].low[axis].max(plane);
         Cut { axis, slice, left_count: self.count_below(axis, slice), bounds, regions }

@@ -64,7 +64,8 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
         .par_chunks(CHUNK)
         .map(|chunk| (Primitive::bounds(chunk), Primitive::centre_bounds(chunk)))
         .reduce(|| (Bounds::EMPTY, Bounds::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)));
-    let root = Work { primitives: &mut primitives, spare: &mut spare, order: &mut order, bounds, region, depth: 0 };
+    let root =
+        Work { primitives: &mut primitives, spare: &mut spare, order: &mut order, bounds, region, depth: 0 };
     let tree = grow(root, leaf_size);
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
@@ -141,7 +142,8 @@ fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds)
         let bins = chunks[1..].iter().fold(chunks[0].1.clone(), |sum, (_, bins)| sum.merge(bins));
         bins.best_cut(&slicer, region).map(|cut| (slicer, chunks, cut))
     };
-    let (slicer, chunks, cut) = try_region(region).or_else(|| try_region(Primitive::centre_bounds(source)))?;
+    let (slicer, chunks, cut) =
+        try_region(region).or_else(|| try_region(Primitive::centre_bounds(source)))?;
     partition_chunks(&chunks, target, &slicer, &cut);
     Some(cut)
 }

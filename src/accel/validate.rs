@@ -51,7 +51,11 @@ impl Bvh {
         if left.count == 0 || right.count == 0 {
             return Err(format!("node {number} has a child without triangles"));
         }
-        expect_equal("triangles below both children", (left.count + right.count) as usize, node.count as usize)?;
+        expect_equal(
+            "triangles below both children",
+            (left.count + right.count) as usize,
+            node.count as usize,
+        )?;
         for child in [left, right] {
             encloses((node.low, node.high), (child.low, child.high))?;
         }
@@ -90,11 +94,14 @@ impl WideBvh {
                 };
                 if places.is_empty() {
                     let is_marked = word == Self::UNUSED && [low, high] == [[f32::MAX; 3]; 2];
-                    is_marked.then_some(()).ok_or(format!("place {place} of node {node} is not marked unused"))?;
+                    is_marked
+                        .then_some(())
+                        .ok_or(format!("place {place} of node {node} is not marked unused"))?;
                     continue;
                 }
                 encloses(bounds, (low, high))?;
-                let triangles = self.order.get(places.clone()).ok_or("a leaf ends beyond the last triangle")?;
+                let triangles =
+                    self.order.get(places.clone()).ok_or("a leaf ends beyond the last triangle")?;
                 encloses_triangles(mesh, triangles, (low, high))?;
                 held[places].iter_mut().for_each(|count| *count += 1);
             }
