@@ -76,10 +76,10 @@ impl<const N: usize> Bins<N> {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for primitive in primitives {
             let slices = slicer.slices(primitive);
-            for axis in 0..3 {
-                let bin = &mut bins.bounds[axis][slices[axis]];
+            for (axis, slice) in slices.into_iter().enumerate() {
+                let bin = &mut bins.bounds[axis][slice];
                 *bin = bin.union(primitive.0);
-                bins.counts[axis][slices[axis]] += 1;
+                bins.counts[axis][slice] += 1;
             }
         }
         bins

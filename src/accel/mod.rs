@@ -72,7 +72,7 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Triangles a leaf, at most, of a tree meant for nodes of any width: Embree's medium quality stops there too.
+    /// A good leaf size for most purposes: Embree's medium quality stops there too.
     pub const LEAF_SIZE: usize = 4;
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
@@ -84,11 +84,11 @@ impl Bvh {
         build::build(mesh, leaf_size)
     }
 
-    /// The most bytes the host needs at one time to build a tree over that many triangles.
+    /// An upper estimate of the bytes the host needs at one time to build a tree over that many triangles: two buffers of
+    /// boxes, the order, and the nodes twice (in pieces, then joined), if leaves are on average half full.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
-        let buffers = 2 * size_of::<bounds::Primitive>() as u64 + 4;
-        // In the worst case every other leaf holds one triangle; nodes are made in pieces, then joined.
-        let nodes = 2 * 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
-        triangles * buffers + nodes
+        let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1);
+        let primitive = 2 * size_of::<bounds::Primitive>() as u64 + size_of::<u32>() as u64;
+        triangles * primitive + 2 * nodes * size_of::<Node>() as u64
     }
 }

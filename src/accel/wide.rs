@@ -51,28 +51,33 @@ pub struct WideBvh {
     pub depth: u32,
 }
 
-/// A binary subtree: its root, and where its triangles begin in leaf order.
+/// A binary subtree.
 #[derive(Clone, Copy)]
-struct Subtree<'a> {
-    bvh: &'a Bvh,
+struct Subtree {
+    /// Its root in the binary tree.
     node: usize,
+    /// Where its triangles begin in leaf order.
     first: u32,
+    count: u32,
+    is_leaf: bool,
+    half_area: f32,
 }
 
-impl Subtree<'_> {
-    fn root(&self) -> &Node {
-        &self.bvh.nodes[self.node]
+impl Subtree {
+    fn new(bvh: &Bvh, node: usize, first: u32) -> Self {
+        let root = &bvh.nodes[node];
+        Self { node, first, count: root.count, is_leaf: root.is_leaf(), half_area: root.half_area() }
     }
 
-    /// Whether it may be opened: a subtree that fits a leaf becomes one.
+    /// Whether it becomes a node: a subtree that fits a leaf becomes one.
     fn is_inner(&self, leaf_size: usize) -> bool {
-        self.root().count as usize > leaf_size && !self.root().is_leaf()
+        self.count as usize > leaf_size && !self.is_leaf
     }
 
-    fn children(&self) -> [Self; 2] {
-        let left = Self { node: self.node + 1, ..*self };
-        let right = self.node + self.root().right as usize;
-        [left, Self { node: right, first: self.first + left.root().count, ..*self }]
+    fn children(&self, bvh: &Bvh) -> [Self; 2] {
+        let left = Self::new(bvh, self.node + 1, self.first);
+        let right = self.node + bvh.nodes[self.node].right as usize;
+        [left, Self::new(bvh, right, self.first + left.count)]
     }
 }
 
@@ -89,8 +94,10 @@ impl WideBvh {
     pub const UNUSED: u32 = Self::LEAF;
     const COUNT_SHIFT: u32 = 25;
 
-    /// Collapses a binary tree: a node's children are its subtree's after opening, as long as there is room, the one
-    /// of largest surface; subtrees of at most `leaf_size` triangles become leaves.
+    /// Collapses a binary tree. A node's children are found by opening, as long as there is room, the subtree of largest
+    /// surface: first among those of more than `leaf_size` triangles, then among all, for a test of an unused place costs
+    /// as much as one of a used one. So leaves are as small as the room allows, but never smaller than the tree's
+    /// own: build that with the leaf size that pays.
     ///
     /// # Errors
     ///
@@ -100,17 +107,24 @@ impl WideBvh {
         check(bvh, width, leaf_size)?;
         let stride = if width <= 8 { 8 * width } else { 7 * width };
         let mut wide = Self { width, stride, nodes: Vec::new(), order: bvh.order.clone(), depth: 1 };
-        let mut children = Vec::with_capacity(width);
-        if !bvh.nodes.is_empty() {
-            children.push(Subtree { bvh, node: 0, first: 0 });
-        }
-        let mut waiting = vec![(0, 1, children)];
         wide.add_nodes(1);
-        while let Some((place, depth, mut children)) = waiting.pop() {
-            open(&mut children, width, leaf_size);
+        let mut waiting = Vec::new();
+        if !bvh.nodes.is_empty() {
+            waiting.push((0, 1, Subtree::new(bvh, 0, 0)));
+        }
+        let mut children = Vec::with_capacity(width);
+        while let Some((node, depth, subtree)) = waiting.pop() {
             wide.depth = wide.depth.max(depth);
-            let below = wide.write(place, &children, leaf_size);
-            waiting.extend(below.map(|(place, child)| (place, depth + 1, vec![child])).rev());
+            children.clear();
+            children.push(subtree);
+            open(bvh, &mut children, width, leaf_size);
+            open(bvh, &mut children, width, 0);
+            let begin = waiting.len();
+            let inner = children.iter().filter(|child| child.is_inner(leaf_size));
+            waiting.extend((wide.node_count()..).zip(inner).map(|(node, child)| (node, depth + 1, *child)));
+            wide.write(bvh, node, &children, leaf_size);
+            wide.add_nodes(waiting.len() - begin);
+            waiting[begin..].reverse();
         }
         if wide.nodes.len() / stride > Self::MAX_INDEX {
             return Err(Error::run(
@@ -149,38 +163,29 @@ impl WideBvh {
         (word & Self::LEAF != 0).then_some(first..first + count as usize)
     }
 
-    /// Appends nodes of unused places and returns the first one's number.
-    fn add_nodes(&mut self, count: usize) -> usize {
-        let first = self.node_count();
-        self.nodes.resize((first + count) * self.stride, 0);
-        for node in first..first + count {
-            let begin = node * self.stride;
-            self.nodes[begin..begin + 6 * self.width].fill(f32::MAX.to_bits());
-            self.nodes[begin + 6 * self.width..begin + 7 * self.width].fill(Self::UNUSED);
+    /// Appends nodes of unused places.
+    fn add_nodes(&mut self, count: usize) {
+        let (words, boxes) = (7 * self.width, 6 * self.width);
+        for _ in 0..count {
+            let begin = self.nodes.len();
+            self.nodes.resize(begin + boxes, f32::MAX.to_bits());
+            self.nodes.resize(begin + words, Self::UNUSED);
+            self.nodes.resize(begin + self.stride, 0);
         }
-        first
     }
 
-    /// Writes a node and makes room for its inner children, which it returns with their numbers.
-    fn write<'a>(
-        &mut self,
-        node: usize,
-        children: &[Subtree<'a>],
-        leaf_size: usize,
-    ) -> impl DoubleEndedIterator<Item = (usize, Subtree<'a>)> + use<'a> {
-        let inner: Vec<_> = children.iter().copied().filter(|child| child.is_inner(leaf_size)).collect();
-        let first_inner = self.add_nodes(inner.len());
-        let mut next_inner = first_inner as u32;
+    /// Writes a node; its inner children are the nodes appended next.
+    fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
+        let mut next = self.node_count() as u32;
         for (place, child) in children.iter().enumerate() {
             let word = if child.is_inner(leaf_size) {
-                next_inner += 1;
-                next_inner - 1
+                next += 1;
+                next - 1
             } else {
-                Self::LEAF | child.root().count << Self::COUNT_SHIFT | child.first
+                Self::LEAF | child.count << Self::COUNT_SHIFT | child.first
             };
-            self.write_child(node, place, child.root(), word);
+            self.write_child(node, place, &bvh.nodes[child.node], word);
         }
-        (first_inner..).zip(inner).collect::<Vec<_>>().into_iter()
     }
 
     fn write_child(&mut self, node: usize, place: usize, child: &Node, word: u32) {
@@ -193,15 +198,14 @@ impl WideBvh {
     }
 }
 
-/// Opens the largest subtrees until there are `width` of them or none is left to open.
-fn open(children: &mut Vec<Subtree>, width: usize, leaf_size: usize) {
+/// Opens the largest subtrees of more than `least` triangles until there are `width` of them or none is left.
+fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
-        let area = |subtree: &Subtree| subtree.root().half_area();
-        let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(leaf_size));
-        let Some((largest, _)) = candidates.max_by(|a, b| area(a.1).total_cmp(&area(b.1))) else {
+        let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));
+        let Some((largest, _)) = candidates.max_by(|a, b| a.1.half_area.total_cmp(&b.1.half_area)) else {
             return;
         };
-        let [left, right] = children[largest].children();
+        let [left, right] = children[largest].children(bvh);
         children[largest] = left;
         children.push(right);
     }
