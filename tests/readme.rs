@@ -56,7 +56,8 @@ fn every_toml_block_loads() {
                 let experiment = raycl::config::load(&path, &[]).unwrap_or_else(|e| panic!("{page}: {e}"));
                 assert!(!Plan::new(&experiment, 1).points.is_empty(), "{page}: {block}");
             } else {
-                let loaded = raycl::scene::load_scene(&path).unwrap_or_else(|e| panic!("{page}: {e}\n{block}"));
+                let loaded =
+                    raycl::scene::load_scene(&path).unwrap_or_else(|e| panic!("{page}: {e}\n{block}"));
                 assert!(loaded.notes.is_empty(), "{page}: {:?}", loaded.notes);
             }
         }
