@@ -4,7 +4,7 @@
 //! [`config`] reads a TOML experiment; [`scene`] loads what it names;
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/`; [`launch`] runs them;
-//! [`verify`] compares their image with the [`reference`]; [`measure`] times them;
+//! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them;
 //! [`record`] keeps what was found. [`image`] turns radiance into pictures.
 //! [`cli`] holds one file a subcommand.
 

@@ -1,0 +1,101 @@
+//! What README.md and docs/scenes.md show must work: their TOML loads, and their command lines parse.
+#![allow(missing_docs, reason = "a test binary has no documentation")]
+
+use clap::Parser as _;
+use raycl::cli::Cli;
+use raycl::experiment::Plan;
+use std::fs;
+use std::path::Path;
+
+const PAGES: [&str; 2] = ["README.md", "docs/scenes.md"];
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The fenced blocks of a page that are marked with one of `languages`.
+fn blocks(page: &str, languages: &[&str]) -> Vec<String> {
+    let text = fs::read_to_string(repository().join(page)).expect("a page");
+    let fences = text.split("\n```").skip(1).step_by(2);
+    let marked = fences.filter_map(|block| block.split_once('\n'));
+    marked.filter(|(language, _)| languages.contains(language)).map(|(_, body)| body.to_owned()).collect()
+}
+
+/// A folder with the repository's scenes in it, as the snippets assume.
+fn folder_with_scenes() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scenes = folder.path().join("scenes");
+    fs::create_dir(&scenes).expect("a folder");
+    for entry in fs::read_dir(repository().join("scenes")).expect("scenes") {
+        let path = entry.expect("an entry").path();
+        fs::copy(&path, scenes.join(path.file_name().expect("a name"))).expect("a copy");
+    }
+    folder
+}
+
+/// A block's own name where its first line is a comment of one word, as in `# my-scene.toml`.
+fn name(block: &str) -> &str {
+    let first = block.lines().next().and_then(|line| line.strip_prefix("# ")).unwrap_or_default();
+    if first.contains('.') && !first.contains(' ') { first } else { "snippet.toml" }
+}
+
+#[test]
+fn every_toml_block_loads() {
+    for page in PAGES {
+        let folder = folder_with_scenes();
+        let blocks = blocks(page, &["toml", "obj", "mtl"]);
+        assert!(blocks.len() >= 2, "{page} has {} blocks", blocks.len());
+        for block in &blocks {
+            fs::write(folder.path().join(name(block)), block).expect("a file");
+        }
+        for block in blocks.iter().filter(|block| name(block).ends_with(".toml")) {
+            let path = folder.path().join(name(block));
+            // Blocks without a name share one.
+            fs::write(&path, block).expect("a file");
+            if block.contains("question = ") {
+                let experiment = raycl::config::load(&path, &[]).unwrap_or_else(|e| panic!("{page}: {e}"));
+                assert!(!Plan::new(&experiment, 1).points.is_empty(), "{page}: {block}");
+            } else {
+                let loaded =
+                    raycl::scene::load_scene(&path).unwrap_or_else(|e| panic!("{page}: {e}\n{block}"));
+                assert!(loaded.notes.is_empty(), "{page}: {:?}", loaded.notes);
+            }
+        }
+    }
+}
+
+/// The words of a command line; single quotes keep spaces together.
+fn words(line: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    for (part, text) in line.split('\'').enumerate() {
+        if part % 2 == 1 {
+            words.last_mut().expect("a word").push_str(text);
+            continue;
+        }
+        for (number, word) in text.split(' ').enumerate() {
+            if number > 0 {
+                words.push(String::new());
+            }
+            words.last_mut().expect("a word").push_str(word);
+        }
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+#[test]
+fn every_command_line_parses_and_names_files_that_are_there() {
+    let mut seen = 0;
+    for block in blocks("README.md", &["sh"]) {
+        for line in block.lines().filter(|line| line.starts_with("raycl ")) {
+            let words = words(line);
+            Cli::try_parse_from(&words).unwrap_or_else(|error| panic!("{line}: {error}"));
+            let of_repository = |word: &&String| word.starts_with("scenes/") || word.starts_with("configs/");
+            for file in words.iter().filter(of_repository) {
+                assert!(repository().join(file).is_file(), "{line}: no {file}");
+            }
+            seen += 1;
+        }
+    }
+    assert!(seen >= 10, "only {seen} command lines");
+}
