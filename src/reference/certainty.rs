@@ -1,6 +1,7 @@
 //! Which pixels any correct caster must agree on, whatever its arithmetic.
 
 use super::cast::Caster;
+use super::intersect::Hit;
 use crate::image::RELATIVE_LIMIT;
 use crate::scene::PixelFrame;
 use glam::DVec3;
@@ -9,6 +10,9 @@ use glam::DVec3;
 const NUDGE_RADIANS: f64 = 1e-5;
 /// Another triangle this near behind the closest hit, as a part of its distance, may as well be the closest.
 const RIVAL: f64 = 1e-6;
+/// How far along the ray a hit may lie off its triangle's plane for rounding, as a part of its distance. Where light
+/// grazes, that decides whether a shadow ray starts above or below its own surface, and no turn of the ray shows it.
+const DEPTH_NUDGE: f64 = 1e-6;
 
 /// A pixel's radiance, and what becomes of it when the question changes a little.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +43,10 @@ pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [
     if let Some(hit) = &hit {
         for factor in [0.5, 2.0] {
             sample.consider(caster.radiance(&ray, Some(hit), bias * factor));
+        }
+        for factor in [1.0 - DEPTH_NUDGE, 1.0 + DEPTH_NUDGE] {
+            let moved = Hit { t: hit.t * factor, ..*hit };
+            sample.consider(caster.radiance(&ray, Some(&moved), bias));
         }
         if let Some(rival) = caster.rival(&ray, hit, RIVAL) {
             sample.consider(caster.radiance(&ray, Some(&rival), bias));
