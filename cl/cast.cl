@@ -61,7 +61,10 @@
     GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias,     \
         const float extent                                                                                  \
         PREPARED_PARAMETER TREE_PARAMETERS
-#define TILE_PARAMETERS SCENE_PARAMETERS
+#define TILE_PARAMETERS                                                                                          \
+    const __global float *restrict lights, const int light_count, const float bias, const __global float *nodes,    \
+        const __global float *leaves, const __global float4 *surfaces, const __global float *materials,             \
+        const int material_count
 #define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
 #define BIND_SCENE(scene)            \
     BIND_GEOMETRY(scene.geometry)    \
@@ -88,9 +91,7 @@ varying begin_rays(Working *working, CAMERA_PARAMETERS, Pixels pixels) {
 }
 
 // Writes radiance and, as the fourth component, 1 where the ray hit and 0 where it did not.
-void write_radiance(__global float4 *image, int2 image_size, float4 background, const Working *working,
-                    Pixels pixels, Mask hits) {
-    const Vec3 sum = working_get(working, RADIANCE);
+void store_radiance(__global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;
     IntLanes x, y, inside;
     red.all = SELECT(hits, sum.x, (varying)(background.x));
@@ -121,7 +122,7 @@ __kernel GROUP_SHAPE void cast_frame(SCENE_PARAMETERS, CAMERA_PARAMETERS, const 
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
-    write_radiance(image, image_size, background, &working, pixels, hits);
+    store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }
 
 // The nearest triangle of every pixel, or NO_HIT.
@@ -171,7 +172,7 @@ __kernel GROUP_SHAPE void shade_nearest(SCENE_PARAMETERS, CAMERA_PARAMETERS, con
     nearest.triangle = triangle.all;
     const Mask hits = nearest.triangle != NO_HIT;
     after_closest_hit(&working, &scene, &nearest, hits);
-    write_radiance(image, image_size, background, &working, pixels, hits);
+    store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }
 
 // Casts any rays, for tests and for who wants more than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.

@@ -4,7 +4,7 @@
 #define NO_HIT 0x7fffffff   // the triangle of a ray that hits nothing
 
 // A few roundings of single precision, relative to the largest term.
-#define ROUNDING 5e-8f
+#define ROUNDING 1.2e-7f
 
 typedef struct {
     varying t;      // distance along the unit direction

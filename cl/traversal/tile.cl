@@ -55,7 +55,7 @@ int reduce_or4(int4 m) { return (m.x | m.y) | (m.z | m.w); }
 typedef struct {
     Uniform3 origin;
     float t_min;
-    float longest; // the longest direction, by its largest component
+    float longest; // of the directions, the largest component
     varying x[VECTORS], y[VECTORS], z[VECTORS];             // directions, of any length
     varying per_x[VECTORS], per_y[VECTORS], per_z[VECTORS]; // their reciprocals
     varying reach[VECTORS];      // t of the nearest hit so far, or of the light; negative: the ray is done
@@ -66,6 +66,7 @@ typedef struct {
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3];
+    float longest; // of the directions, the largest component
 } Cone;
 
 // The intervals of each vector's reciprocals, and how far its rays reach at most; a lane is a vector.
@@ -101,25 +102,25 @@ void find_signs(Cone *cone) {
 }
 
 // The interval of 1 / (corner + x step_x + y step_y) over a rectangle of pixels, a little widened.
-void bound_reciprocal(float corner, float step_x, float step_y, float4 pixels, float *low, float *high) {
+void bound_reciprocal(float corner, float step_x, float step_y, float4 pixels, Cone *cone, int axis) {
     const float x0 = pixels.x * step_x, x1 = pixels.z * step_x, y0 = pixels.y * step_y, y1 = pixels.w * step_y;
     const float least = corner + min(x0, x1) + min(y0, y1), most = corner + max(x0, x1) + max(y0, y1);
-    if (least * most <= 0.0f) {
-        *low = -FAR;
-        *high = FAR;
-        return;
-    }
+    cone->longest = max(cone->longest, max(fabs(least), fabs(most)));
+    cone->low[axis] = -FAR;
+    cone->high[axis] = FAR;
+    if (least * most <= 0.0f) return;
     const float a = 1.0f / most, b = 1.0f / least;
-    *low = a - 2e-6f * fabs(a);
-    *high = b + 2e-6f * fabs(b);
+    cone->low[axis] = a - 2e-6f * fabs(a);
+    cone->high[axis] = b + 2e-6f * fabs(b);
 }
 
 // The directions through a rectangle of pixels (x0, y0, x1, y1), without making any ray.
 Cone camera_cone(float4 corner, float4 step_x, float4 step_y, float4 pixels) {
     Cone cone;
-    bound_reciprocal(corner.x, step_x.x, step_y.x, pixels, &cone.low[0], &cone.high[0]);
-    bound_reciprocal(corner.y, step_x.y, step_y.y, pixels, &cone.low[1], &cone.high[1]);
-    bound_reciprocal(corner.z, step_x.z, step_y.z, pixels, &cone.low[2], &cone.high[2]);
+    cone.longest = 0.0f;
+    bound_reciprocal(corner.x, step_x.x, step_y.x, pixels, &cone, 0);
+    bound_reciprocal(corner.y, step_x.y, step_y.y, pixels, &cone, 1);
+    bound_reciprocal(corner.z, step_x.z, step_y.z, pixels, &cone, 2);
     find_signs(&cone);
     return cone;
 }
@@ -139,7 +140,8 @@ void slice(const Bundle *bundle, Slices *slices) {
     }
 }
 
-Cone bundle_cone(const Bundle *bundle, uint live) {
+// The directions of the rays that are not done.
+Cone bundle_cone(const Bundle *bundle) {
     varying low[3], high[3];
     for (int axis = 0; axis < 3; axis++) {
         low[axis] = (varying)(FAR);
@@ -147,6 +149,7 @@ Cone bundle_cone(const Bundle *bundle, uint live) {
     }
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask going = bundle->reach[vector] > 0.0f;
+        if (!ANY(going)) continue; // it may have no directions at all
         const varying *axes[3] = {bundle->per_x, bundle->per_y, bundle->per_z};
         for (int axis = 0; axis < 3; axis++) {
             const varying per = axes[axis][vector];
@@ -408,6 +411,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PARAMETERS, CAMERA_PARAMETERS, const
     Bundle bundle;
     bundle.origin = uniform3(eye.x, eye.y, eye.z);
     bundle.t_min = eye.w;
+    bundle.longest = cone.longest;
     make_camera_rays(&bundle, eye, corner, step_x, step_y, image_size);
     Slices slices;
     slice(&bundle, &slices);
@@ -418,4 +422,140 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PARAMETERS, CAMERA_PARAMETERS, const
     walk(&bundle, &slices, &cone, &tree, stack, 1, ALL_VECTORS, 0);
     for (int vector = 0; vector < VECTORS; vector++)
         store_places(nearest, image_size, tile_pixels(vector, image_size), bundle.place[vector]);
+}
+
+// Each lane's row of three float4, as 12 columns: a load of 16 bytes a lane and quad, transposed in registers.
+void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
+    IntLanes at;
+    at.all = places * 3;
+    for (int quad = 0; quad < 3; quad++) {
+        const __global float4 *from = rows + quad;
+        const float16 a = (float16)(from[at.each[0]], from[at.each[1]], from[at.each[2]], from[at.each[3]]);
+        const float16 b = (float16)(from[at.each[4]], from[at.each[5]], from[at.each[6]], from[at.each[7]]);
+        const float16 c = (float16)(from[at.each[8]], from[at.each[9]], from[at.each[10]], from[at.each[11]]);
+        const float16 d = (float16)(from[at.each[12]], from[at.each[13]], from[at.each[14]], from[at.each[15]]);
+        const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
+        const float16 yw = (float16)(a.odd, b.odd), yw2 = (float16)(c.odd, d.odd);
+        column[4 * quad] = (float16)(xz.even, xz2.even);
+        column[4 * quad + 1] = (float16)(yw.even, yw2.even);
+        column[4 * quad + 2] = (float16)(xz.odd, xz2.odd);
+        column[4 * quad + 3] = (float16)(yw.odd, yw2.odd);
+    }
+}
+
+// The materials of a vector's hits: one, mostly.
+void gather_materials(const __global float *materials, varying number, Mask hits, Surface *surface) {
+    IntLanes at, hit;
+    at.all = AS_INT(number);
+    hit.all = hits;
+    Lanes column[8];
+    for (int lane = 0; lane < WIDTH; lane++)
+        for (int i = 0; i < 8; i++) column[i].each[lane] = hit.each[lane] ? materials[8 * at.each[lane] + i] : 0.0f;
+    surface->lambertian = vec3(column[0].all, column[1].all, column[2].all);
+    surface->glossy = vec3(column[3].all, column[4].all, column[5].all);
+    surface->shininess = column[6].all;
+    surface->kind = column[7].all;
+}
+
+void one_material(const __global float *material, Surface *surface) {
+    surface->lambertian = splat(LOAD3(material));
+    surface->glossy = splat(LOAD3(material + 3));
+    surface->shininess = (varying)(material[6]);
+    surface->kind = (varying)(material[7]);
+}
+
+// Where a vector's rays hit, and the surface there.
+typedef struct {
+    Vec3 point, normal, to_eye;
+    Surface surface;
+} Shaded;
+
+Shaded meet_vector(const Tree *tree, const __global float4 *surfaces, const __global float *materials,
+                   const int material_count, Ray ray, varying_int place, Mask hits) {
+    const varying_int safe = SELECT(hits, place, (varying_int)(0));
+    varying corner[12], normal[12];
+    gather_rows((const __global float4 *)tree->leaves, safe, corner);
+    gather_rows(surfaces, safe, normal);
+    const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
+    const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
+    const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
+    const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
+    Shaded shaded;
+    shaded.point = along(ray.origin, hit.t, ray.direction);
+    const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
+    const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
+    const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
+    shaded.normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
+    shaded.to_eye = negate(ray.direction);
+    if (material_count == 1) one_material(materials, &shaded.surface);
+    else gather_materials(materials, corner[7], hits, &shaded.surface);
+    return shaded;
+}
+
+// Shades a tile's nearest hits: for each light, what arrives at them if nothing is in between, then a walk from the
+// light to find where something is.
+__kernel GROUP_SHAPE void tile_shade(TILE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size, const float4 background,
+                                     __global float4 *restrict image, const __global int *restrict nearest) {
+    Tree tree;
+    tree.nodes = nodes;
+    tree.leaves = leaves;
+    if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;
+    Vec3 sum[VECTORS];
+    for (int vector = 0; vector < VECTORS; vector++)
+        sum[vector] = vec3((varying)(0.0f), (varying)(0.0f), (varying)(0.0f));
+    Bundle bundle;
+    WaitingTile stack[STACK_SIZE];
+    Slices unused;
+    for (int light = 0; light < light_count; light++) {
+        const __global float *at = lights + 6 * light;
+        const Uniform3 from = LOAD3(at);
+        const Vec3 power = splat(LOAD3(at + 3));
+        Vec3 arriving[VECTORS];
+        varying furthest_point = (varying)(0.0f);
+        uint open = 0;
+        for (int vector = 0; vector < VECTORS; vector++) {
+            const Pixels pixels = tile_pixels(vector, image_size);
+            const varying_int place = load_places(nearest, image_size, pixels);
+            const Mask hits = place != NO_HIT;
+            bundle.reach[vector] = (varying)(-1.0f);
+            if (!ANY(hits)) continue;
+            const Ray ray = camera_ray(eye, corner, step_x, step_y, pixels);
+            const Shaded shaded = meet_vector(&tree, surfaces, materials, material_count, ray, place, hits);
+            const Vec3 offset = subtract(splat(from), shaded.point);
+            const varying squared = dot3(offset, offset);
+            const varying distance = sqrt(squared);
+            const Vec3 to_light = scale(offset, 1.0f / distance);
+            const varying cosine = dot3(to_light, shaded.normal);
+            const Mask lit = hits & (cosine > 0.0f) & (distance > bias);
+            if (!ANY(lit)) continue;
+            const Vec3 f = reflectance(&shaded.surface, to_light, shaded.to_eye, shaded.normal, lit);
+            arriving[vector] = scale(multiply(power, f), cosine / (4.0f * M_PI_F * squared));
+            bundle.x[vector] = -offset.x;
+            bundle.y[vector] = -offset.y;
+            bundle.z[vector] = -offset.z;
+            finish_directions(&bundle, vector);
+            bundle.reach[vector] = SELECT(lit, 1.0f - bias / distance, (varying)(-1.0f));
+            furthest_point = max(furthest_point, SELECT(lit, distance, (varying)(0.0f)));
+            open |= 1u << vector;
+        }
+        if (!open) continue;
+        bundle.origin = from;
+        bundle.t_min = 0.0f;
+        bundle.longest = most_lane(furthest_point);
+        const Cone cone = bundle_cone(&bundle);
+        stack[0].word = 0;
+        stack[0].entry = 0.0f;
+        stack[0].live = open;
+        const uint lit_vectors = open;
+        walk(&bundle, &unused, &cone, &tree, stack, 1, open, 1);
+        for (uint left = lit_vectors; left; left &= left - 1) {
+            const int vector = LOWEST_BIT(left);
+            sum[vector] = select3(bundle.reach[vector] > 0.0f, add(sum[vector], arriving[vector]), sum[vector]);
+        }
+    }
+    for (int vector = 0; vector < VECTORS; vector++) {
+        const Pixels pixels = tile_pixels(vector, image_size);
+        const Mask hits = load_places(nearest, image_size, pixels) != NO_HIT;
+        store_radiance(image, image_size, background, sum[vector], pixels, hits);
+    }
 }

@@ -38,3 +38,15 @@ pub fn triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm) -> Vec<f32>
     order.par_iter().map(row).collect_into_vec(&mut rows);
     rows.into_flattened()
 }
+
+/// The normals of the triangles of `order`, 12 words each: n0 and the material's number as bits, then n1 and 0, n2 and 0.
+pub fn surface_rows(mesh: &Mesh, order: &[u32]) -> Vec<f32> {
+    let row = |&number: &u32| {
+        let triangle = &mesh.triangles[number as usize];
+        let [a, b, c] = mesh.corner_normals(triangle);
+        [a.x, a.y, a.z, f32::from_bits(triangle.material), b.x, b.y, b.z, 0.0, c.x, c.y, c.z, 0.0]
+    };
+    let mut rows: Vec<[f32; TRIANGLE_WORDS]> = Vec::new();
+    order.par_iter().map(row).collect_into_vec(&mut rows);
+    rows.into_flattened()
+}

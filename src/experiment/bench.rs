@@ -8,7 +8,7 @@ use crate::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::record::{Outcome, Record};
 use crate::scene::Scene;
-use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Workload};
+use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
@@ -21,7 +21,14 @@ pub struct Bench {
     /// The scene at hand, by its number, in the layouts uploaded so far.
     scene: usize,
     layouts: HashMap<Layout, DeviceScene>,
-    trees: HashMap<(NodeWidth, LeafSize), DeviceTree>,
+    trees: HashMap<TreeKind, DeviceTree>,
+}
+
+/// What tells one tree of a scene from another.
+type TreeKind = (Traversal, NodeWidth, LeafSize);
+
+fn tree_kind(strategy: &Strategy) -> TreeKind {
+    (strategy.traversal, strategy.node_width, strategy.leaf_size)
 }
 
 /// Why a point cannot be timed.
@@ -133,7 +140,7 @@ impl Bench {
     ) -> std::result::Result<(), Refusal> {
         self.turn_to(number);
         let strategy = &named.strategy;
-        let kind = (strategy.node_width, strategy.leaf_size);
+        let kind = tree_kind(strategy);
         if strategy.needs_tree() && !self.trees.contains_key(&kind) {
             Requirements::check(strategy, workload, &self.limits)
                 .map_err(|infeasible| Refusal::new(Outcome::Infeasible, infeasible.reason))?;
@@ -146,7 +153,7 @@ impl Bench {
     }
 
     fn tree(&self, strategy: &Strategy) -> Option<&DeviceTree> {
-        self.trees.get(&(strategy.node_width, strategy.leaf_size)).filter(|_| strategy.needs_tree())
+        self.trees.get(&tree_kind(strategy)).filter(|_| strategy.needs_tree())
     }
 
     /// Uploads the scene numbered `number` in a layout; the scene before it is dropped.

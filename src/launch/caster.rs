@@ -5,7 +5,7 @@ use super::frame::{FrameTimes, Phase};
 use super::scene::DeviceScene;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
 use super::tree::DeviceTree;
-use super::{NO_HIT, ROW_FLOATS, Queue};
+use super::{NO_HIT, Queue, ROW_FLOATS};
 use crate::image::Radiance;
 use crate::program::BuiltProgram;
 use crate::scene::Scene;
@@ -230,13 +230,13 @@ impl<'a> Parts<'a> {
         let mut kernel = self.kernel(name);
         kernel.global_work_size(self.workload.global_size(self.strategy));
         kernel.local_work_size(self.workload.local_size.map(|n| n as usize));
-        geometry_arguments(&mut kernel, self.scene);
-        kernel.arg(&self.scene.lights).arg(self.scene.light_count as i32).arg(self.bias).arg(self.scene.extent);
-        if let Some(prepared) = self.prepared {
-            kernel.arg(prepared);
-        }
-        if let Some(tree) = self.tree {
-            kernel.arg(&tree.nodes).arg(&tree.leaves);
+        match self.tree {
+            Some(DeviceTree { nodes, leaves, surfaces: Some(surfaces), .. }) => {
+                self.light_arguments(&mut kernel);
+                kernel.arg(nodes).arg(leaves).arg(&surfaces.normals).arg(&surfaces.materials);
+                kernel.arg(surfaces.material_count as i32);
+            }
+            _ => self.scene_arguments(&mut kernel),
         }
         camera_arguments(&mut kernel, &self.camera);
         finish(&mut kernel);
@@ -252,6 +252,23 @@ impl<'a> Parts<'a> {
         let kernel = kernel.build()?;
         self.check_work_group(&kernel, name)?;
         Ok(kernel)
+    }
+
+    /// SCENE_PARAMETERS in the kernels.
+    fn scene_arguments(&self, kernel: &mut KernelBuilder<'a>) {
+        geometry_arguments(kernel, self.scene);
+        self.light_arguments(kernel);
+        kernel.arg(self.scene.extent);
+        if let Some(prepared) = self.prepared {
+            kernel.arg(prepared);
+        }
+        if let Some(tree) = self.tree {
+            kernel.arg(&tree.nodes).arg(&tree.leaves);
+        }
+    }
+
+    fn light_arguments(&self, kernel: &mut KernelBuilder<'a>) {
+        kernel.arg(&self.scene.lights).arg(self.scene.light_count as i32).arg(self.bias);
     }
 
     /// Asks the built kernel again whether it can hold the local size.

@@ -2,9 +2,9 @@
 
 use super::buffers::upload;
 use super::{LaunchError, Queue};
-use crate::accel::{Bvh, TriangleForm, WideBvh, triangle_rows};
+use crate::accel::{Bvh, TriangleForm, WideBvh, surface_rows, triangle_rows};
 use crate::scene::Mesh;
-use crate::strategy::Strategy;
+use crate::strategy::{Strategy, Traversal};
 use ocl::Buffer;
 use std::time::Instant;
 
@@ -16,12 +16,33 @@ const STACK_STEP: usize = 32;
 pub struct DeviceTree {
     pub(super) nodes: Buffer<u32>,
     pub(super) leaves: Buffer<f32>,
+    /// What tiles shade with.
+    pub(super) surfaces: Option<Surfaces>,
     /// Entries that a stack needs on the deepest way down, rounded up.
     pub stack_size: usize,
     /// How long building the tree took, on the host.
     pub build_ms: f64,
     /// How long uploading it took.
     pub upload_ms: f64,
+}
+
+/// Normals in leaf order, and the materials they name.
+#[derive(Debug)]
+pub(super) struct Surfaces {
+    pub normals: Buffer<f32>,
+    pub materials: Buffer<f32>,
+    pub material_count: usize,
+}
+
+impl Surfaces {
+    fn upload(queue: &Queue, mesh: &Mesh, order: &[u32]) -> ocl::Result<Self> {
+        let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
+        Ok(Self {
+            normals: upload(queue, &surface_rows(mesh, order))?,
+            materials: upload(queue, &materials)?,
+            material_count: mesh.materials.len(),
+        })
+    }
 }
 
 impl DeviceTree {
@@ -40,10 +61,13 @@ impl DeviceTree {
         let start = Instant::now();
         let nodes = upload(queue, &wide.nodes)?;
         let leaves = upload(queue, &triangle_rows(mesh, &wide.order, TriangleForm::Corners))?;
+        let tiles = strategy.traversal == Traversal::Tile;
+        let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &wide.order)).transpose()?;
         queue.commands.finish()?;
         Ok(Some(Self {
             nodes,
             leaves,
+            surfaces,
             stack_size: wide.stack_size().next_multiple_of(STACK_STEP),
             build_ms,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,

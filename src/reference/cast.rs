@@ -30,18 +30,17 @@ impl<'a, R: Real> Caster<'a, R> {
         (ray, self.finder.closest(&ray))
     }
 
-    /// The nearest other triangle at `hit`'s distance or behind it by at most a `part` of it.
-    pub fn rival(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> Option<Hit<R>> {
+    /// Every other triangle at `hit`'s distance or behind it by at most a `part` of it.
+    pub fn rivals(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> Vec<Hit<R>> {
         let reach = hit.t * (R::ONE + part);
-        let mut rival = None;
+        let mut rivals = Vec::new();
         self.finder.visit(&Ray { far: reach, ..*ray }, &mut |other| {
-            if other.triangle == hit.triangle {
-                return reach;
+            if other.triangle != hit.triangle {
+                rivals.push(other);
             }
-            rival = Some(other);
-            other.t
+            reach
         });
-        rival
+        rivals
     }
 
     /// The radiance along a ray that was looked along.

@@ -28,7 +28,7 @@ pub struct Sample {
 }
 
 /// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, and
-/// with half and twice the shadow bias. Where two surfaces coincide either is right, so the one behind is asked too.
+/// with half and twice the shadow bias. Where two surfaces coincide either is right, so those behind are asked too.
 pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Sample {
     let (ray, hit) = caster.look(x, y);
     let radiance = caster.radiance(&ray, hit.as_ref(), bias);
@@ -48,7 +48,7 @@ pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [
             let moved = Hit { t: hit.t * factor, ..*hit };
             sample.consider(caster.radiance(&ray, Some(&moved), bias));
         }
-        if let Some(rival) = caster.rival(&ray, hit, RIVAL) {
+        for rival in caster.rivals(&ray, hit, RIVAL) {
             sample.consider(caster.radiance(&ray, Some(&rival), bias));
         }
     }
