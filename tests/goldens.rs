@@ -189,7 +189,8 @@ fn a_jpeg_at_its_quality_is_the_papers_figure_too() {
 /// The reference is what every other image is compared with; this is what it is compared with.
 #[test]
 fn the_reference_agrees_with_the_formulas() {
-    let size = [200, 125];
+    // In this size no row of pixels lies on the ground's far edge.
+    let size = [210, 131];
     for figure in figures() {
         let path = repository(&format!("scenes/{}.toml", figure.scene));
         let scene = load_scene(&path).expect("a scene").scene;
@@ -201,6 +202,6 @@ fn the_reference_agrees_with_the_formulas() {
         let pairs = found.pixels.iter().zip(figure.image(size));
         let wrong = pairs.filter(|pair| apart(*pair)).count();
         // Scene files are read as f32, which moves an edge by a pixel here and there.
-        assert!(wrong <= 25, "{}: {wrong} of 25000 pixels", figure.scene);
+        assert!(wrong <= 10, "{}: {wrong} of 27510 pixels", figure.scene);
     }
 }
