@@ -1,5 +1,7 @@
 //! What can stop a run, and whose mistake it was.
 
+use std::path::{Path, PathBuf};
+
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
@@ -107,6 +109,18 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
+/// The file beside a missing one whose name is most like its own, if one is like enough.
+pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
+    let folder = missing.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let names: Vec<String> = std::fs::read_dir(folder.unwrap_or(Path::new(".")))
+        .ok()?
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .collect();
+    let wanted = missing.file_name()?.to_string_lossy();
+    let meant = nearest(&wanted, names.iter().map(String::as_str)).filter(|name| *name != wanted)?;
+    Some(missing.with_file_name(meant))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -116,5 +130,14 @@ mod tests {
         let names = ["private", "global", "local"];
         assert_eq!(nearest("globl", names), Some("global"));
         assert_eq!(nearest("zzzzzzzz", names), None);
+    }
+
+    #[test]
+    fn nearest_file_looks_beside_the_missing_one() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("teapot.toml"), "").unwrap();
+        let meant = nearest_file(&folder.path().join("taepot.toml"));
+        assert_eq!(meant, Some(folder.path().join("teapot.toml")));
+        assert_eq!(nearest_file(&folder.path().join("nowhere/teapot.toml")), None);
     }
 }

@@ -1,11 +1,13 @@
 //! Parses arguments, calls one function of [`raycl::cli`], and maps its error to an exit code.
 
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
 use clap::Parser as _;
+use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
+    keep_lines_whole();
     match raycl::cli::Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -15,4 +17,13 @@ fn main() -> ExitCode {
             code
         }
     }
+}
+
+/// Wraps an error's lines for a terminal only: who searches a log for a message finds it in one line.
+fn keep_lines_whole() {
+    if std::io::stderr().is_terminal() {
+        return;
+    }
+    // It fails only where a hook is set already, and then that one will do.
+    let _ = miette::set_hook(Box::new(|_| Box::new(MietteHandlerOpts::new().wrap_lines(false).build())));
 }

@@ -118,7 +118,7 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
     let object = "[[object]]\nshape = \"ground\"\n";
     let cases = [
         ("[camera]\npositon = [0, 0, 0]\n", "did you mean `position`", "positon"),
-        ("[camera]\nz_near = \"near\"\n", "invalid type: string", "\"near\""),
+        ("[camera]\nz_near = \"near\"\n", "wrong type: string", "\"near\""),
         ("[camera]\nz_near = -1\n", "-1 is not a finite number of at least 0", "-1"),
         ("[camera]\nposition = [0, nan, 0]\n", "NaN is not a finite number", "nan"),
         ("[camera]\nposition = [0, 0]\n", "three numbers [x, y, z]", "[0, 0]"),
@@ -139,7 +139,7 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
         ),
         ("[[object]]\nvertices = [[0, 0, 0]]\nfaces = [[0, 0, 1]]\n", "vertex 1 does not exist", "[0, 0, 1]"),
         ("[[object]]\nscale = 2\n", "an object is one of", ""),
-        ("camera = 5\n", "invalid type: integer", "5"),
+        ("camera = 5\n", "wrong type: integer", "5"),
         ("x = [\n", "", ""),
     ];
     for (text, message, place) in cases {
@@ -173,8 +173,9 @@ fn a_scene_without_lights_is_legal_and_absent_values_have_defaults() {
 
 #[test]
 fn materials_come_from_mtl_and_an_override_replaces_them() {
-    let (folder, path) =
-        scene_file("[[object]]\nobj = \"m.obj\"\n[[object]]\nobj = \"m.obj\"\nmaterial = { k_l = 0.3 }\n");
+    let (folder, path) = scene_file(
+        "[[object]]\nobj = \"m.obj\"\n[[object]]\nobj = \"m.obj\"\nmaterial = { k_l = 0.3 }\n[[light]]\nposition = [0, 0, 3]\npower = 1\n",
+    );
     let mtl = "newmtl dull red \nKd 1 0 0\nmap_Kd\nnewmtl shiny\nKd 0.5\nKs 1 1 1\nNs 20\n";
     std::fs::write(folder.path().join("my file.mtl"), mtl).unwrap();
     let obj =

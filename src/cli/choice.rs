@@ -1,7 +1,7 @@
 //! Arguments that several subcommands read: a device, a strategy, a local size, `--set`.
 
 use crate::device::{Device, discover, pick_default, select};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest};
 use crate::strategy::{AXES, Strategy, preset};
 
 /// `WIDTHxHEIGHT`, or one number for both.
@@ -47,6 +47,18 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
+/// Tells who misspelt an axis so: a scene's own keys are not like any axis.
+pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
+    let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
+    match nearest(key, names.iter().copied()) {
+        Some(meant) => Err(Error::input(format!(
+            "--set {key}: '{key}' is neither an axis of the strategy nor a key of the scene"
+        ))
+        .with_help(format!("did you mean '{meant}'? the axes are {}", names.join(", ")))),
+        None => Ok(()),
+    }
+}
+
 /// The one device to render on: the first that matches, or the most capable one.
 pub fn one_device(pattern: Option<&str>) -> Result<Device> {
     let devices = discover()?;
@@ -69,6 +81,17 @@ mod tests {
         assert_eq!(parse_size("4"), Ok([4, 4]));
         for wrong in ["", "x", "0x4", "-1", "4x", "5000"] {
             assert!(parse_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_misspelt_axis_is_told_from_a_key_of_the_scene() {
+        for key in ["wdith", "vectros", "layuot"] {
+            assert!(refuse_misspelt_axis(key).is_err(), "{key}");
+        }
+        let keys = ["name", "camera.z_near", "object.0.triangles", "light.0.power", "background"];
+        for key in keys.into_iter().chain(["shadow_bias", "display.gamma", "light", "object", "display"]) {
+            assert!(refuse_misspelt_axis(key).is_ok(), "{key}");
         }
     }
 

@@ -7,6 +7,11 @@ use crate::error::Result;
 
 /// Arguments of `raycl devices`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl devices
+  raycl devices --json | jq '.devices[].limits.local_bytes'
+
+Any part of what is listed names a device: `raycl render SCENE --device pocl`.")]
 pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long)]

@@ -18,6 +18,14 @@ use crate::error::Result;
 /// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 #[derive(Debug, Parser)]
 #[command(name = "raycl", version, arg_required_else_help = true, max_term_width = 100)]
+#[command(after_help = "Examples:
+  raycl devices                              what there is to cast on
+  raycl render scenes/teapot.toml            a picture, and where its time went
+  raycl run configs/quick.toml               an experiment: pictures, tables, records
+  raycl run configs/figure-8.toml --dry-run  what it would measure, and what does not fit
+  raycl strategies                           the ways to cast: axes and presets
+
+`raycl help COMMAND` has more of each. Exit code: 0 done, 1 failed, 2 a mistake in what was given.")]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,

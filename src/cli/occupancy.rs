@@ -11,6 +11,10 @@ use crate::error::{Error, Result};
 
 /// Arguments of `raycl occupancy`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl occupancy --paper
+  raycl occupancy --compute-capability 9.0 --registers 40
+  raycl occupancy --compute-capability 2.0 --registers 63 --local-bytes-per-item 108 --local-sizes 8x8,16x16")]
 pub struct Args {
     /// Compute capability, 2.0 to 9.0
     #[arg(long, value_name = "MAJOR.MINOR", default_value = "8.6", conflicts_with = "paper")]

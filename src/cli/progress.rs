@@ -2,7 +2,7 @@
 
 use crate::experiment::Observer;
 use crate::record::{Outcome, Record};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::io::{IsTerminal, Write as _};
 use std::time::Duration;
 
@@ -11,9 +11,17 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's look; the words are what `works_on` was told last.
-const STYLE: &str =
-    "{spinner} {bar:30.cyan/blue} {pos}/{len} points, {elapsed} so far, about {eta} left  {wide_msg}";
+/// The bar's look; the words are what `works_on` was told last. In 80 columns half is left for them.
+const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
+
+/// The time left, which nobody knows before the first point has stopped.
+fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
+    // A bar that cannot be written is no reason to stop measuring.
+    let _ = match state.pos() {
+        0 => out.write_str("?"),
+        _ => write!(out, "{:#}", HumanDuration(state.eta())),
+    };
+}
 
 impl Observer for Bar {
     fn begins(&mut self, points: usize) {
@@ -70,7 +78,8 @@ pub fn observer(quiet: bool) -> Box<dyn Observer> {
     }
     let bar = ProgressBar::new(0);
     // The template is a constant; were it wrong, indicatif's own look would do.
-    bar.set_style(ProgressStyle::with_template(STYLE).unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let style = ProgressStyle::with_template(STYLE).unwrap_or_else(|_| ProgressStyle::default_bar());
+    bar.set_style(style.with_key("left", left));
     Box::new(Bar { bar })
 }
 
@@ -83,6 +92,10 @@ fn line(record: &Record) -> String {
         (Outcome::Measured, Some(median_ms)) => {
             format!("{point}: {median_ms:.3} ms, n = {}", record.samples_ms.len())
         }
-        (outcome, _) => format!("{point}: {}: {}", outcome.name(), record.reason.as_deref().unwrap_or("")),
+        (outcome, _) => {
+            // A compiler's log has many lines; the record keeps them all.
+            let reason = record.reason.as_deref().and_then(|reason| reason.lines().next());
+            format!("{point}: {}: {}", outcome.name(), reason.unwrap_or_default())
+        }
     }
 }

@@ -1,9 +1,13 @@
 //! `raycl render`: a picture of a scene, now.
 
-use super::choice::{is_axis, one_device, parse_assignment, parse_size, parse_strategy};
+mod report;
+
+use super::choice::{
+    is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
+};
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::image::{Radiance, save};
+use crate::image::{Radiance, check_path, save};
 use crate::launch::{Caster, DeviceScene, DeviceTree, FrameTimes, Queue};
 use crate::measure::Summary;
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
@@ -11,7 +15,7 @@ use crate::reference::reference;
 use crate::scene::{Scene, load_scene_with};
 use crate::strategy::{Requirements, Strategy, Workload, fastest};
 use crate::verify::verify;
-use serde::Serialize;
+use report::Report;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -21,7 +25,10 @@ use std::time::Instant;
   raycl render scenes/teapot.toml -o teapot.png
   raycl render bunny.obj -o bunny.exr --width 1920 --height 1080
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
-  raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4")]
+  raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4
+  raycl render scenes/gourd.toml --json --repeat 10 | jq .primary_rays_per_s
+
+`raycl strategies` lists presets and axes, `raycl devices` the devices.")]
 pub struct Args {
     /// A scene TOML or an OBJ file
     scene: PathBuf,
@@ -29,10 +36,10 @@ pub struct Args {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Pixels across
-    #[arg(long, default_value_t = 1280, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     width: u32,
     /// Pixels down
-    #[arg(long, default_value_t = 800, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     height: u32,
     /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
     #[arg(long)]
@@ -63,89 +70,50 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
-/// What a render reports; its fields are those of `--json`.
-#[derive(Debug, Serialize)]
-struct Report {
-    scene: String,
-    triangles: usize,
-    device: String,
-    strategy: String,
-    local_size: [u32; 2],
-    image_size: [u32; 2],
-    load_ms: f64,
-    tree_ms: f64,
-    build_ms: f64,
-    upload_ms: f64,
-    primary_ms: Option<f64>,
-    shadow_ms: Option<f64>,
-    frame_ms: f64,
-    save_ms: f64,
-    total_ms: f64,
-    primary_rays_per_s: f64,
-    shadow_rays_per_s: Option<f64>,
-    tests_per_s: Option<f64>,
-    frames: u32,
-    output: String,
-    notes: Vec<String>,
-}
-
 /// Renders one picture.
 pub fn run(args: Args) -> Result<()> {
     let start = Instant::now();
-    let size = [args.width, args.height];
     let output = args.output.clone().unwrap_or_else(|| default_output(&args));
-    let loaded = load_scene_with(&args.scene, &scene_overrides(&args)?)?;
-    let load_ms = ms_since(start);
+    check_path(&output)?;
+    let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(&args)?));
+    let loaded = loaded?;
     let scene = &loaded.scene;
-    let device = one_device(args.device.as_deref())?;
+    let (device, discover_ms) = timed(|| one_device(args.device.as_deref()));
+    let device = device?;
     let (strategy, local_size) = strategy(&args, &device)?;
-    let mut workload = Workload::of(scene, size, local_size);
+    let mut workload = Workload::of(scene, [args.width, args.height], local_size);
     Requirements::check(&strategy, &workload, &device.info.limits).map_err(|infeasible| {
         Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
     })?;
-
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(&args, &device, scene, &strategy, &mut workload, &sources)?;
     if args.verify {
         check(scene, &cast.image, &strategy)?;
     }
-    let save_start = Instant::now();
-    save(&cast.image, scene.display, &output)?;
-    let save_ms = ms_since(save_start);
-
-    let pixels = f64::from(size[0]) * f64::from(size[1]);
-    let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
-    let per_s = |count: f64, ms: f64| count / ms * 1e3;
+    let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &output));
+    saved?;
     let report = Report {
-        scene: scene.name.clone(),
-        triangles: scene.mesh.triangles.len(),
-        device: device.info.name.clone(),
-        strategy: strategy.to_string(),
-        local_size,
-        image_size: size,
         load_ms,
-        tree_ms: cast.tree_ms,
-        build_ms: cast.build_ms,
-        upload_ms: cast.upload_ms,
-        primary_ms: cast.times.primary_ms,
-        shadow_ms: cast.times.shadow_ms,
-        frame_ms: cast.times.frame_ms,
+        discover_ms,
         save_ms,
         total_ms: ms_since(start),
-        primary_rays_per_s: per_s(pixels, primary_ms),
-        shadow_rays_per_s: cast.times.shadow_ms.map(|ms| per_s((cast.hits * scene.lights.len()) as f64, ms)),
-        tests_per_s: strategy
-            .tests_every_triangle()
-            .then(|| per_s(pixels * scene.mesh.triangles.len() as f64, primary_ms)),
         frames: args.repeat,
         output: output.display().to_string(),
         notes: loaded.notes.clone(),
+        ..Report::of(scene, &device, &strategy, &workload, &cast)
     };
     match (args.json, args.quiet) {
         (true, _) => super::print_json(&report),
         (false, true) => Ok(()),
-        (false, false) => super::print(text(&report, &device)),
+        (false, false) => super::print(report.text(&device.info)),
     }
+}
+
+/// What `work` gives, and how long it took.
+fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, ms_since(start))
 }
 
 fn default_output(args: &Args) -> PathBuf {
@@ -158,12 +126,13 @@ fn ms_since(start: Instant) -> f64 {
 
 /// The `--set`s that mean the scene, their values read as TOML where they are TOML and as text otherwise.
 fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
-    let of_scene = args.set.iter().filter(|(key, _)| !is_axis(key));
+    let of_scene = || args.set.iter().filter(|(key, _)| !is_axis(key));
+    of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
     let value = |text: &str| {
         let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
         parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())
     };
-    Ok(of_scene.map(|(key, text)| (key.clone(), value(text))).collect())
+    Ok(of_scene().map(|(key, text)| (key.clone(), value(text))).collect())
 }
 
 /// The strategy and local size asked for, or the fastest for the device.
@@ -189,7 +158,12 @@ struct Cast {
     tree_ms: f64,
     build_ms: f64,
     upload_ms: f64,
+    read_ms: f64,
 }
+
+/// The first frame pays for memory that is touched, and often for code that is compiled, for the first time: it
+/// is timed only where it took longer than this, beside which neither counts.
+const LONG_FRAME_MS: f64 = 1000.0;
 
 fn cast(
     args: &Args,
@@ -215,18 +189,19 @@ fn cast(
         .map_err(|error| failed("uploading the scene", &error))?;
     let caster = Caster::new(&queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
         .map_err(|error| failed("preparing the frame", &error))?;
-    let mut frames = Vec::new();
-    for _ in 0..args.repeat {
-        frames.push(caster.cast().map_err(|error| failed("the launch", &error))?);
-    }
+    let frame = || caster.cast().map_err(|error| failed("the launch", &error));
+    let first = frame()?;
     // Some drivers compile a kernel when it is first launched: that is build time too.
-    if let Some(first) = frames.first() {
-        build_ms += (first.host_ms - first.frame_ms).max(0.0);
+    build_ms += (first.host_ms - first.frame_ms).max(0.0);
+    let mut frames: Vec<_> = Some(first).filter(|first| first.frame_ms > LONG_FRAME_MS).into_iter().collect();
+    while frames.len() < args.repeat as usize {
+        frames.push(frame()?);
     }
-    let (image, hits) = caster.read().map_err(|error| failed("reading the image", &error))?;
+    let (read, read_ms) = timed(|| caster.read());
+    let (image, hits) = read.map_err(|error| failed("reading the image", &error))?;
     let upload_ms = device_scene.upload_ms + tree.as_ref().map_or(0.0, |tree| tree.upload_ms);
     let tree_ms = tree.map_or(0.0, |tree| tree.build_ms);
-    Ok(Cast { image, hits, times: medians(&frames), tree_ms, build_ms, upload_ms })
+    Ok(Cast { image, hits, times: medians(&frames), tree_ms, build_ms, upload_ms, read_ms })
 }
 
 fn medians(frames: &[FrameTimes]) -> FrameTimes {
@@ -249,42 +224,4 @@ fn check(scene: &Scene, image: &Radiance, strategy: &Strategy) -> Result<()> {
         return Ok(());
     }
     Err(Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default())))
-}
-
-/// The report as a person reads it.
-fn text(report: &Report, device: &Device) -> String {
-    let [width, height] = report.image_size;
-    let [x, y] = report.local_size;
-    let mut lines = vec![
-        format!("scene     {}, {} triangles", report.scene, report.triangles),
-        format!("device    {}", device.info.describe()),
-        format!("strategy  {}", report.strategy),
-        format!("size      {width} x {height} pixels, local size {x} x {y}"),
-        format!("load      {:9.2} ms", report.load_ms),
-        format!("tree      {:9.2} ms", report.tree_ms),
-        format!("build     {:9.2} ms", report.build_ms),
-        format!("upload    {:9.2} ms", report.upload_ms),
-        format!("kernel    {:9.2} ms{}", report.frame_ms, kernel_parts(report)),
-        format!("save      {:9.2} ms", report.save_ms),
-        format!("total     {:9.2} ms", report.total_ms),
-        format!("rays      {:9.2} Mrays/s primary{}", report.primary_rays_per_s * 1e-6, other_rates(report)),
-    ];
-    lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
-    lines.push(format!("picture   {}", report.output));
-    lines.join("\n")
-}
-
-fn kernel_parts(report: &Report) -> String {
-    let median = if report.frames > 1 { format!(", median of {}", report.frames) } else { String::new() };
-    match (report.primary_ms, report.shadow_ms) {
-        (Some(primary), Some(shadow)) => format!(" (primary {primary:.2}, shadow {shadow:.2}{median})"),
-        _ if report.frames > 1 => format!(" (median of {})", report.frames),
-        _ => String::new(),
-    }
-}
-
-fn other_rates(report: &Report) -> String {
-    let shadow = report.shadow_rays_per_s.map(|rate| format!(", {:.2} Mrays/s shadow", rate * 1e-6));
-    let tests = report.tests_per_s.map(|rate| format!(", {:.2} Gtests/s", rate * 1e-9));
-    shadow.into_iter().chain(tests).collect()
 }

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::experiment::{Forecast, Results, Run, dry_run};
 use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Record, summary_terminal};
+use crate::strategy::Requirements;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl run`.
@@ -16,7 +17,10 @@ use std::path::{Path, PathBuf};
   raycl run configs/quick.toml
   raycl run configs/figure-8.toml --dry-run
   raycl run configs/figure-8.toml --device nvidia --out results/figure-8-h200
-  raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000")]
+  raycl run configs/figure-6.toml --device pocl --device nvidia
+  raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
+
+Exit code: 0 when every point was measured or cannot fit the device, 1 when one failed, 2 for a mistake in what was given.")]
 pub struct Args {
     /// The experiment
     config: PathBuf,
@@ -32,7 +36,7 @@ pub struct Args {
     /// Change a value of the config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Print one JSON object a point instead of tables
+    /// Print one JSON object a point instead of tables; with --dry-run, what each needs
     #[arg(long)]
     json: bool,
     /// No progress and no tables
@@ -52,7 +56,7 @@ pub fn run(args: Args) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let run = Run { experiment: &experiment, devices: &devices, sources: &sources };
     if args.dry_run {
-        return forecast(&dry_run(&run)?);
+        return forecast(&dry_run(&run)?, args.json);
     }
     let out = args.out.clone().unwrap_or_else(|| free_folder(&experiment.name));
     let mut results = Results::create(&out, &environment(&experiment, &devices))?;
@@ -73,7 +77,7 @@ fn environment(experiment: &Experiment, devices: &[&Device]) -> Environment {
     let device = |device: &&Device| {
         let info = device.info.clone();
         DeviceEnvironment {
-            device: info.name,
+            device: info.label,
             platform: info.platform,
             platform_version: info.platform_version,
             version: info.version,
@@ -121,21 +125,20 @@ fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
     Err(error.with_help(format!("{} tells why of each", out.join("summary.md").display())))
 }
 
-/// The table of `--dry-run`.
-fn forecast(points: &[Forecast]) -> Result<()> {
-    let mut table = super::table(&["point", "fits", "local B", "constant B", "scratch B"], 2);
+/// What `--dry-run` prints.
+fn forecast(points: &[Forecast], json: bool) -> Result<()> {
+    if json {
+        return points.iter().try_for_each(super::print_json);
+    }
+    let mut table = super::table(&["point", "device", "fits", "__local B", "__constant B", "scratch B"], 3);
     for point in points {
-        let bytes = |of: fn(&crate::strategy::Requirements) -> u64| {
+        let bytes = |of: fn(&Requirements) -> u64| {
             point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
-        };
-        let fits = match (&point.refused, &point.needs) {
-            (Some(reason), _) => reason.clone(),
-            (None, Some(_)) => "yes".to_owned(),
-            (None, None) => "on the host".to_owned(),
         };
         let cells = [
             point.label.clone(),
-            fits,
+            point.device.clone(),
+            point.refused.clone().unwrap_or_else(|| "yes".to_owned()),
             bytes(|needs| needs.local_bytes),
             bytes(|needs| needs.constant_bytes),
             bytes(|needs| needs.scratch_bytes),
@@ -144,5 +147,8 @@ fn forecast(points: &[Forecast]) -> Result<()> {
     }
     super::print(table)?;
     let refused = points.iter().filter(|point| point.refused.is_some()).count();
-    super::print(format!("{} points, {refused} of them do not fit", points.len()))
+    super::print(format!(
+        "{} points, {refused} of which do not fit. Nothing was compiled or measured.",
+        points.len()
+    ))
 }

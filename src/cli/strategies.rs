@@ -9,6 +9,12 @@ use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
 
 /// Arguments of `raycl strategies`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl strategies
+  raycl render scenes/teapot.toml --strategy naive
+  raycl render scenes/teapot.toml --strategy deferred,width=4,layout=soup
+
+In a config: strategies = [\"naive\"], or [[strategy]] with a preset and axes, each a value or a list.")]
 pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]

@@ -14,7 +14,7 @@ pub use types::{Baseline, Experiment, LimitOverrides, NamedStrategy, Timing};
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest_file};
 use document::Document;
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) laid over it.
@@ -23,8 +23,15 @@ use document::Document;
 /// replaced, tables merged. Paths of scenes are relative to the file.
 /// Any mistake is an input error that names the file, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Error::input(format!("cannot read the experiment {}: {error}", path.display())))?;
+    let text = std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))?;
     let document = Document::new(path.display().to_string(), text, overrides)?;
     validate::experiment(document.read()?, path, &document)
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> Error {
+    let message = format!("cannot read the experiment {}: {error}", path.display());
+    Error::input(message).with_help(match nearest_file(path) {
+        Some(meant) => format!("did you mean {}?", meant.display()),
+        None => "give the path of an experiment (.toml), such as configs/quick.toml".to_owned(),
+    })
 }

@@ -203,7 +203,7 @@ fn unknown_names_are_refused_with_the_nearest() {
     );
     refuses(
         &GOOD.replace("teapot", "teepot"),
-        &["no scene file '../scenes/teepot.toml'", "3:11", "'teapot.toml'"],
+        &["no scene file '../scenes/teepot.toml'", "3:11", "did you mean ", "teapot.toml?"],
     );
 }
 

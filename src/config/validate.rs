@@ -9,7 +9,7 @@ use toml::Spanned;
 use super::document::Document;
 use super::types::{Baseline, Experiment, LimitOverrides, Timing};
 use super::{strategies, wire};
-use crate::error::{Result, nearest};
+use crate::error::{Result, nearest, nearest_file};
 
 /// Pixels an image may have across or down.
 const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
@@ -72,14 +72,8 @@ fn scenes(document: &Document, list: &Spanned<Vec<Spanned<String>>>, config: &Pa
 fn missing_scene(document: &Document, scene: &Spanned<String>, path: &Path) -> crate::Error {
     let message = format!("there is no scene file '{}'", scene.get_ref());
     let error = document.error(scene.span(), message, format!("{} is no file", path.display()));
-    let siblings: Vec<String> = path
-        .parent()
-        .and_then(|folder| folder.read_dir().ok())
-        .map(|files| files.flatten().map(|file| file.file_name().to_string_lossy().into_owned()).collect())
-        .unwrap_or_default();
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    match nearest(&name, siblings.iter().map(String::as_str)) {
-        Some(meant) => error.with_help(format!("did you mean '{meant}', in the same folder?")),
+    match nearest_file(path) {
+        Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
         None => error.with_help("paths are relative to the config file"),
     }
 }

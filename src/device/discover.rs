@@ -51,6 +51,7 @@ pub fn survey() -> Result<Survey> {
         survey.devices.extend(devices.into_iter().map(|device| inspect(platform, device)));
     }
     number_twins(survey.devices.iter_mut().map(|device| &mut device.info));
+    label(survey.devices.iter_mut().map(|device| &mut device.info));
     Ok(survey)
 }
 
@@ -90,6 +91,20 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
+/// Gives each device a label that no other has: its name where that is enough, else its slug. Asks for twins
+/// to be numbered.
+fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
+    let mut devices: Vec<_> = devices.collect();
+    let mut namesakes: HashMap<String, usize> = HashMap::new();
+    for device in &devices {
+        *namesakes.entry(device.name.clone()).or_default() += 1;
+    }
+    for device in &mut devices {
+        let alone = namesakes.get(&device.name) == Some(&1);
+        device.label = if alone { device.name.clone() } else { device.slug() };
+    }
+}
+
 fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     let mut asked = Asked { device, failure: None };
     let kind = DeviceKind::from_type(asked.number(Query::Type));
@@ -104,6 +119,7 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         extensions: asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect(),
         limits: asked.limits(kind == DeviceKind::Cpu),
         twins_before: 0,
+        label: String::new(),
         unusable: None,
     };
     info.unusable = asked.why_unusable();
@@ -216,6 +232,19 @@ mod tests {
         let mut devices = [gpu.clone(), example("PoCL", "cpu", DeviceKind::Cpu, 2), gpu.clone(), gpu];
         number_twins(devices.iter_mut());
         assert_eq!(devices.map(|device| device.twins_before), [0, 0, 1, 2]);
+    }
+
+    #[test]
+    fn namesakes_are_labelled_apart() {
+        let gpu = example("CUDA", "H200", DeviceKind::Gpu, 132);
+        let pocl = example("PoCL", "EPYC", DeviceKind::Cpu, 2);
+        let intel = example("Intel", "EPYC", DeviceKind::Cpu, 2);
+        let lone = example("PoCL", "Ryzen", DeviceKind::Cpu, 2);
+        let mut devices = [gpu.clone(), gpu, pocl, intel, lone];
+        number_twins(devices.iter_mut());
+        label(devices.iter_mut());
+        let labels = devices.each_ref().map(|device| device.label.as_str());
+        assert_eq!(labels, ["cuda-h200", "cuda-h200-2", "pocl-epyc", "intel-epyc", "Ryzen"]);
     }
 
     #[test]

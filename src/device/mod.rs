@@ -75,6 +75,8 @@ pub struct DeviceInfo {
     pub limits: DeviceLimits,
     /// Devices of the same platform and name found before this one.
     pub twins_before: usize,
+    /// What records call it: its name, or its slug where another device has the same name.
+    pub label: String,
     /// Why nothing can be cast on it, if so.
     pub unusable: Option<String>,
 }
@@ -106,8 +108,9 @@ impl DeviceInfo {
 
     /// Everything that names the device and its driver, for keys.
     pub fn identity(&self) -> String {
-        let Self { platform, platform_version, name, driver, .. } = self;
-        format!("{platform} | {platform_version} | {name} | {driver}")
+        let Self { platform, platform_version, name, driver, twins_before, .. } = self;
+        let twin = if *twins_before > 0 { format!(" | #{}", twins_before + 1) } else { String::new() };
+        format!("{platform} | {platform_version} | {name} | {driver}{twin}")
     }
 
     /// Whether its compiler takes `__builtin_reduce_or` where it says that it has it: Oclgrind's aborts on it.
@@ -155,6 +158,7 @@ pub(crate) mod tests {
             extensions: vec!["cl_khr_fp64".into()],
             limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
             twins_before: 0,
+            label: name.into(),
             unusable: None,
         }
     }
@@ -165,7 +169,7 @@ pub(crate) mod tests {
         assert_eq!(device.slug(), "nvidia-cuda-nvidia-h200-80-gb");
         device.twins_before = 1;
         assert_eq!(device.slug(), "nvidia-cuda-nvidia-h200-80-gb-2");
-        assert!(device.describe().contains("#2"));
+        assert!(device.describe().contains("#2") && device.identity().ends_with("#2"));
     }
 
     #[test]

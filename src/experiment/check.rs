@@ -44,7 +44,9 @@ impl<'a> Checker<'a> {
             triangles: Some(scene.mesh.triangles.len() as u64),
             lights: Some(scene.lights.len() as u64),
             seed: Some(self.run.experiment.timing.seed),
-            device: point.device.map_or(HOST.to_owned(), |device| self.run.devices[device].info.name.clone()),
+            device: point
+                .device
+                .map_or(HOST.to_owned(), |device| self.run.devices[device].info.label.clone()),
             ..Record::default()
         };
         match point.work {

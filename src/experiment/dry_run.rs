@@ -2,13 +2,17 @@
 
 use super::{Run, Work};
 use crate::error::Result;
+use crate::record::HOST;
 use crate::strategy::{Requirements, Workload};
+use serde::Serialize;
 
 /// A point of a plan, as foreseen.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
     /// Scene, size, strategy, local size.
     pub label: String,
+    /// What records would call its device.
+    pub device: String,
     /// The bytes it needs; none for a caster on the host.
     pub needs: Option<Requirements>,
     /// Why the device cannot hold it, if so.
@@ -21,14 +25,16 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
     let forecast = |point: &super::Point| {
         let label = point.label(run.experiment);
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
-            return Forecast { label, needs: None, refused: None };
+            return Forecast { label, device: HOST.to_owned(), needs: None, refused: None };
         };
+        let info = &run.devices[device].info;
         let strategy = &run.experiment.strategies[strategy].strategy;
         let workload = Workload::of(&scenes[point.scene], point.image_size, local_size);
-        let limits = run.experiment.limits.apply(run.devices[device].info.limits);
+        let limits = run.experiment.limits.apply(info.limits);
         let refused = Requirements::check(strategy, &workload, &limits).err();
         Forecast {
             label,
+            device: info.label.clone(),
             needs: Some(Requirements::of(strategy, &workload)),
             refused: refused.map(|infeasible| infeasible.reason),
         }

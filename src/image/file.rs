@@ -51,6 +51,13 @@ pub fn save(image: &Radiance, display: Display, path: &Path) -> Result<()> {
     })
 }
 
+/// Finds out before any work is done whether [`save`] would refuse `path`: by its extension, or for want
+/// of its folder.
+pub fn check_path(path: &Path) -> Result<()> {
+    format(path)?;
+    folder_of(path).map(|_| ())
+}
+
 /// Writes an 8-bit picture as PNG, whole or not at all.
 pub fn save_rgb8(picture: &RgbImage, path: &Path) -> Result<()> {
     replace(path, |file| write_png(picture, file))
@@ -99,18 +106,21 @@ fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> ImageRe
     Ok(())
 }
 
-fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
+/// The folder a file is to lie in, which must be there.
+fn folder_of(path: &Path) -> Result<&Path> {
     let folder = match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
-    if !folder.is_dir() {
-        return Err(Error::input(format!(
-            "cannot write '{}': there is no folder '{}'",
-            path.display(),
-            folder.display()
-        )));
+    if folder.is_dir() {
+        return Ok(folder);
     }
+    let message = format!("cannot write '{}': there is no folder '{}'", path.display(), folder.display());
+    Err(Error::input(message).with_help(format!("make it first: mkdir -p '{}'", folder.display())))
+}
+
+fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
+    let folder = folder_of(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".raycl-");
     readable(&mut builder);

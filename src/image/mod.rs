@@ -7,7 +7,7 @@ mod file;
 
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::to_rgb8;
-pub use file::{save, save_rgb8};
+pub use file::{check_path, save, save_rgb8};
 
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]

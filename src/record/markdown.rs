@@ -118,7 +118,8 @@ fn row(record: &Record, wins: bool) -> [String; 9] {
 fn lay_out(rows: &[[String; 9]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
-    let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default();
+    // A rule narrower than three is no rule to some readers.
+    let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
     let widths: [usize; 9] = std::array::from_fn(widest);
     let rule: [String; 9] = std::array::from_fn(|place| {
         let end = if LEFT.contains(&place) { "-" } else { ":" };

@@ -7,7 +7,7 @@ use super::summary::{Group, groups, median};
 use super::types::{HOST, Outcome, Record};
 
 /// A matrix of medians for every scene, image size and device. The fastest are starred, points
-/// without a time say why in a word; the legend below has the first full reason for each word.
+/// without a time say why in a word; the legend below has a full reason for each strategy's words.
 pub fn summary_terminal(records: &[Record]) -> String {
     let groups = groups(records);
     let parts =
@@ -74,7 +74,9 @@ fn word(record: &Record) -> String {
     }
     let reason = record.reason.as_deref().unwrap_or_default();
     match reason.split_once(':') {
-        Some((what, _)) if what.len() <= 16 => what.trim_start_matches('_').into(),
+        Some((what, _)) if what.len() <= 16 => {
+            what.trim_start_matches('_').trim_end_matches(" memory").into()
+        }
         _ => "infeasible".into(),
     }
 }
@@ -86,10 +88,10 @@ fn legend(groups: &[Group<'_>]) -> String {
     if kernels().any(|group| !group.winners().is_empty()) {
         text.push_str("* fastest; several: their 95% intervals overlap, which is a tie\n");
     }
-    let mut words: Vec<String> = Vec::new();
+    let mut told: Vec<(String, &str)> = Vec::new();
     for (record, reason) in kernels().flat_map(|group| group.failures()) {
         let word = word(record);
-        if !words.contains(&word) {
+        if !told.iter().any(|(what, name)| *what == word && *name == record.name) {
             let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
             let first = reason.lines().next().unwrap_or_default();
             text.push_str(&format!(
@@ -97,7 +99,7 @@ fn legend(groups: &[Group<'_>]) -> String {
                 meaning(record.outcome),
                 record.name
             ));
-            words.push(word);
+            told.push((word, &record.name));
         }
     }
     text
@@ -127,7 +129,7 @@ mod tests {
             measured("pocl", "naive", 8, [83.0, 85.0]),
             measured("pocl", "naive", 16, [80.0, 81.0]),
             measured("pocl", "local-vectors", 8, [79.0, 82.0]),
-            infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
+            infeasible("pocl", "local-vectors", 32, "__local memory: 108 B x 32 x 32 = 110592 B > 49152 B"),
         ];
         let text = summary_terminal(&records).replace('│', " ");
         let line =

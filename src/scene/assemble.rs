@@ -35,8 +35,15 @@ pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<Str
     }
     let lights = match (&wire.light, ball) {
         (None, Some(ball)) => framing::lights(&camera, ball),
-        (lights, _) => lights.iter().flatten().map(light).collect(),
+        (lights, _) => lights.iter().flatten().map(light).collect::<Vec<_>>(),
     };
+    if lights.is_empty() {
+        notes.push(format!(
+            "{}:{}: no light: every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
+            document.name,
+            document.text.lines().count()
+        ));
+    }
     let display = Display::default();
     Ok(Scene {
         name: wire.name.unwrap_or_else(|| document.stem.clone()),

@@ -5,7 +5,7 @@ use super::overrides;
 use super::toml_error::toml_error;
 use super::wire::SceneWire;
 use super::{Scene, framing};
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, nearest_file};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -111,17 +111,8 @@ fn read_text(path: &Path) -> Result<String> {
 /// The error for a file that cannot be read, with the nearest name beside it.
 pub(super) fn unreadable(what: &str, path: &Path, error: &std::io::Error) -> Error {
     let message = format!("cannot read the {what} `{}`: {error}", path.display());
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let names: Vec<String> = std::fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .collect();
-    let wanted = path.file_name().unwrap_or_default().to_string_lossy();
-    match nearest(&wanted, names.iter().map(String::as_str)).filter(|name| *name != wanted) {
-        Some(name) => {
-            Error::input(message).with_help(format!("did you mean `{}`?", folder.join(name).display()))
-        }
+    match nearest_file(path) {
+        Some(meant) => Error::input(message).with_help(format!("did you mean `{}`?", meant.display())),
         None => Error::input(message).with_help("give the path of a scene (.toml) or a mesh (.obj)"),
     }
 }

@@ -107,7 +107,8 @@ impl Strategy {
     /// Refuses combinations that make no sense on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
-            Some(reason) => Err(Error::input(format!("this strategy makes no sense: {reason}"))),
+            Some(reason) => Err(Error::input(format!("this strategy makes no sense: {reason}"))
+                .with_help("change one of these axes; `raycl strategies` lists the values of each")),
             None => Ok(()),
         }
     }

@@ -64,7 +64,7 @@ impl Workload {
 }
 
 /// Bytes a strategy needs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Requirements {
     /// `__local` bytes a work-group.
     pub local_bytes: u64,

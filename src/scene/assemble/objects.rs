@@ -1,6 +1,6 @@
 //! One `[[object]]`: a file, a shape or triangles of its own, placed and painted.
 
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, nearest, nearest_file};
 use crate::scene::load::Document;
 use crate::scene::normals::{self, MISSING};
 use crate::scene::shapes::{self, Shape};
@@ -59,9 +59,11 @@ fn read_obj(document: &Document, file: &Spanned<String>, notes: &mut Vec<String>
     let path = document.folder.join(file.get_ref());
     if !document.bare && !path.is_file() {
         let message = format!("no mesh file `{}`", path.display());
-        return Err(document
-            .error(file.span(), message, "not found")
-            .with_help("the path is relative to the scene file's folder"));
+        let meant = nearest_file(&path).map(|meant| format!("did you mean `{}`? ", meant.display()));
+        return Err(document.error(file.span(), message, "not found").with_help(format!(
+            "{}the path is relative to the scene file's folder",
+            meant.unwrap_or_default()
+        )));
     }
     let read = obj::read(&path)?;
     notes.extend(read.notes.into_iter().map(|note| format!("{}: {note}", path.display())));

@@ -2,7 +2,7 @@
 
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
-use super::text::{Chunk, Mistake, keyword, quoted, tokens, words};
+use super::text::{Chunk, Mistake, Source, keyword, quoted, tokens, words};
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
 use glam::Vec3;
@@ -42,6 +42,8 @@ pub(super) struct FaceContext<'a> {
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
     unknown_materials: BTreeSet<String>,
+    /// Where the first face with normals at some corners only is.
+    partial_normals: Option<usize>,
 }
 
 pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Result<FaceChunk, Mistake> {
@@ -55,8 +57,11 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
             (b"vn", _) => seen.normals += 1,
             (b"usemtl", rest) => material = faces.material(context, &words(rest)),
             (b"f", rest) => {
-                read_corners(context, &seen, rest, &mut corners)
-                    .and_then(|()| faces.push(context, &corners, material))
+                let read = read_corners(context, &seen, rest, &mut corners);
+                if faces.partial_normals.is_none() && some_normals_missing(&corners) {
+                    faces.partial_normals = Some(offset);
+                }
+                read.and_then(|()| faces.push(context, &corners, material))
                     .map_err(|message| Mistake::new(offset, message))?;
             }
             _ => {}
@@ -67,6 +72,12 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
 
 /// One corner of a face: a position and, if it has one, a normal.
 type Corner = (u32, u32);
+
+/// Whether some corners have a normal and others have none.
+fn some_normals_missing(corners: &[Corner]) -> bool {
+    let missing = corners.iter().filter(|corner| corner.1 == MISSING).count();
+    0 < missing && missing < corners.len()
+}
 
 impl FaceChunk {
     fn material(&mut self, context: &FaceContext, name: &str) -> u32 {
@@ -170,6 +181,17 @@ fn integer(token: &[u8]) -> Option<i64> {
         value.saturating_mul(10).saturating_add(i64::from(digit - b'0')).min(i64::MAX / 2)
     });
     Some(if negative { -size } else { size })
+}
+
+/// Says where a face has normals at some corners only.
+pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
+    if let Some(offset) = faces.iter().find_map(|chunk| chunk.partial_normals) {
+        notes.push(format!(
+            "line {}: a face with a normal index at some corners only: its normals are made from its shape; \
+             give every corner one, as in `f 1//1 2//1 3//1`",
+            source.line(offset)
+        ));
+    }
 }
 
 /// Says which materials no MTL file defines.

@@ -73,8 +73,11 @@ pub(super) fn parse(name: &str, folder: &Path, bytes: &[u8]) -> Result<ObjFile> 
     mesh.triangles = concatenate(&faces);
     if mesh.triangles.is_empty() {
         let what = format!("no triangles: {} vertices and no face (`f`)", total.positions);
-        return Err(source.error(Mistake::new(text.len(), what)));
+        return Err(source
+            .error(Mistake::new(text.len(), what))
+            .with_help("a mesh needs vertices, `v x y z`, and faces of them, `f 1 2 3`"));
     }
+    faces::note_partial_normals(&faces, &source, &mut notes);
     faces::note_unknown_materials(&faces, &mut notes);
     normals::complete(&mut mesh);
     Ok(ObjFile { mesh, notes })

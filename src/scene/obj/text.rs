@@ -30,11 +30,15 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
+    /// The number of the line, from 1, that holds the byte at `offset`.
+    pub fn line(&self, offset: usize) -> usize {
+        1 + self.text[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
+    }
+
     /// The mistake with its file and line, and the line itself where it can be shown.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
-        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
-        let message = format!("{}:{line}: {}", self.name, mistake.message);
+        let message = format!("{}:{}: {}", self.name, self.line(mistake.offset), mistake.message);
         let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         // Only UTF-8 text has the same offsets in the error as in the file.

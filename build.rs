@@ -1,0 +1,37 @@
+//! Tells the program which revision it is built from: RAYCL_GIT_REVISION, `-dirty` where tracked files differ.
+//! Outside a git repository, or without git, it is not set.
+
+use std::process::Command;
+
+fn main() {
+    // A commit moves HEAD's log, staging and most commands touch the index. An edit touches neither, but changes
+    // a file below, without which "dirty" would be noticed at the next commit only.
+    for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "cl"] {
+        println!("cargo:rerun-if-changed={path}");
+    }
+    for name in ["HEAD", "index", "logs/HEAD"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", name]).filter(|path| exists(path)) {
+            println!("cargo:rerun-if-changed={path}");
+        }
+    }
+    // raycl unpacked inside somebody else's repository has no revision of its own.
+    let tracked = git(&["ls-files", "--error-unmatch", "Cargo.toml"]).is_some();
+    if let Some(revision) =
+        git(&["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]).filter(|_| tracked)
+    {
+        println!("cargo:rustc-env=RAYCL_GIT_REVISION={revision}");
+    }
+}
+
+/// A path that is not there would make cargo run this every time.
+fn exists(path: &str) -> bool {
+    std::path::Path::new(path).exists()
+}
+
+/// What git says, if there is git and it has something to say.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output =
+        Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
+    let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
+    Some(text).filter(|text| !text.is_empty())
+}

@@ -1,0 +1,189 @@
+//! What `raycl render` reports: as JSON, and as a person reads it.
+
+use super::Cast;
+use crate::device::{Device, DeviceInfo};
+use crate::scene::Scene;
+use crate::strategy::{PRESETS, Strategy, Workload};
+use serde::Serialize;
+
+/// The fields of `--json`.
+#[derive(Debug, Default, Serialize)]
+pub struct Report {
+    /// The scene's name.
+    pub scene: String,
+    /// Triangles in it.
+    pub triangles: usize,
+    /// Lights in it.
+    pub lights: usize,
+    /// The device's name.
+    pub device: String,
+    /// The preset, where the strategy is one unchanged.
+    pub preset: Option<&'static str>,
+    /// Every axis of the strategy.
+    pub strategy: String,
+    /// Work-items of a work-group across and down.
+    pub local_size: [u32; 2],
+    /// Pixels across and down.
+    pub image_size: [u32; 2],
+    /// Reading the scene and making its triangles.
+    pub load_ms: f64,
+    /// Asking every driver for its devices.
+    pub discover_ms: f64,
+    /// Building the tree over the triangles; 0 where the traversal has none.
+    pub tree_ms: f64,
+    /// Opening the device and compiling.
+    pub build_ms: f64,
+    /// Bringing the scene to the device.
+    pub upload_ms: f64,
+    /// Device time of the primary pass, where the strategy has one.
+    pub primary_ms: Option<f64>,
+    /// Device time of the shading and shadow pass, where the strategy has one.
+    pub shadow_ms: Option<f64>,
+    /// Device time of the whole frame.
+    pub frame_ms: f64,
+    /// Bringing the image back.
+    pub read_ms: f64,
+    /// Writing the picture.
+    pub save_ms: f64,
+    /// The whole command.
+    pub total_ms: f64,
+    /// Over the primary pass, or the frame where passes are fused.
+    pub primary_rays_per_s: f64,
+    /// Over the shadow pass, where there is one.
+    pub shadow_rays_per_s: Option<f64>,
+    /// Primary rays x triangles over the same time as primary rays; none where not every triangle is tested.
+    pub tests_per_s: Option<f64>,
+    /// Frames the times are medians of.
+    pub frames: u32,
+    /// The picture.
+    pub output: String,
+    /// What was passed over or made up in reading the scene.
+    pub notes: Vec<String>,
+}
+
+impl Report {
+    /// What casting tells; the rest is for the command to fill in.
+    pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, workload: &Workload, cast: &Cast) -> Self {
+        let [width, height] = workload.image_size;
+        let (pixels, triangles) = (f64::from(width) * f64::from(height), scene.mesh.triangles.len());
+        let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
+        let per_s = |count: f64, ms: f64| count / ms * 1e3;
+        Self {
+            scene: scene.name.clone(),
+            triangles,
+            lights: scene.lights.len(),
+            device: device.info.label.clone(),
+            preset: PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name),
+            strategy: strategy.to_string(),
+            local_size: workload.local_size,
+            image_size: workload.image_size,
+            tree_ms: cast.tree_ms,
+            build_ms: cast.build_ms,
+            upload_ms: cast.upload_ms,
+            primary_ms: cast.times.primary_ms,
+            shadow_ms: cast.times.shadow_ms,
+            frame_ms: cast.times.frame_ms,
+            read_ms: cast.read_ms,
+            primary_rays_per_s: per_s(pixels, primary_ms),
+            shadow_rays_per_s: cast
+                .times
+                .shadow_ms
+                .map(|ms| per_s((cast.hits * scene.lights.len()) as f64, ms)),
+            tests_per_s: strategy
+                .tests_every_triangle()
+                .then(|| per_s(pixels * triangles as f64, primary_ms)),
+            ..Self::default()
+        }
+    }
+
+    /// The report as a person reads it.
+    pub fn text(&self, device: &DeviceInfo) -> String {
+        let ([width, height], [x, y]) = (self.image_size, self.local_size);
+        let preset = self.preset.map(|name| format!("{name}: ")).unwrap_or_default();
+        let mut lines = vec![
+            format!(
+                "scene     {}: {}, {}",
+                self.scene,
+                counted(self.triangles, "triangle"),
+                counted(self.lights, "light")
+            ),
+            format!("device    {}", device.describe()),
+            format!("strategy  {preset}{}", self.strategy),
+            format!("size      {width} x {height} pixels, local size {x} x {y}"),
+        ];
+        let steps = [
+            ("load", self.load_ms),
+            ("discover", self.discover_ms),
+            ("tree", self.tree_ms),
+            ("build", self.build_ms),
+            ("upload", self.upload_ms),
+            ("kernel", self.frame_ms),
+            ("read", self.read_ms),
+            ("save", self.save_ms),
+            ("total", self.total_ms),
+        ];
+        for (step, ms) in steps.into_iter().filter(|&(step, ms)| step != "tree" || ms > 0.0) {
+            let remark = if step == "kernel" { self.kernel_remark() } else { String::new() };
+            lines.push(format!("{step:<8}{ms:11.2} ms{remark}"));
+        }
+        lines.push(format!("speed     {}", self.speeds().join(", ")));
+        lines.extend(self.notes.iter().map(|note| format!("note      {note}")));
+        lines.push(format!("picture   {}", self.output));
+        lines.join("\n")
+    }
+
+    /// What the kernel's time is made of.
+    fn kernel_remark(&self) -> String {
+        let parts = self.primary_ms.zip(self.shadow_ms);
+        let parts = parts.map(|(primary, shadow)| format!("primary {primary:.2}, shadow {shadow:.2}"));
+        let median = (self.frames > 1).then(|| format!("median of {}", self.frames));
+        let remarks: Vec<_> = parts.into_iter().chain(median).collect();
+        if remarks.is_empty() { String::new() } else { format!(" ({})", remarks.join(", ")) }
+    }
+
+    fn speeds(&self) -> Vec<String> {
+        let primary = format!("{} primary", per_second(self.primary_rays_per_s, "rays"));
+        let shadow = self.shadow_rays_per_s.map(|rate| format!("{} shadow", per_second(rate, "rays")));
+        let tests = self.tests_per_s.map(|rate| per_second(rate, "tests"));
+        std::iter::once(primary).chain(shadow).chain(tests).collect()
+    }
+}
+
+/// "1 triangle", "1026 triangles".
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// "12.60 Gtests/s".
+fn per_second(rate: f64, what: &str) -> String {
+    let (scale, prefix) = match rate {
+        1e9.. => (1e-9, "G"),
+        1e6.. => (1e-6, "M"),
+        1e3.. => (1e-3, "k"),
+        _ => (1.0, ""),
+    };
+    format!("{:.2} {prefix}{what}/s", rate * scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_and_rates_read_well() {
+        assert_eq!(counted(1, "triangle"), "1 triangle");
+        assert_eq!(counted(0, "light"), "0 lights");
+        assert_eq!(per_second(12.6e9, "tests"), "12.60 Gtests/s");
+        assert_eq!(per_second(232_000.0, "rays"), "232.00 krays/s");
+        assert_eq!(per_second(0.0, "rays"), "0.00 rays/s");
+    }
+
+    #[test]
+    fn the_kernels_time_says_what_it_is_made_of() {
+        let fused = Report { frames: 1, ..Report::default() };
+        assert_eq!(fused.kernel_remark(), "");
+        let separate =
+            Report { frames: 5, primary_ms: Some(1.0), shadow_ms: Some(0.25), ..Report::default() };
+        assert_eq!(separate.kernel_remark(), " (primary 1.00, shadow 0.25, median of 5)");
+    }
+}

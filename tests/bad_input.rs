@@ -1,0 +1,228 @@
+//! What is said to who gets something wrong: the exit code, the file and line, and the remedy.
+
+mod binary;
+
+use binary::{Place, TRIANGLE, has};
+use std::time::{Duration, Instant};
+
+/// Renders `scene.toml` with this text, which must be a mistake.
+fn scene_mistake(text: &str) -> String {
+    Place::with(&[("scene.toml", text)]).mistake(&["render", "scene.toml"], 2)
+}
+
+/// Renders `mesh.obj` with this text, which must be a mistake.
+fn mesh_mistake(text: &str) -> String {
+    Place::with(&[("mesh.obj", text)]).mistake(&["render", "mesh.obj"], 2)
+}
+
+/// Renders a good scene with these arguments, which must be a mistake; nothing may be written.
+fn argument_mistake(arguments: &[&str]) -> String {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let message = place.mistake(&[&["render", "scene.toml"], arguments].concat(), 2);
+    assert!(!place.path("scene.png").exists());
+    message
+}
+
+/// A small experiment on `scene.toml`.
+const CONFIG: &str = r#"question = "?"
+expectation = "!"
+scenes = ["scene.toml"]
+image_sizes = [[8, 5]]
+local_sizes = [4]
+strategies = ["naive"]
+"#;
+
+/// Runs CONFIG with one text in it replaced, which must be a mistake.
+fn config_mistake(from: &str, to: &str) -> String {
+    assert!(CONFIG.contains(from));
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &CONFIG.replace(from, to))]);
+    let message = place.mistake(&["run", "config.toml", "--out", "out"], 2);
+    assert!(!place.path("out").exists());
+    message
+}
+
+#[test]
+fn a_misspelt_key_of_a_scene() {
+    let message = scene_mistake(&TRIANGLE.replace("z_near", "z_naer"));
+    has(&message, &["scene.toml:4", "z_naer", "did you mean `z_near`"]);
+    let message = scene_mistake(&TRIANGLE.replace("[[light]]", "[[lamp]]"));
+    has(&message, &["scene.toml:6", "`lamp`", "the keys here are", "light"]);
+}
+
+#[test]
+fn a_misspelt_key_of_an_experiment() {
+    let message = config_mistake("strategies", "stratgies");
+    has(&message, &["config.toml:6", "unknown key 'stratgies'", "did you mean 'strategies'"]);
+}
+
+#[test]
+fn a_wrong_type() {
+    let message = scene_mistake(&TRIANGLE.replace("z_near = 0.1", "z_near = \"near\""));
+    has(&message, &["scene.toml:4", "wrong type: string \"near\"", "expected a finite number of at least 0"]);
+    let message = config_mistake("local_sizes = [4]", "local_sizes = \"4\"");
+    has(&message, &["config.toml:5", "wrong type: string \"4\"", "expected a list"]);
+}
+
+#[test]
+fn a_missing_file_is_answered_with_the_nearest() {
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
+    has(&place.mistake(&["render", "secne.toml"], 2), &["secne.toml", "did you mean `scene.toml`"]);
+    has(&place.mistake(&["run", "confg.toml"], 2), &["confg.toml", "did you mean config.toml"]);
+    has(&place.mistake(&["run", "nothing-like-it"], 2), &["nothing-like-it", "configs/quick.toml"]);
+    let message = config_mistake("\"scene.toml\"", "\"scene.tml\"");
+    has(&message, &["config.toml:3", "scene.tml", "did you mean scene.toml"]);
+}
+
+#[test]
+fn a_missing_mesh_is_answered_with_the_nearest() {
+    let text = "[[object]]\nobj = \"tepot.obj\"\n";
+    let place = Place::with(&[("scene.toml", text), ("teapot.obj", "")]);
+    let message = place.mistake(&["render", "scene.toml"], 2);
+    has(&message, &["scene.toml:2", "no mesh file `tepot.obj`", "did you mean `teapot.obj`", "relative"]);
+}
+
+#[test]
+fn a_negative_size() {
+    has(&argument_mistake(&["--width", "-5"]), &["-5", "--width", "1..=65536"]);
+    has(&argument_mistake(&["--height=-5"]), &["-5", "--height", "1..=65536"]);
+    has(&argument_mistake(&["--local-size", "8x-8"]), &["8x-8", "WIDTHxHEIGHT", "16x8"]);
+    let message = config_mistake("[[8, 5]]", "[[8, -5]]");
+    has(&message, &["config.toml:4", "image size -5", "expected a whole number from 1 to 65536"]);
+    let message = config_mistake("local_sizes = [4]", "local_sizes = [-4]");
+    has(&message, &["config.toml:5", "local size -4", "expected a whole number from 1 to 1024"]);
+    let message = scene_mistake(&TRIANGLE.replace("z_near = 0.1", "z_near = -0.1"));
+    has(&message, &["scene.toml:4", "-0.1 is not a finite number of at least 0"]);
+}
+
+#[test]
+fn a_scene_without_light_is_rendered_with_a_remark() {
+    let dark = TRIANGLE.replace("[[light]]\nposition = [1, 3, 1]\npower = 10\n", "");
+    let place = Place::with(&[("scene.toml", &dark)]);
+    let small = ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &binary::device()];
+    has(&place.output(&small), &["note", "scene.toml:", "no light", "add [[light]] with position"]);
+    assert!(place.path("scene.png").exists());
+    let json: serde_json::Value =
+        serde_json::from_str(&place.output(&[&small[..], &["--json"]].concat())).expect("JSON");
+    has(json["notes"][0].as_str().expect("a note"), &["no light"]);
+    assert_eq!(json["shadow_rays_per_s"], 0.0);
+}
+
+#[test]
+fn an_obj_without_triangles() {
+    has(&mesh_mistake(""), &["mesh.obj:1", "no triangles", "`f 1 2 3`"]);
+    has(&mesh_mistake("v 0 0 0\nv 1 0 0\n"), &["mesh.obj:3", "2 vertices and no face", "`f 1 2 3`"]);
+}
+
+#[test]
+fn nan_in_an_obj() {
+    let message = mesh_mistake("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n");
+    has(&message, &["mesh.obj:3", "`nan` in a vertex", "expected a finite decimal number"]);
+    let message = mesh_mistake("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 inf 1\nf 1//1 2//1 3//1\n");
+    has(&message, &["mesh.obj:4", "`inf` in a normal", "expected a finite decimal number"]);
+}
+
+#[test]
+fn a_normal_index_that_does_not_exist() {
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
+    let message = mesh_mistake(&format!("{corners}f 1//1 2//1 3//2\n"));
+    has(&message, &["mesh.obj:5", "normal index `2` in `3//2` does not exist", "expected 1 to 1"]);
+    let message = scene_mistake(&TRIANGLE.replace(
+        "faces = [[0, 1, 2]]",
+        "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 1]]",
+    ));
+    has(&message, &["scene.toml:14", "normal 1 does not exist", "expected 0 to 0"]);
+}
+
+#[test]
+fn a_normal_index_that_is_left_out_is_remarked_on() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n";
+    let place = Place::with(&[("mesh.obj", text)]);
+    let device = binary::device();
+    let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
+    has(&text, &["mesh.obj: line 5", "a normal index at some corners only", "`f 1//1 2//1 3//1`"]);
+}
+
+#[test]
+fn a_vertex_that_does_not_exist() {
+    let message = scene_mistake(&TRIANGLE.replace("[[0, 1, 2]]", "[[0, 1, 9]]"));
+    has(&message, &["scene.toml:12", "vertex 9 does not exist", "expected 0 to 2"]);
+}
+
+#[test]
+fn unknown_names_are_answered_with_the_nearest() {
+    has(&argument_mistake(&["--strategy", "naiv"]), &["'naiv' is not a preset", "did you mean 'naive'"]);
+    let message = argument_mistake(&["--strategy", "naive,vectros=local"]);
+    has(&message, &["'vectros' is not an axis", "did you mean 'vectors'"]);
+    let message = argument_mistake(&["--strategy", "naive,vectors=lokal"]);
+    has(&message, &["'lokal' is not a value of 'vectors'", "did you mean 'local'"]);
+    has(&argument_mistake(&["--set", "wdith=4"]), &["'wdith' is neither", "did you mean 'width'"]);
+    has(&argument_mistake(&["--set", "camera.positoin=1"]), &["`positoin`", "did you mean `position`"]);
+    let message = argument_mistake(&["--device", "portabel"]);
+    has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "There is:"]);
+    let message = config_mistake("[\"naive\"]", "[\"navie\"]");
+    has(&message, &["config.toml:6", "'navie' is not a preset", "did you mean 'naive'"]);
+}
+
+#[test]
+fn axes_that_contradict_each_other() {
+    let message = argument_mistake(&["--strategy", "naive,triangles=tiled"]);
+    has(&message, &["shading = eager with triangles = tiled", "barrier", "raycl strategies"]);
+    let message = argument_mistake(&["--strategy", "watertight", "--set", "math=fast"]);
+    has(&message, &["watertight needs exact signs", "raycl strategies"]);
+    let entry = "[[strategy]]\npreset = \"watertight\"\nmath = \"fast\"\n";
+    let message = config_mistake("strategies = [\"naive\"]\n", entry);
+    has(&message, &["config.toml:6", "watertight needs exact signs", "change one of the axes"]);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused_before_any_work() {
+    has(&argument_mistake(&["-o", "a.pgn"]), &["'a.pgn'", ".exr", "did you mean 'a.png'"]);
+    has(&argument_mistake(&["-o", "nowhere/a.png"]), &["no folder 'nowhere'", "mkdir"]);
+    // The scene is not even read.
+    let message = Place::new().mistake(&["render", "no-scene.toml", "-o", "nowhere/a.png"], 2);
+    has(&message, &["no folder 'nowhere'"]);
+}
+
+#[test]
+fn an_image_larger_than_memory_is_refused_with_arithmetic() {
+    let start = Instant::now();
+    let message = argument_mistake(&["--width", "65536", "--height", "65536", "--device", &binary::device()]);
+    has(&message, &["cannot hold this: global memory", "image 16 B x 4294967296 pixels", " B > "]);
+    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_local_size_that_no_device_holds_is_refused_with_arithmetic() {
+    let message = argument_mistake(&["--local-size", "4096x4096", "--device", &binary::device()]);
+    has(&message, &["4096 x 4096 = 16777216 work-items > the device's"]);
+}
+
+#[test]
+fn a_folder_of_kernels_that_lacks_a_file() {
+    let message = argument_mistake(&["--cl-dir", "nowhere"]);
+    has(&message, &["cannot read nowhere/cast.cl", "laid out as raycl's cl/"]);
+}
+
+#[test]
+fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let kernels = place.kernels("shared/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let device = binary::device();
+    let render = ["render", "scene.toml", "--device", &device, "--cl-dir", kernels.to_str().expect("UTF-8")];
+    let message = place.mistake(&render, 1);
+    has(&message, &["the build failed", "shared/shade.cl:1"]);
+    assert!(!message.contains("####"), "{message}");
+}
+
+#[test]
+fn without_a_platform_every_command_says_so_at_once() {
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
+    for arguments in [&["render", "scene.toml"], &["run", "config.toml"], &["devices", "--json"]] {
+        let start = Instant::now();
+        let mut command = place.raycl(arguments);
+        let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(1).get_output().clone();
+        assert!(start.elapsed() < Duration::from_secs(3), "{arguments:?}: {:?}", start.elapsed());
+        let message = String::from_utf8(output.stderr).expect("UTF-8");
+        has(&message, &["no OpenCL platform", "pocl-opencl-icd", "make setup"]);
+    }
+}

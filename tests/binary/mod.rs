@@ -1,0 +1,117 @@
+//! What tests of the binary share: running it, in a folder of its own, on the test device.
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use assert_cmd::Command;
+use std::path::{Path, PathBuf};
+
+/// One triangle before the camera, under one light.
+pub const TRIANGLE: &str = r#"name = "little"
+
+[camera]
+z_near = 0.1
+
+[[light]]
+position = [1, 3, 1]
+power = 10
+
+[[object]]
+vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]
+faces = [[0, 1, 2]]
+"#;
+
+/// A word of the device tests run on: PoCL, or what RAYCL_TEST_DEVICE names.
+pub fn device() -> String {
+    std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
+}
+
+/// A file of the repository.
+pub fn repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// A folder that the binary runs in.
+pub struct Place(tempfile::TempDir);
+
+impl Place {
+    /// An empty folder.
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    /// A folder with these files.
+    pub fn with(files: &[(&str, &str)]) -> Self {
+        let place = Self::new();
+        for (name, text) in files {
+            std::fs::write(place.path(name), text).expect("a file");
+        }
+        place
+    }
+
+    /// Where a name lies in it.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// The text of a file in it.
+    pub fn text(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// The lines of a file in it, each as JSON.
+    pub fn json_lines(&self, name: &str) -> Vec<serde_json::Value> {
+        self.text(name).lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect()
+    }
+
+    /// A copy of the kernels in which one text is replaced; the folder's path.
+    pub fn kernels(&self, file: &str, from: &str, to: &str) -> PathBuf {
+        let folder = self.path("kernels");
+        copy_folder(&repository("cl"), &folder);
+        let path = folder.join(file);
+        let text = std::fs::read_to_string(&path).expect("a kernel file");
+        assert!(text.contains(from), "{file} no longer says {from}");
+        std::fs::write(path, text.replacen(from, to, 1)).expect("a kernel file");
+        folder
+    }
+
+    /// The binary, to be run in this folder.
+    pub fn raycl(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+        command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1");
+        command
+    }
+
+    /// Runs it, expects success, and gives standard output.
+    pub fn output(&self, arguments: &[&str]) -> String {
+        let output = self.raycl(arguments).assert().success().get_output().clone();
+        String::from_utf8(output.stdout).expect("UTF-8")
+    }
+
+    /// Runs it, expects this exit code and nothing on standard output, and gives standard error.
+    pub fn mistake(&self, arguments: &[&str], code: i32) -> String {
+        let output = self.raycl(arguments).assert().code(code).get_output().clone();
+        assert!(output.stdout.is_empty(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stdout));
+        let message = String::from_utf8(output.stderr).expect("UTF-8");
+        assert!(!message.contains("panicked"), "{message}");
+        message
+    }
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("a folder").map(|entry| entry.expect("an entry")) {
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_folder(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).expect("a copy");
+        }
+    }
+}
+
+/// Fails unless `text` has every part, in any order.
+#[track_caller]
+pub fn has(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "{part:?} is not in:\n{text}");
+    }
+}

@@ -1,0 +1,164 @@
+//! `raycl render`: pictures in every format, what it reports, and what its options change.
+
+mod binary;
+
+use binary::{Place, TRIANGLE, device, has, repository};
+use serde_json::Value;
+
+/// A tetrahedron of quality that is met in the wild: no normals, no material, a material that is nowhere.
+const TETRAHEDRON: &str =
+    "mtllib none.mtl\nusemtl red\nv 0 0 0\nv 2 0 0\nv 1 0 2\nv 1 2 1\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 3 4 1\n";
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", TRIANGLE), ("mesh.obj", TETRAHEDRON)])
+}
+
+/// Renders with these arguments and gives the report.
+fn report(place: &Place, arguments: &[&str]) -> Value {
+    let device = device();
+    let all = [&["render", "--json", "--device", &device], arguments].concat();
+    serde_json::from_str(&place.output(&all)).expect("JSON")
+}
+
+#[test]
+fn every_format_holds_a_picture_of_the_size_asked_for() {
+    let place = place();
+    for name in ["a.png", "a.jpg", "a.JPEG", "a.exr", "a.hdr"] {
+        report(&place, &["scene.toml", "-o", name, "--width", "37", "--height", "23"]);
+        let picture = image::open(place.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((picture.width(), picture.height()), (37, 23), "{name}");
+        let brightest = picture.to_rgb32f().into_raw().into_iter().fold(0.0, f32::max);
+        let background = 0.0053;
+        assert!(brightest > 2.0 * background, "{name}: {brightest}");
+    }
+}
+
+#[test]
+fn linear_formats_hold_radiance_and_not_what_is_displayed() {
+    let place = place();
+    report(&place, &["scene.toml", "-o", "a.exr", "--width", "16", "--height", "10"]);
+    let corner = image::open(place.path("a.exr")).expect("a picture").to_rgb32f()[(0, 0)];
+    assert_eq!(corner.0, [0.0022, 0.0032, 0.0053]);
+}
+
+#[test]
+fn json_has_every_field() {
+    let size = ["--width", "64", "--height", "40"];
+    let report = report(&place(), &[&["scene.toml", "--repeat", "3"], &size[..]].concat());
+    let text = ["scene", "device", "strategy", "output"];
+    let numbers = [
+        "load_ms",
+        "build_ms",
+        "upload_ms",
+        "primary_ms",
+        "shadow_ms",
+        "frame_ms",
+        "save_ms",
+        "total_ms",
+        "primary_rays_per_s",
+        "shadow_rays_per_s",
+        "tests_per_s",
+    ];
+    assert!(text.iter().all(|name| report[name].is_string()), "{report}");
+    for name in numbers {
+        assert!(report[name].as_f64().is_some_and(|value| value > 0.0), "{name}: {report}");
+    }
+    assert_eq!((&report["scene"], &report["triangles"]), (&"little".into(), &1.into()));
+    assert_eq!(report["image_size"], serde_json::json!([64, 40]));
+    assert_eq!(report["frames"], 3);
+    assert_eq!(report["local_size"].as_array().map(Vec::len), Some(2));
+    let ms = |name: &str| report[name].as_f64().expect("a time");
+    assert!(ms("primary_ms") + ms("shadow_ms") <= 1.5 * ms("frame_ms"), "{report}");
+    let parts = ["load_ms", "discover_ms", "build_ms", "upload_ms", "frame_ms", "read_ms", "save_ms"];
+    assert!(parts.map(ms).iter().sum::<f64>() <= ms("total_ms"), "{report}");
+    let rays_per_s = 64.0 * 40.0 / ms("primary_ms") * 1e3;
+    assert!((ms("primary_rays_per_s") / rays_per_s - 1.0).abs() < 1e-9, "{report}");
+}
+
+#[test]
+fn passes_that_a_strategy_does_not_have_are_null() {
+    let (place, size) = (place(), ["--width", "32", "--height", "20"]);
+    let fused = report(&place, &[&["scene.toml", "--strategy", "naive"], &size[..]].concat());
+    assert!(fused["primary_ms"].is_null() && fused["shadow_ms"].is_null(), "{fused}");
+    assert!(fused["shadow_rays_per_s"].is_null() && fused["tests_per_s"].is_number(), "{fused}");
+    assert_eq!(fused["preset"], "naive");
+    // A rasteriser does not test every ray against every triangle.
+    let raster = report(&place, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
+    assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
+}
+
+#[test]
+fn options_choose_strategy_and_local_size() {
+    let (place, size) = (place(), ["--width", "30", "--height", "20"]);
+    let options = ["scene.toml", "--strategy", "deferred,width=2", "--set", "layout=indexed16"];
+    let options = [&options[..], &["--local-size", "16x2"], &size].concat();
+    let report = report(&place, &options);
+    has(report["strategy"].as_str().expect("a text"), &["shading=deferred", "width=2", "layout=indexed16"]);
+    assert_eq!(report["local_size"], serde_json::json!([16, 2]));
+    assert!(report["preset"].is_null(), "{report}");
+}
+
+#[test]
+fn a_local_size_that_does_not_divide_the_image_is_padded() {
+    let place = place();
+    for strategy in ["naive", "local-vectors", "raster", "wide", "tiled-common-origin"] {
+        let options = ["--strategy", strategy, "--local-size", "7x5", "--width", "50", "--height", "31"];
+        let device = device();
+        place.output(&[&["render", "scene.toml", "--verify", "--device", &device], &options[..]].concat());
+    }
+}
+
+#[test]
+fn set_changes_the_scene() {
+    let place = place();
+    let size = ["--width", "24", "--height", "15"];
+    report(&place, &[&["scene.toml", "-o", "dark.png", "--set", "display.exposure=0"], &size[..]].concat());
+    let dark = image::open(place.path("dark.png")).expect("a picture").to_rgb8();
+    assert!(dark.iter().all(|value| *value == 0));
+    let away = ["--set", "camera.look_at=[0, 0, 5]", "--set", "name=behind"];
+    let behind = report(&place, &[&["scene.toml", "-o", "sky.exr"], &away[..], &size].concat());
+    assert_eq!(behind["scene"], "behind");
+    let sky = image::open(place.path("sky.exr")).expect("a picture").to_rgb32f();
+    assert!(sky.pixels().all(|pixel| pixel.0 == [0.0022, 0.0032, 0.0053]), "something is behind the camera");
+}
+
+#[test]
+fn a_bare_mesh_is_framed_lit_and_saved_under_its_name() {
+    let place = place();
+    let report = report(&place, &["mesh.obj", "--width", "64", "--height", "40"]);
+    assert_eq!(report["output"], "mesh.png");
+    assert_eq!((&report["triangles"], &report["lights"]), (&4.into(), &2.into()));
+    has(&report["notes"].to_string(), &["none.mtl", "`red`", "k_L 0.8"]);
+    let picture = image::open(place.path("mesh.png")).expect("a picture").to_rgb8();
+    let background = picture[(0, 0)];
+    let bright = picture.pixels().filter(|pixel| pixel.0.iter().max() > Some(&100)).count();
+    let covered = picture.pixels().filter(|pixel| **pixel != background).count();
+    assert!(covered > 64 * 40 / 8 && covered < 64 * 40 * 3 / 4, "{covered} pixels");
+    assert!(bright > covered / 2, "{bright} of {covered} pixels are bright");
+}
+
+#[test]
+fn the_report_reads_well() {
+    let (place, device) = (place(), device());
+    let size = ["--width", "40", "--height", "25", "--repeat", "2", "--device", &device];
+    let text = place.output(&[&["render", "scene.toml", "--strategy", "wide"], &size[..]].concat());
+    has(&text, &["little: 1 triangle, 1 light\n", "wide: traversal=exhaustive", "40 x 25 pixels"]);
+    has(
+        &text,
+        &["primary ", ", shadow ", "median of 2)", "rays/s primary", "tests/s", "picture   scene.png"],
+    );
+    for step in ["load", "discover", "build", "upload", "kernel", "read", "save", "total"] {
+        let line =
+            text.lines().find(|line| line.starts_with(step)).unwrap_or_else(|| panic!("{step}: {text}"));
+        assert!(line.contains(" ms"), "{line}");
+    }
+    assert_eq!(place.output(&[&["render", "scene.toml", "-q"], &size[..]].concat()), "");
+}
+
+#[test]
+fn a_scene_of_the_repository_renders_from_any_folder() {
+    let (place, scene, device) = (Place::new(), repository("scenes/pyramid-upper.toml"), device());
+    let scene = scene.to_str().expect("UTF-8");
+    place.output(&["render", scene, "--width", "80", "--height", "50", "--verify", "--device", &device]);
+    assert!(place.path("pyramid-upper.png").exists());
+}

@@ -1,0 +1,261 @@
+//! `raycl run`: what it plans, what it keeps, what becomes of points that fail.
+
+mod binary;
+
+use binary::{Place, TRIANGLE, device, has, repository};
+use serde_json::Value;
+use std::collections::HashSet;
+
+/// Five points: a baseline, and two strategies at two local sizes.
+const CONFIG: &str = r#"question = "Which is faster?"
+expectation = "The second."
+scenes = ["scene.toml"]
+image_sizes = [[33, 20]]
+local_sizes = [4, [8, 2]]
+strategies = ["naive", "local-vectors"]
+baselines = ["serial"]
+
+[timing]
+warmup = 0
+min_samples = 3
+max_samples = 3
+"#;
+
+/// The fields that the issue names.
+const FIELDS: [&str; 21] = [
+    "key",
+    "scene",
+    "device",
+    "preset",
+    "strategy",
+    "local_size",
+    "image_size",
+    "outcome",
+    "reason",
+    "median_ms",
+    "q1_ms",
+    "q3_ms",
+    "ci95_ms",
+    "samples_ms",
+    "stop_reason",
+    "rays_per_s",
+    "tests_per_s",
+    "max_difference",
+    "uncertain_pixels",
+    "shadow_rays",
+    "name",
+];
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
+}
+
+/// The arguments of a run into `out` on the test device.
+fn arguments<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["run", "config.toml", "--out", "out", "--device", device], more].concat()
+}
+
+/// Runs the config, expects this exit code, and gives its records.
+fn records(place: &Place, more: &[&str], code: i32) -> Vec<Value> {
+    let device = device();
+    place.raycl(&arguments(&device, more)).assert().code(code);
+    place.json_lines("out/records.jsonl")
+}
+
+#[test]
+fn every_point_is_recorded_with_every_field() {
+    let place = place();
+    let records = records(&place, &[], 0);
+    assert_eq!(records.len(), 5);
+    let keys: HashSet<_> = records.iter().map(|record| record["key"].as_str().expect("a key")).collect();
+    assert_eq!(keys.len(), 5);
+    for record in &records {
+        let fields = record.as_object().expect("an object");
+        for name in FIELDS {
+            assert!(fields.contains_key(name), "{name}: {record}");
+        }
+        assert!(fields.values().all(|value| !value.is_object()), "a record is flat: {record}");
+        assert_eq!(record["outcome"], "measured");
+        assert_eq!(
+            (&record["scene"], &record["image_size"]),
+            (&"little".into(), &serde_json::json!([33, 20]))
+        );
+        assert_eq!(record["samples_ms"].as_array().map(Vec::len), Some(3));
+        assert_eq!(record["stop_reason"], "max-samples");
+        let [median_ms, q1_ms, q3_ms, tests] = ["median_ms", "q1_ms", "q3_ms", "tests_per_s"]
+            .map(|name| record[name].as_f64().expect("a number"));
+        assert!(q1_ms <= median_ms && median_ms <= q3_ms, "{record}");
+        // One triangle, and in none of these strategies a primary pass of its own: the whole frame counts.
+        assert!((tests / (33.0 * 20.0 / median_ms * 1e3) - 1.0).abs() < 1e-9, "{record}");
+    }
+    let naive = records.iter().find(|record| record["name"] == "naive").expect("naive");
+    has(naive["strategy"].as_str().expect("axes"), &["traversal=exhaustive", "vectors=heap", "math=strict"]);
+    assert_eq!(naive["preset"], "naive");
+    let serial = records.iter().find(|record| record["device"] == "host").expect("the baseline");
+    assert_eq!((&serial["strategy"], &serial["local_size"]), (&"serial-f32".into(), &Value::Null));
+}
+
+#[test]
+fn the_folder_has_all_that_is_promised() {
+    let place = place();
+    let records = records(&place, &["--set", "timing.seed=7"], 0);
+    let samples = place.json_lines("out/samples.jsonl");
+    assert_eq!(samples.len(), 15);
+    for record in &records {
+        let own = samples.iter().filter(|sample| sample["key"] == record["key"]);
+        let times: Vec<_> = own.map(|sample| sample["ms"].clone()).collect();
+        assert_eq!(record["samples_ms"], Value::from(times));
+        let picture = place.path("out").join(record["image"].as_str().expect("a picture"));
+        assert_eq!(image::image_dimensions(picture).expect("a picture"), (33, 20));
+    }
+    let summary = place.text("out/summary.md");
+    has(&summary, &["# Which is faster?", "Expected: The second.", "local-vectors at ", "serial-f32"]);
+    let rules: Vec<_> = summary.lines().filter(|line| line.starts_with("| --")).collect();
+    let sound = |cell: &str| cell.trim().trim_end_matches(':').len() >= 2;
+    assert!(rules.iter().all(|rule| rule.trim_matches('|').split('|').all(sound)), "{rules:?}");
+    let csv = place.text("out/summary.csv");
+    assert_eq!(csv.lines().count(), 6);
+    assert!(csv.starts_with("key,scene,device,") && csv.contains("shadow_rays,"), "{csv}");
+}
+
+#[test]
+fn the_environment_says_what_ran_where() {
+    let place = place();
+    records(&place, &["--set", "timing.seed=7", "--set", "baselines=[]"], 0);
+    let environment: Value = serde_json::from_str(&place.text("out/environment.json")).expect("JSON");
+    assert_eq!(environment["raycl_version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(environment["config"], CONFIG);
+    assert_eq!(environment["overrides"], serde_json::json!(["timing.seed = 7", "baselines = []"]));
+    assert!(environment["host"]["cores"].as_u64() > Some(0), "{environment}");
+    assert_eq!(environment["command_line"][1], "run");
+    let devices = environment["devices"].as_array().expect("a list");
+    assert_eq!(place.json_lines("out/records.jsonl")[0]["device"], devices[0]["device"]);
+    // In a clone the revision is known; `.git` is a file in a worktree.
+    let revision = environment["git_revision"].as_str();
+    assert_eq!(revision.is_some(), repository(".git").exists(), "{revision:?}");
+    assert!(revision.is_none_or(|revision| revision.trim_end_matches("-dirty").len() >= 12), "{revision:?}");
+}
+
+#[test]
+fn a_dry_run_compiles_nothing_and_writes_nothing() {
+    let (place, device) = (place(), device());
+    // Kernels that are not there could not be compiled.
+    let text = place.output(&arguments(&device, &["--dry-run", "--cl-dir", "nowhere"]));
+    has(&text, &["__local B", "scratch B", "naive 4x4", "local-vectors 8x2", "host", "5 points, 0 of which"]);
+    assert!(!place.path("out").exists());
+    let json = place.output(&arguments(&device, &["--dry-run", "--json", "--set", "baselines=[]"]));
+    let mut points = serde_json::Deserializer::from_str(&json).into_iter::<Value>();
+    let needs = points.next().expect("a point").expect("JSON")["needs"].clone();
+    // 36 x 20 padded work-items of 108 bytes.
+    assert_eq!((&needs["local_bytes"], &needs["scratch_bytes"]), (&0.into(), &(36 * 20 * 108).into()));
+    assert_eq!(points.count(), 3);
+}
+
+#[test]
+fn the_teapot_in_48_kib_is_refused_with_arithmetic() {
+    let (place, device, config) = (Place::new(), device(), repository("configs/figure-8.toml"));
+    let config = config.to_str().expect("UTF-8");
+    let text = place.output(&["run", config, "--dry-run", "--device", &device]);
+    has(&text, &["104 B x 1026 triangles = 106704 B > 49152 B", "108 B x 32 x 32 = 110592 B > 49152 B"]);
+}
+
+#[test]
+fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
+    let place = place();
+    let records = records(&place, &["--set", "limits.local_bytes=1000", "--set", "baselines=[]"], 0);
+    let (infeasible, measured): (Vec<_>, Vec<_>) =
+        records.iter().partition(|record| record["outcome"] == "infeasible");
+    assert_eq!((infeasible.len(), measured.len()), (2, 2));
+    for record in infeasible {
+        assert_eq!(record["name"], "local-vectors");
+        has(record["reason"].as_str().expect("a reason"), &["108 B x ", "1728 B > 1000 B"]);
+        assert!(record["median_ms"].is_null() && record["samples_ms"] == serde_json::json!([]), "{record}");
+    }
+}
+
+#[test]
+fn a_kernel_that_does_not_compile_is_an_outcome_and_a_failure() {
+    let place = place();
+    let kernels = place.kernels("shared/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let records = records(&place, &["--cl-dir", kernels.to_str().expect("UTF-8")], 1);
+    let failed: Vec<_> = records.iter().filter(|record| record["outcome"] == "build-failed").collect();
+    assert_eq!((records.len(), failed.len()), (5, 4));
+    for record in failed {
+        has(record["reason"].as_str().expect("a reason"), &["shared/shade.cl:1"]);
+    }
+    has(&place.text("out/summary.md"), &["build-failed", "shared/shade.cl:1"]);
+}
+
+#[test]
+fn a_wrong_image_is_never_timed_and_shows_where() {
+    let place = place();
+    let kernels = place.kernels("shared/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
+    let more = ["--cl-dir", kernels.to_str().expect("UTF-8"), "--set", "strategies=[\"naive\"]"];
+    let records = records(&place, &more, 1);
+    let wrong: Vec<_> = records.iter().filter(|record| record["outcome"] == "wrong-image").collect();
+    assert_eq!((records.len(), wrong.len()), (3, 2));
+    for record in wrong {
+        assert!(record["median_ms"].is_null() && record["samples_ms"] == serde_json::json!([]), "{record}");
+        // A fifth of the light is missing.
+        let difference = record["max_difference"].as_f64().expect("a difference");
+        assert!((0.1..0.3).contains(&difference), "{record}");
+        let picture = record["difference_image"].as_str().expect("a picture of the differences");
+        assert!(place.path("out").join(picture).exists(), "{picture}");
+        assert!(record["worst_pixel"].is_array() && record["reason"].is_string(), "{record}");
+    }
+}
+
+#[test]
+fn a_device_named_twice_is_used_once() {
+    let (place, device) = (place(), device());
+    place
+        .raycl(&arguments(&device, &["--device", &device, "--quiet"]))
+        .assert()
+        .success()
+        .stdout("")
+        .stderr("");
+    assert_eq!(place.json_lines("out/records.jsonl").len(), 5);
+}
+
+#[test]
+fn results_are_never_overwritten_and_find_a_free_folder() {
+    let (place, device) = (place(), device());
+    let one_point = ["--set", "strategies=[]", "--quiet"];
+    let before = records(&place, &one_point, 0);
+    let message = place.mistake(&arguments(&device, &one_point), 2);
+    has(&message, &["out already holds results", "--out"]);
+    assert_eq!(place.json_lines("out/records.jsonl"), before);
+    for folder in ["results/config", "results/config-2"] {
+        place.output(&[&["run", "config.toml", "--device", &device], &one_point[..]].concat());
+        assert_eq!(place.json_lines(&format!("{folder}/records.jsonl")).len(), 1, "{folder}");
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_refused() {
+    let (place, device) = (place(), device());
+    let message = place.mistake(&["run", "config.toml", "--device", &device, "--out", "scene.toml/out"], 2);
+    has(&message, &["cannot make scene.toml/out"]);
+}
+
+#[test]
+fn without_a_terminal_progress_is_plain_lines_and_the_table_comes_last() {
+    let (place, device) = (place(), device());
+    let output = place.raycl(&arguments(&device, &[])).assert().success().get_output().clone();
+    let (progress, table) =
+        (String::from_utf8(output.stderr).expect("UTF-8"), String::from_utf8(output.stdout).expect("UTF-8"));
+    assert_eq!(progress.lines().filter(|line| line.contains(" ms, n = 3")).count(), 5, "{progress}");
+    has(&progress, &["[1/5] ", "[5/5] "]);
+    assert!(!progress.contains('\u{1b}') && !table.contains('\u{1b}'), "{progress}{table}");
+    has(&table, &["median ms", "strategy", "4x4", "8x2", "* fastest", "out/images", "out/summary.md"]);
+}
+
+#[test]
+fn configs_state_their_question_and_plan_on_any_device() {
+    let (place, device) = (Place::new(), device());
+    for name in ["quick", "figure-6", "figure-7", "figure-8", "next-steps", "beyond"] {
+        let config = repository(&format!("configs/{name}.toml"));
+        let text = place.output(&["run", config.to_str().expect("UTF-8"), "--dry-run", "--device", &device]);
+        has(&text, &["points, ", "Nothing was compiled"]);
+    }
+}
