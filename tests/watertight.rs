@@ -8,7 +8,7 @@ use common::Stand;
 use glam::Vec3;
 use raycl::launch::{Ray, cast_rays};
 use raycl::scene::Scene;
-use raycl::strategy::{Intersector, Strategy, Triangles, Width, preset};
+use raycl::strategy::{Intersector, NodeWidth, Strategy, Traversal, Triangles, Width, preset};
 
 /// A closed sphere of radius 1 about `centre`, and nothing else.
 fn sphere(centre: Vec3) -> Scene {
@@ -104,12 +104,16 @@ const ORIGINS: [Vec3; 4] = [
 #[test]
 fn the_watertight_test_leaks_none_of_ten_thousand_rays() {
     let scene = sphere(Vec3::new(0.013, -0.007, 0.021));
-    let mut strategy = preset("watertight").expect("a preset").strategy;
-    for (width, triangles) in
-        [(Width::W1, Triangles::Global), (Width::W16, Triangles::Global), (Width::W4, Triangles::Tiled)]
-    {
-        strategy.width = width;
-        strategy.triangles = triangles;
+    let exhaustive = preset("watertight").expect("a preset").strategy;
+    let tree = Strategy { traversal: Traversal::Bvh, ..exhaustive };
+    for strategy in [
+        exhaustive,
+        Strategy { width: Width::W16, ..exhaustive },
+        Strategy { width: Width::W4, triangles: Triangles::Tiled, ..exhaustive },
+        tree,
+        Strategy { node_width: NodeWidth::N2, ..tree },
+        Strategy { width: Width::W16, ..tree },
+    ] {
         assert_eq!(leaks(&scene, &strategy, &ORIGINS, 10_000), 0, "{strategy}");
     }
 }

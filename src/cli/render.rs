@@ -13,7 +13,7 @@ use crate::measure::Summary;
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::reference::reference;
 use crate::scene::{Scene, load_scene_with};
-use crate::strategy::{Requirements, Strategy, Workload, fastest};
+use crate::strategy::{Requirements, Strategy, Traversal, Workload, fastest};
 use crate::verify::verify;
 use report::Report;
 use std::path::PathBuf;
@@ -80,7 +80,7 @@ pub fn run(args: Args) -> Result<()> {
     let scene = &loaded.scene;
     let (device, discover_ms) = timed(|| one_device(args.device.as_deref()));
     let device = device?;
-    let (strategy, local_size) = strategy(&args, &device)?;
+    let (strategy, local_size) = strategy(&args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
     Requirements::check(&strategy, &workload, &device.info.limits).map_err(|infeasible| {
         Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
@@ -136,8 +136,8 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
 }
 
 /// The strategy and local size asked for, or the fastest for the device.
-fn strategy(args: &Args, device: &Device) -> Result<(Strategy, [u32; 2])> {
-    let (best, best_local) = fastest(&device.info.limits)?;
+fn strategy(args: &Args, device: &Device, triangles: usize) -> Result<(Strategy, [u32; 2])> {
+    let (best, best_local) = fastest(&device.info.limits, triangles)?;
     let mut strategy = match &args.strategy {
         Some(text) => parse_strategy(text)?,
         None => best,
@@ -146,7 +146,15 @@ fn strategy(args: &Args, device: &Device) -> Result<(Strategy, [u32; 2])> {
         strategy.set(axis, value)?;
     }
     strategy.check()?;
-    let usual = if strategy == best { best_local } else { [8, 8] };
+    // A tile is work enough for a work-group.
+    let tiles = strategy.traversal == Traversal::Tile;
+    let usual = if strategy == best {
+        best_local
+    } else if tiles {
+        [1, 1]
+    } else {
+        [8, 8]
+    };
     Ok((strategy, args.local_size.unwrap_or(usual)))
 }
 

@@ -4,16 +4,23 @@ use super::{Axis, Strategy, Width, preset};
 use crate::device::DeviceLimits;
 use crate::error::Result;
 
-/// The fastest exhaustive strategy measured on devices of this kind, and its local size
-/// (docs/performance.md has the figures): on a CPU as many rays a work-item as its vectors hold, on a GPU
-/// a few, with triangles streamed through `__local` memory.
-pub fn fastest(limits: &DeviceLimits) -> Result<(Strategy, [u32; 2])> {
-    if limits.is_cpu {
-        let mut strategy = preset("wide-common-origin")?.strategy;
-        strategy.width = widest(limits.native_width);
-        return Ok((strategy, [4, 4]));
-    }
-    Ok((preset("tiled-common-origin")?.strategy, [16, 8]))
+/// From this many triangles on, a tree beats testing them all.
+const TREE_TRIANGLES: usize = 200;
+
+/// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
+/// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
+/// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
+/// on a CPU tiles of rays walk together.
+pub fn fastest(limits: &DeviceLimits, triangles: usize) -> Result<(Strategy, [u32; 2])> {
+    let tree = triangles >= TREE_TRIANGLES;
+    let width = widest(limits.native_width);
+    Ok(match (limits.is_cpu, tree) {
+        (true, true) if width == Width::W16 => (preset("tile")?.strategy, [1, 1]),
+        (true, true) => (Strategy { width, ..preset("bvh-packet")?.strategy }, [4, 4]),
+        (true, false) => (Strategy { width, ..preset("wide-common-origin")?.strategy }, [4, 4]),
+        (false, true) => (preset("bvh")?.strategy, [8, 8]),
+        (false, false) => (preset("tiled-common-origin")?.strategy, [16, 8]),
+    })
 }
 
 /// The largest width that the hardware's vectors hold.

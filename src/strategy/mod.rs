@@ -156,6 +156,15 @@ impl Strategy {
                 "traversal = tile has edge functions of its own: epsilons = relative",
             ),
             (
+                tile && self.intersector != Intersector::MollerTrumbore,
+                "traversal = tile prepares Moeller and Trumbore's test for a whole tile; watertight rays walk alone, with traversal = bvh",
+            ),
+            (tile && self.width != Width::W16, "traversal = tile casts vectors of 16 rays: width = 16"),
+            (
+                tile && !matches!(self.node_width, NodeWidth::N8 | NodeWidth::N16),
+                "traversal = tile tests a node's children as one vector: node_width = 8 or 16",
+            ),
+            (
                 self.math == Math::Fast && self.intersector == Intersector::Watertight,
                 "intersector = watertight needs exact signs, which math = fast does not keep",
             ),

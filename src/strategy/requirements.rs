@@ -16,6 +16,9 @@ const POINT_BYTES: u64 = 3 * 4;
 /// Triangles of a tile where triangles are streamed through `__local` memory.
 pub const TILE_TRIANGLES: u64 = 128;
 
+/// A ray of a tile: direction, its reciprocals, reach, place; and while it is shaded what arrives and the sum so far.
+const TILE_RAY_BYTES: u64 = (8 + 6) * 4;
+
 /// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
 /// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
 const CPU_STACK_BYTES: u64 = 4 << 20;
@@ -251,9 +254,14 @@ fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// What lives across barriers, if the strategy has any.
+/// What lives across barriers, if the strategy has any, and the rays of tiles.
 fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
+    if strategy.traversal == Traversal::Tile {
+        let (across, down) = strategy.tile.pixels();
+        let [x, y] = w.local_size.map(u64::from);
+        sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
+    }
     let barriers = !matches!(strategy.triangles, Triangles::Global | Triangles::Constant);
     if strategy.vectors == Vectors::Private && barriers {
         add_working(&mut sum, "vectors", strategy, w.local_size.map(u64::from));

@@ -52,14 +52,12 @@ impl Stand {
     }
 
     /// Builds a strategy's program for the scene; none where the device cannot hold it, with why.
-    pub fn build(
-        &self,
-        strategy: &Strategy,
-        local_size: [u32; 2],
-    ) -> Result<(Workload, BuiltProgram), String> {
-        let workload = Workload::of(&self.scene, self.size, local_size);
+    pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Built, String> {
+        let mut workload = Workload::of(&self.scene, self.size, local_size);
         Requirements::check(strategy, &workload, &self.device.info.limits)
             .map_err(|refused| refused.reason)?;
+        let tree = DeviceTree::build(&self.queue, &self.scene.mesh, strategy).expect("a tree");
+        workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
         let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, true).expect("a program");
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
         let program = program.unwrap_or_else(|error| panic!("{strategy}: {error}"));
