@@ -46,6 +46,8 @@ pub fn cast_rays(
     let items = rays.len().div_ceil(strategy.width.rays());
     let mut kernel = Kernel::builder();
     kernel.program(&program.program).name("cast_rays").queue(queue.commands.clone());
+    // SAFETY: as in Caster: a tree's nodes are words of both kinds, which `ocl` takes for a mistake.
+    unsafe { kernel.disable_arg_type_check() };
     let [across, down] = local_size.map(|n| n as usize);
     kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
     geometry_arguments(&mut kernel, scene);
