@@ -58,8 +58,7 @@
 #endif
 
 #define SCENE_PARAMETERS                                                                                   \
-    GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias,     \
-        const float extent                                                                                  \
+    GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias      \
         PREPARED_PARAMETER TREE_PARAMETERS
 #define TILE_PARAMETERS                                                                                          \
     const __global float *restrict lights, const int light_count, const float bias, const __global float *nodes,    \
@@ -71,7 +70,6 @@
     scene.lights = lights;           \
     scene.light_count = light_count; \
     scene.bias = bias;               \
-    scene.extent = extent;           \
     BIND_PREPARED(scene)             \
     BIND_TREE(scene)                 \
     BIND_TILE(scene)                 \

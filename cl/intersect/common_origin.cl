@@ -8,7 +8,7 @@ typedef struct {
     varying t_min;
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction, float extent) {
+Probe prepare_probe(varying t_min, Vec3 direction) {
     Probe probe;
     probe.t_min = t_min;
     return probe;

@@ -5,25 +5,23 @@
 
 typedef struct {
     varying t_min;
-    float extent; // the largest coordinate of the scene
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction, float extent) {
+Probe prepare_probe(varying t_min, Vec3 direction) {
     Probe probe;
     probe.t_min = t_min;
-    probe.extent = extent;
     return probe;
 }
 
 #if PAPER_EPSILONS
 #define EDGE_ON(size, e1, e2) ((size) <= 1e-7f)
-#define SLACK(edge, size, extent) (1e-10f * (size))
+#define SLACK(edge, size, s) (1e-10f * (size))
 #else
 // A triangle nearly edge-on has a rounded to nothing known: it is not hit. Otherwise weights are allowed their rounding
 // error, which grows with the distance that s spans and the edge it is crossed with, so that a ray along an edge
 // falls through between no two triangles. (From anywhere at all, only the watertight test promises that.)
 #define EDGE_ON(size, e1, e2) ((size) <= 1e-5f * uniform_size(e1) * uniform_size(e2))
-#define SLACK(edge, size, extent) (ROUNDING * (extent) * uniform_size(edge))
+#define SLACK(edge, size, s) ((ROUNDING * uniform_size(edge)) * (fabs((s).x) + fabs((s).y) + fabs((s).z)))
 #endif
 
 // Lanes whose ray hits the triangle at t_min < t < t_max, and where.
@@ -36,7 +34,7 @@ Mask intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying
     const varying size = flip_sign(a, sign);
     const Vec3 s = subtract(origin, v0);
     const varying w1 = flip_sign(dot3(s, q), sign);
-    const varying slack1 = SLACK(edge2, size, probe->extent);
+    const varying slack1 = SLACK(edge2, size, s);
 #if CULL_BACK
     Mask inside = (a > 0.0f) & !EDGE_ON(size, edge1, edge2);
 #else
@@ -47,7 +45,7 @@ Mask intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying
 
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
-    const varying slack2 = SLACK(edge1, size, probe->extent);
+    const varying slack2 = SLACK(edge1, size, s);
     inside &= (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
     if (!ANY(inside)) return inside;
 

@@ -17,7 +17,7 @@ typedef struct {
     Vec3 x, y, z;
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction, float extent) {
+Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
     const Mask along_y = !along_x & (size.y >= size.z);

@@ -50,14 +50,14 @@ typedef struct {
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
-    const Probe probe = prepare_probe((varying)(0.0f), along_ray, scene->extent);
+    const Probe probe = prepare_probe((varying)(0.0f), along_ray);
     Mask open = wanted;
 #define REACH SELECT(open, t_max, (varying)(-1.0f))
 #else
 // Finds the nearest hit at t_min < t of the rays in the working vectors.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     const Vec3 from = working_get(working, RAY_ORIGIN);
-    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION), scene->extent);
+    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const Vec3 along_ray = working_get(working, RAY_DIRECTION);
     nearest->t = (varying)(FAR);
     nearest->triangle = (varying_int)(NO_HIT);

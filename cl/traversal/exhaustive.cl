@@ -6,12 +6,12 @@
 #if ANY_HIT
 // Lanes of `wanted` that hit anything nearer than t_max, from `bias` along w_i off the working vector P.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
-    const Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT), scene->extent);
+    const Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
 #else
 // Finds the nearest hit at t_min < t of the rays in the working vectors.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
-    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION), scene->extent);
+    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;
     nearest->t = (varying)(FAR);
     nearest->triangle = (varying_int)(NO_HIT);

@@ -4,8 +4,7 @@ typedef struct {
     Geometry geometry;
     const __global float *lights; // position (3), power (3) each
     int light_count;
-    float bias;   // how far a shadow ray starts from its surface
-    float extent; // the largest coordinate
+    float bias; // how far a shadow ray starts from its surface
 #if PLANES_OF_ORIGIN
     const __global float4 *prepared; // a row a triangle, first for the eye, then for each light
 #endif

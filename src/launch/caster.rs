@@ -258,7 +258,6 @@ impl<'a> Parts<'a> {
     fn scene_arguments(&self, kernel: &mut KernelBuilder<'a>) {
         geometry_arguments(kernel, self.scene);
         self.light_arguments(kernel);
-        kernel.arg(self.scene.extent);
         if let Some(prepared) = self.prepared {
             kernel.arg(prepared);
         }

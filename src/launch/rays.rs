@@ -51,7 +51,7 @@ pub fn cast_rays(
     let [across, down] = local_size.map(|n| n as usize);
     kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
     geometry_arguments(&mut kernel, scene);
-    kernel.arg(&scene.lights).arg(scene.light_count as i32).arg(0.0_f32).arg(scene.extent);
+    kernel.arg(&scene.lights).arg(scene.light_count as i32).arg(0.0_f32);
     if let Some(prepared) = &prepared {
         kernel.arg(prepared);
     }

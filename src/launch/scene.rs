@@ -37,8 +37,6 @@ pub struct DeviceScene {
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,
     pub(super) triangle_count: usize,
-    /// The largest coordinate of triangles and eye: what rounding errors of positions are relative to.
-    pub(super) extent: f32,
     /// How long making and uploading the buffers took.
     pub upload_ms: f64,
 }
@@ -65,7 +63,6 @@ impl DeviceScene {
             lights,
             light_count: scene.lights.len(),
             triangle_count: mesh.triangles.len(),
-            extent: extent(scene),
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         })
     }
@@ -85,11 +82,6 @@ impl Workload {
             local_size,
         }
     }
-}
-
-fn extent(scene: &Scene) -> f32 {
-    let (low, high) = scene.mesh.bounds().unwrap_or_default();
-    [low, high, scene.camera.position].map(|point| point.abs().max_element()).into_iter().fold(0.0, f32::max)
 }
 
 /// 104 bytes a triangle, nothing shared: the paper's data.
