@@ -6,6 +6,7 @@ pub mod occupancy;
 mod output;
 mod progress;
 pub mod render;
+pub mod report;
 pub mod run;
 pub mod strategies;
 
@@ -37,6 +38,8 @@ enum Command {
     Render(render::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),
+    /// Make a page, plots and exports of results
+    Report(report::Args),
     /// List OpenCL platforms and devices, and what each can hold
     Devices(devices::Args),
     /// List every axis of the strategy space, and the presets
@@ -51,6 +54,7 @@ impl Cli {
         match self.command {
             Command::Render(args) => render::run(args),
             Command::Run(args) => run::run(args),
+            Command::Report(args) => report::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
             Command::Occupancy(args) => occupancy::run(args),

@@ -33,8 +33,8 @@ pub fn of_difference(relative: f64) -> Rgb<u8> {
     }
 }
 
-/// The map at `place` in 0..=1.
-fn viridis(place: f64) -> [u8; 3] {
+/// The map at `place` in 0..=1: dark to light.
+pub fn viridis(place: f64) -> [u8; 3] {
     let along = place * (VIRIDIS.len() - 1) as f64;
     let below = (along as usize).min(VIRIDIS.len() - 2);
     let part = along - below as f64;

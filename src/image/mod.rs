@@ -5,6 +5,7 @@ mod compare;
 mod display;
 mod file;
 
+pub use colour::viridis;
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::to_rgb8;
 pub use file::{check_path, save, save_rgb8};

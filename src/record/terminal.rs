@@ -68,7 +68,7 @@ fn cell(record: &Record, wins: bool) -> String {
 }
 
 /// Why there is no time, in a word: what is too small, or what failed.
-fn word(record: &Record) -> String {
+pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
     }
