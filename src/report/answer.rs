@@ -46,6 +46,8 @@ pub struct Winner {
 pub struct Speedup {
     /// Than what.
     pub over: String,
+    /// How many times.
+    pub ratio: f64,
     /// "4.4×".
     pub factor: String,
     /// "4.2 to 4.6".
@@ -108,7 +110,8 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
         let factor = median(other)? / median(best)?;
         let [low, high] = ratio_interval(other, best)?;
         Some(Speedup {
-            over: if other.is_baseline() { other.strategy.clone() } else { format!("best {}", series_name(other)) },
+            over: if other.is_baseline() { other.strategy.clone() } else { format!("the best {}", series_name(other)) },
+            ratio: factor,
             factor: format!("{}×", significant(factor, 3)),
             range: format!("{} to {}", significant(low, 3), significant(high, 3)),
         })
@@ -154,6 +157,29 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
 
 /// The whole in a sentence: which strategy wins where, and by how much.
 pub fn headline(answers: &[Answer]) -> String {
+    format!("{}{}", who_wins(answers), gains(answers))
+}
+
+/// ": 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best naive".
+fn gains(answers: &[Answer]) -> String {
+    let mut over: Vec<(&str, f64, f64)> = Vec::new();
+    for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
+        match over.iter_mut().find(|(name, ..)| *name == speedup.over) {
+            Some((_, low, high)) => (*low, *high) = (low.min(speedup.ratio), high.max(speedup.ratio)),
+            None => over.push((&speedup.over, speedup.ratio, speedup.ratio)),
+        }
+    }
+    let text = |(name, low, high): &(&str, f64, f64)| {
+        let (low, high) = (significant(*low, 2), significant(*high, 2));
+        let range = if low == high { low } else { format!("{low} to {high}") };
+        format!("{range} times as fast as {name}")
+    };
+    let all: Vec<_> = over.iter().take(3).map(text).collect();
+    if all.is_empty() { String::new() } else { format!(", {}", all.join(", ")) }
+}
+
+/// Which strategy is in how many winning sets.
+fn who_wins(answers: &[Answer]) -> String {
     let won = |name: &str| answers.iter().filter(|one| one.winners.iter().any(|w| w.name == name)).count();
     let mut names: Vec<(&str, usize)> = Vec::new();
     for name in answers.iter().flat_map(|one| &one.winners).map(|winner| winner.name.as_str()) {

@@ -139,7 +139,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
         (
             &record.image,
             who.clone(),
-            format!("Cast by {who} on {}; strategies with the same picture to the last bit share it.", record.device),
+            format!("On {}.", record.device),
         ),
         (
             &record.difference_image,

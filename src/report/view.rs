@@ -118,7 +118,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         }
     }
     let map = HeatMap {
-        title: format!("Strategies x local sizes: {}, median ms", group_title(group)),
+        title: format!("Median ms: {}", group_title(group)),
         x_label: "local size".into(),
         columns: size_names(&sizes),
         rows,
@@ -176,7 +176,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let shown = if all > rows.len() { format!(" The {} fastest of {all} points are shown.", rows.len()) } else { String::new() };
     let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
     let caption =
-        format!("The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median.{shown}");
+        format!("The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it.{shown}");
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg() })
 }
 

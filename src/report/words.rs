@@ -78,7 +78,7 @@ pub fn first_line(record: &Record) -> &str {
 
 /// "4.35 times": how many times as long `slow` takes.
 pub fn times(slow: f64, fast: f64) -> String {
-    format!("{}×", significant(slow / fast, if slow / fast >= 100.0 { 3 } else { 2 }))
+    format!("{}×", significant(slow / fast, 3))
 }
 
 /// The least and the greatest that a ratio of two medians may surely be.

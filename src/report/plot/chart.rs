@@ -1,6 +1,6 @@
 //! Marks over two axes: lines with intervals, or a scatter.
 
-use super::legend;
+use super::legend::{self, shorten};
 use super::palette::{FAINT, GRID, Look};
 use super::scale::{self, Kind, Scale};
 use super::svg::{Anchor, Svg, number};
@@ -61,9 +61,12 @@ pub struct Chart {
 
 const LEFT: f64 = 66.0;
 const TOP: f64 = 34.0;
-const WIDTH: f64 = 540.0;
+const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 330.0;
 const LEGEND: f64 = 190.0;
+
+/// Roughly how wide a letter is.
+const LETTER: f64 = 7.0;
 
 /// The axes of a chart in pixels.
 struct Frame {
@@ -88,7 +91,8 @@ impl Chart {
         }
         let entries: Vec<_> = self.series.iter().map(|series| (series.name.as_str(), series.look)).collect();
         let legend_end = legend::draw(&mut svg, [frame.right + 18.0, TOP + 8.0], &entries);
-        let size = [frame.right + 18.0 + LEGEND, (frame.bottom + 52.0).max(legend_end + 8.0)];
+        let bottom = frame.bottom + 36.0 + self.names_height() + 16.0;
+        let size = [frame.right + 18.0 + LEGEND, bottom.max(legend_end + 8.0)];
         let about = format!("{} against {}", self.y_label, self.x_label);
         svg.finish(size, &self.title, &about)
     }
@@ -117,23 +121,45 @@ impl Chart {
             svg.line("grid", GRID, [LEFT, y], [frame.right, y]);
             svg.text_in("faint", FAINT, [LEFT - 7.0, y + 4.0], Anchor::End, &scale::label(tick));
         }
+        let slanted = self.names_are_slanted();
         for (tick, name) in self.ticks_across(frame) {
             let Some(x) = frame.across.place(tick) else { continue };
             svg.line("grid", GRID, [x, TOP], [x, frame.bottom]);
-            svg.text_in("faint", FAINT, [x, frame.bottom + 17.0], Anchor::Middle, &name);
+            if slanted {
+                svg.slanted_text("faint", FAINT, [x + 4.0, frame.bottom + 14.0], &shorten(&name, 20));
+            } else {
+                svg.text_in("faint", FAINT, [x, frame.bottom + 17.0], Anchor::Middle, &name);
+            }
         }
         svg.line("axis", FAINT, [LEFT, frame.bottom], [frame.right, frame.bottom]);
-        svg.text("label", [(LEFT + frame.right) / 2.0, frame.bottom + 40.0], Anchor::Middle, &self.x_label);
+        svg.text("label", [(LEFT + frame.right) / 2.0, frame.bottom + 36.0 + self.names_height()], Anchor::Middle, &self.x_label);
         svg.upright_text("label", [16.0, (TOP + frame.bottom) / 2.0], &self.y_label);
     }
 
-    /// Ticks along x with their labels; where names are many, only every few are labelled.
+    /// The longest name along x, in letters.
+    fn longest_name(&self) -> usize {
+        match &self.across {
+            Across::Names(names) => names.iter().map(|name| name.chars().count().min(20)).max().unwrap_or(0),
+            Across::Numbers(_) => 0,
+        }
+    }
+
+    /// Names that would touch each other are written aslant.
+    fn names_are_slanted(&self) -> bool {
+        let Across::Names(names) = &self.across else { return false };
+        names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > WIDTH
+    }
+
+    /// How much higher aslant names stand than level ones.
+    fn names_height(&self) -> f64 {
+        if self.names_are_slanted() { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
+    }
+
+    /// Ticks along x with their labels; where names are too many even aslant, only every few are labelled.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {
-                let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(1);
-                let room = WIDTH / (7.0 * (longest + 1) as f64);
-                let every = (names.len() as f64 / room).ceil().max(1.0) as usize;
+                let every = (names.len() as f64 * 15.0 / WIDTH).ceil().max(1.0) as usize;
                 let labelled = names.iter().enumerate().step_by(every);
                 labelled.map(|(place, name)| (place as f64, name.clone())).collect()
             }

@@ -73,7 +73,7 @@ impl HeatMap {
         }
         let bottom = TOP + self.rows.len() as f64 * ROW + 16.0;
         let end = self.draw_legend(&mut svg, bottom, worst);
-        let width = (LEFT + self.columns.len() as f64 * column + 16.0).max(640.0);
+        let width = (LEFT + self.columns.len() as f64 * column + 16.0).max(640.0).max(7.6 * self.title.chars().count() as f64 + 32.0);
         svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
     }
 

