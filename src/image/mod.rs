@@ -5,7 +5,7 @@ mod compare;
 mod display;
 mod file;
 
-pub use colour::viridis;
+pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::to_rgb8;
 pub use file::{check_path, save, save_rgb8};

@@ -35,7 +35,8 @@ fn cache(group: &Group<'_>) -> String {
     });
     let text = |value: &Value| serde_json::to_string(value).unwrap_or_default();
     let members = head.as_object().into_iter().flatten();
-    let lines: String = members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
+    let lines: String =
+        members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
     let entries: Vec<_> =
         entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
     // Kernel Tuner takes a file that ends otherwise for one whose writing was cut short.
@@ -122,7 +123,10 @@ mod tests {
         assert_eq!(name, "teapot-800x500-gpu");
         assert!(text.ends_with("}\n}"), "{text}");
         let cache: Value = serde_json::from_str(text).expect("JSON");
-        assert_eq!(cache["tune_params_keys"], json!(["block_size_x", "block_size_y", "name", "vectors", "width"]));
+        assert_eq!(
+            cache["tune_params_keys"],
+            json!(["block_size_x", "block_size_y", "name", "vectors", "width"])
+        );
         assert_eq!(cache["cache"]["8,8,naive,local,4"]["time"], 2.0);
         assert_eq!(cache["cache"]["32,32,wide,local,4"]["__error__"], "InvalidConfig");
     }

@@ -17,13 +17,13 @@ pub use environment::{DeviceEnvironment, Environment, Host};
 pub use journal::{JsonLines, Lines, read_lines};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
+pub(crate) use numbers::{by, duration, ms, significant};
 pub use spreadsheet::summary_csv;
-pub use summary::{Group, groups};
-pub use t4::t4_results;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
-pub use terminal::summary_terminal;
-pub(crate) use numbers::{by, duration, ms, significant};
+pub use summary::{Group, groups};
 pub(crate) use summary::{interval, median};
+pub use t4::t4_results;
+pub use terminal::summary_terminal;
 pub(crate) use terminal::word;
 pub use types::{HOST, Outcome, Record, Sample};

@@ -79,7 +79,9 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
         image_size: group.image_size,
         device: group.device.to_owned(),
         time: best.and_then(median).map_or("-".into(), duration),
-        interval: best.and_then(interval).map_or(String::new(), |[low, high]| format!("{} to {} ms", ms(low), ms(high))),
+        interval: best
+            .and_then(interval)
+            .map_or(String::new(), |[low, high]| format!("{} to {} ms", ms(low), ms(high))),
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, groups)),
         sureness,
         sure,
@@ -110,7 +112,11 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
         let factor = median(other)? / median(best)?;
         let [low, high] = ratio_interval(other, best)?;
         Some(Speedup {
-            over: if other.is_baseline() { other.strategy.clone() } else { format!("the best {}", series_name(other)) },
+            over: if other.is_baseline() {
+                other.strategy.clone()
+            } else {
+                format!("the best {}", series_name(other))
+            },
             ratio: factor,
             factor: format!("{}×", significant(factor, 3)),
             range: format!("{} to {}", significant(low, 3), significant(high, 3)),
@@ -128,7 +134,8 @@ fn sure(group: &Group<'_>, winners: &[&Record]) -> (&'static str, String) {
     };
     let n = best.samples_ms.len();
     let few = if n < FEW { format!(" Only {n} samples: look, do not conclude.") } else { String::new() };
-    let next = group.ranked().into_iter().find(|record| !winners.iter().any(|winner| winner.key == record.key));
+    let next =
+        group.ranked().into_iter().find(|record| !winners.iter().any(|winner| winner.key == record.key));
     let gap = next.and_then(|next| Some((next, median(next)? / median(best)?)));
     let behind = gap.map_or(String::new(), |(next, factor)| {
         format!(" The next, {}, takes {} times as long.", title(next), significant(factor, 3))
@@ -136,7 +143,10 @@ fn sure(group: &Group<'_>, winners: &[&Record]) -> (&'static str, String) {
     match winners.len() {
         1 if n < FEW => ("unsure", format!("Its interval touches no other, but n = {n}.{behind}")),
         1 => ("clear", format!("Its 95% interval touches no other; n = {n}.{behind}")),
-        several => ("tie", format!("A tie of {several}: their 95% intervals overlap the fastest one's.{few}{behind}")),
+        several => (
+            "tie",
+            format!("A tie of {several}: their 95% intervals overlap the fastest one's.{few}{behind}"),
+        ),
     }
 }
 

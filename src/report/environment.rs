@@ -45,8 +45,10 @@ pub fn view(folder: &Folder) -> EnvironmentView {
         match value {
             Value::Object(_) => view.sections.push((words(key), facts(value))),
             Value::Array(items) if items.iter().any(Value::is_object) => {
-                let name = |item: &Value| item["device"].as_str().or(item["name"].as_str()).unwrap_or("").to_owned();
-                view.sections.extend(items.iter().map(|item| (format!("{} {}", words(key), name(item)), facts(item))));
+                let name =
+                    |item: &Value| item["device"].as_str().or(item["name"].as_str()).unwrap_or("").to_owned();
+                view.sections
+                    .extend(items.iter().map(|item| (format!("{} {}", words(key), name(item)), facts(item))));
             }
             _ if ["config", "command_line"].contains(&key.as_str()) => {}
             scalar => run.push((words(key), plain(scalar))),
@@ -113,7 +115,8 @@ pub fn programs(records: &[Record]) -> Vec<Program> {
             programs.push(Program { name, strategy, hashes: Vec::new() });
             programs.len() - 1
         });
-        if let Some(hash) = record.program_hash.as_ref().filter(|hash| !programs[place].hashes.contains(hash)) {
+        if let Some(hash) = record.program_hash.as_ref().filter(|hash| !programs[place].hashes.contains(hash))
+        {
             programs[place].hashes.push(hash.clone());
         }
     }

@@ -26,7 +26,8 @@ impl Folder {
     pub fn read(path: &Path) -> Result<Self> {
         let records_path = path.join("records.jsonl");
         if !records_path.is_file() {
-            let error = Error::input(format!("{} holds no results: records.jsonl is missing", path.display()));
+            let error =
+                Error::input(format!("{} holds no results: records.jsonl is missing", path.display()));
             return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
         }
         let lines = read_lines::<Record>(&records_path)?;
@@ -37,7 +38,9 @@ impl Folder {
         let environment = std::fs::read(path.join("environment.json")).ok();
         let environment = environment.and_then(|text| serde_json::from_slice(&text).ok());
         if environment.is_none() {
-            notes.push("environment.json is missing or cannot be read: what the run depended on is unknown.".into());
+            notes.push(
+                "environment.json is missing or cannot be read: what the run depended on is unknown.".into(),
+            );
         }
         Ok(Self {
             path: path.to_owned(),
@@ -96,7 +99,8 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
         }
         record
     };
-    let all = folders.iter().flat_map(|folder| folder.records.iter().map(|record| relabelled(folder, record)));
+    let all =
+        folders.iter().flat_map(|folder| folder.records.iter().map(|record| relabelled(folder, record)));
     latest(all.collect())
 }
 

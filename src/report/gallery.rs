@@ -125,29 +125,33 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
     let uncertain = record.uncertain_pixels.unwrap_or(0);
     let differs = record.max_difference.map_or(String::new(), |most| format!(" The largest is {most:.1e}."));
     let pictures = [
-        (&record.reference_image, "reference".to_owned(), "The serial caster in double precision.".to_owned()),
+        (
+            &record.reference_image,
+            "reference".to_owned(),
+            "The serial caster in double precision.".to_owned(),
+        ),
         (
             &record.certainty_image,
             "certain pixels".to_owned(),
-            format!("Orange: {uncertain} pixels that a tiny nudge of the ray changes; these are not compared."),
+            format!(
+                "Orange: {uncertain} pixels that a tiny nudge of the ray changes; these are not compared."
+            ),
         ),
         (
             &record.cost_image,
             "cost".to_owned(),
-            "Nodes and triangles that a primary ray tests in the reference's tree: dark few, light many.".to_owned(),
+            "Nodes and triangles that a primary ray tests in the reference's tree: dark few, light many."
+                .to_owned(),
         ),
-        (
-            &record.image,
-            who.clone(),
-            format!("On {}.", record.device),
-        ),
+        (&record.image, who.clone(), format!("On {}.", record.device)),
         (
             &record.difference_image,
             format!("difference: {who}"),
             format!("Relative differences from the reference, a colour a decade; black: none.{differs}"),
         ),
     ];
-    let present = pictures.into_iter().filter_map(|(path, kind, caption)| Some((path.clone()?, kind, caption)));
+    let present =
+        pictures.into_iter().filter_map(|(path, kind, caption)| Some((path.clone()?, kind, caption)));
     present.collect()
 }
 

@@ -19,13 +19,22 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     let mut series = Vec::new();
     let mut ranks = Vec::new();
     for strategy in names(group) {
-        let of_strategy: Vec<&Record> =
-            group.records.iter().copied().filter(|record| record.name == strategy && median(record).is_some()).collect();
+        let of_strategy: Vec<&Record> = group
+            .records
+            .iter()
+            .copied()
+            .filter(|record| record.name == strategy && median(record).is_some())
+            .collect();
         let best = of_strategy.iter().filter_map(|record| median(record)).fold(f64::INFINITY, f64::min);
         let marks: Vec<Mark> = of_strategy.iter().filter_map(|record| mark(record, sm, best)).collect();
         ranks.extend(spearman(&marks));
         if !marks.is_empty() {
-            series.push(Series { name: strategy.to_owned(), look: looks.look(strategy), joined: false, marks });
+            series.push(Series {
+                name: strategy.to_owned(),
+                look: looks.look(strategy),
+                joined: false,
+                marks,
+            });
         }
     }
     if series.iter().all(|one| one.marks.len() < 3) {
@@ -33,7 +42,10 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     }
     let chart = Chart {
         title: format!("Predicted occupancy against measured speed: {}", group_title(group)),
-        x_label: format!("predicted occupancy of a multiprocessor, % (CC {}, {REGISTERS} registers)", sm.compute_capability),
+        x_label: format!(
+            "predicted occupancy of a multiprocessor, % (CC {}, {REGISTERS} registers)",
+            sm.compute_capability
+        ),
         y_label: "measured speed, % of the strategy's best".into(),
         across: Across::Numbers(Kind::Linear),
         up: Kind::Linear,
@@ -76,7 +88,8 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     let [across, down] = record.local_size?;
     let predicted = occupancy(sm, REGISTERS, record.local_bytes.unwrap_or(0), across * down);
     let percent = 100.0 * predicted.fraction;
-    let tip = format!("{}\npredicted occupancy {percent:.0}% (limited by {})", tip(record), predicted.limiter);
+    let tip =
+        format!("{}\npredicted occupancy {percent:.0}% (limited by {})", tip(record), predicted.limiter);
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 

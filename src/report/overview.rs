@@ -23,7 +23,11 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
         let series = best_of_each(&shown, &columns, looks);
         let chart = Chart {
             title: format!("Each strategy's best time, scene by scene: {device}"),
-            x_label: if one_size { format!("scene, at {}", by(columns[0].1)) } else { "scene and image size".into() },
+            x_label: if one_size {
+                format!("scene, at {}", by(columns[0].1))
+            } else {
+                "scene and image size".into()
+            },
             y_label: "median time of a frame, ms".into(),
             across: Across::Names(columns.iter().map(|column| column_name(*column, one_size)).collect()),
             up: Kind::Log,
@@ -76,7 +80,12 @@ fn best_of_each(groups: &[&Group<'_>], columns: &[(&str, [u32; 2])], looks: &Loo
             };
             match series.iter_mut().find(|one| one.name == name) {
                 Some(one) => one.marks.push(mark),
-                None => series.push(Series { look: looks.look(&name), name: name.clone(), joined: true, marks: vec![mark] }),
+                None => series.push(Series {
+                    look: looks.look(&name),
+                    name: name.clone(),
+                    joined: true,
+                    marks: vec![mark],
+                }),
             }
             seen.push(name);
         }
@@ -104,7 +113,8 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
     let of = |device: &str| -> Vec<&Record> {
         groups.iter().filter(|group| group.device == device).flat_map(Group::ranked).collect()
     };
-    let point = |record: &Record| (record.scene.clone(), record.image_size, record.name.clone(), record.local_size);
+    let point =
+        |record: &Record| (record.scene.clone(), record.image_size, record.name.clone(), record.local_size);
     let others: HashMap<_, _> = of(other).into_iter().map(|record| (point(record), record)).collect();
     let mut series: Vec<Series> = Vec::new();
     for record in of(one) {
@@ -132,7 +142,8 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
         diagonal: true,
         series,
     };
-    let caption = format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
+    let caption =
+        format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
     (!chart.series.is_empty()).then(|| Plot { name: numbered("devices", place), caption, svg: chart.svg() })
 }
 
@@ -148,12 +159,26 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
         if let Some(size) = most_common(of_device.iter().map(|group| group.image_size)) {
             let same: Vec<_> = of_device.iter().copied().filter(|group| group.image_size == size).collect();
             let what = format!("Growth with triangles, at {}: {device}", by(size));
-            plots.extend(grown(&same, looks, &what, "triangles in the scene", numbered("triangles", plots.len()), &triangles));
+            plots.extend(grown(
+                &same,
+                looks,
+                &what,
+                "triangles in the scene",
+                numbered("triangles", plots.len()),
+                &triangles,
+            ));
         }
         if let Some(scene) = most_common(of_device.iter().map(|group| group.scene)) {
             let same: Vec<_> = of_device.iter().copied().filter(|group| group.scene == scene).collect();
             let what = format!("Growth with pixels, {scene}: {device}");
-            plots.extend(grown(&same, looks, &what, "pixels in the image", numbered("pixels", plots.len()), &pixels));
+            plots.extend(grown(
+                &same,
+                looks,
+                &what,
+                "pixels in the image",
+                numbered("pixels", plots.len()),
+                &pixels,
+            ));
         }
     }
     plots
@@ -195,6 +220,7 @@ fn grown(
         diagonal: false,
         series,
     };
-    let caption = "Both axes are logarithmic: time that grows in proportion climbs one decade a decade.".to_owned();
+    let caption =
+        "Both axes are logarithmic: time that grows in proportion climbs one decade a decade.".to_owned();
     Some(Plot { name, caption, svg: chart.svg() })
 }

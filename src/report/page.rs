@@ -106,9 +106,10 @@ impl Page {
 
     /// Every plot on it.
     pub fn plots(&self) -> Vec<&Plot> {
-        let views = self.views.iter().flat_map(|view| {
-            view.heat.iter().chain(view.lines.iter().flatten()).chain(&view.others)
-        });
+        let views = self
+            .views
+            .iter()
+            .flat_map(|view| view.heat.iter().chain(view.lines.iter().flatten()).chain(&view.others));
         self.overview.iter().chain(views).collect()
     }
 }
@@ -168,7 +169,13 @@ fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
     kernels.enumerate().map(|(place, group)| one_view(place, group, groups, looks, folders)).collect()
 }
 
-fn one_view(place: usize, group: &Group<'_>, groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> View {
+fn one_view(
+    place: usize,
+    group: &Group<'_>,
+    groups: &[Group<'_>],
+    looks: &Looks,
+    folders: &[Folder],
+) -> View {
     let [width, height] = group.image_size;
     let file = |what: &str| file_name(&format!("{what}-{}-{width}x{height}-{}", group.scene, group.device));
     let lines = |kind, what: &str| view::lines(group, looks, kind, &file(what));
@@ -187,7 +194,9 @@ fn one_view(place: usize, group: &Group<'_>, groups: &[Group<'_>], looks: &Looks
         id: format!("view-{place}"),
         title: group_title(group),
         heat: Some(view::heat(group, &file("heat"))),
-        lines: lines(Kind::Log, "local-size-log").zip(lines(Kind::Linear, "local-size-linear")).map(|(a, b)| [a, b]),
+        lines: lines(Kind::Log, "local-size-log")
+            .zip(lines(Kind::Linear, "local-size-linear"))
+            .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
     }

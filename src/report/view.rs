@@ -52,7 +52,12 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option
         });
         let marks: Vec<_> = marks.collect();
         if !marks.is_empty() {
-            series.push(Series { name: strategy.to_owned(), look: looks.look(strategy), joined: true, marks });
+            series.push(Series {
+                name: strategy.to_owned(),
+                look: looks.look(strategy),
+                joined: true,
+                marks,
+            });
         }
     }
     let published = published(group, looks, &place);
@@ -74,7 +79,9 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option
         diagonal: false,
         series,
     };
-    let caption = format!("Bars are 95% intervals of the median; where there is none, it is smaller than its marker.{beside}");
+    let caption = format!(
+        "Bars are 95% intervals of the median; where there is none, it is smaller than its marker.{beside}"
+    );
     Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
 }
 
@@ -105,7 +112,9 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     for strategy in names(group) {
         let cell = |size: &[u32; 2]| {
             let mut found = group.records.iter().filter(|record| record.name == strategy);
-            let Some(record) = found.find(|record| record.local_size == Some(*size)) else { return Cell::Empty };
+            let Some(record) = found.find(|record| record.local_size == Some(*size)) else {
+                return Cell::Empty;
+            };
             let wins = winners.iter().any(|winner| winner.key == record.key);
             cell(record, best, wins)
         };
@@ -173,10 +182,15 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
         return None;
     }
     let all = group.ranked().len();
-    let shown = if all > rows.len() { format!(" The {} fastest of {all} points are shown.", rows.len()) } else { String::new() };
+    let shown = if all > rows.len() {
+        format!(" The {} fastest of {all} points are shown.", rows.len())
+    } else {
+        String::new()
+    };
     let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
-    let caption =
-        format!("The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it.{shown}");
+    let caption = format!(
+        "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it.{shown}"
+    );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg() })
 }
 

@@ -132,7 +132,12 @@ impl Chart {
             }
         }
         svg.line("axis", FAINT, [LEFT, frame.bottom], [frame.right, frame.bottom]);
-        svg.text("label", [(LEFT + frame.right) / 2.0, frame.bottom + 36.0 + self.names_height()], Anchor::Middle, &self.x_label);
+        svg.text(
+            "label",
+            [(LEFT + frame.right) / 2.0, frame.bottom + 36.0 + self.names_height()],
+            Anchor::Middle,
+            &self.x_label,
+        );
         svg.upright_text("label", [16.0, (TOP + frame.bottom) / 2.0], &self.y_label);
     }
 

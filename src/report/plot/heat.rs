@@ -73,7 +73,9 @@ impl HeatMap {
         }
         let bottom = TOP + self.rows.len() as f64 * ROW + 16.0;
         let end = self.draw_legend(&mut svg, bottom, worst);
-        let width = (LEFT + self.columns.len() as f64 * column + 16.0).max(640.0).max(7.6 * self.title.chars().count() as f64 + 32.0);
+        let width = (LEFT + self.columns.len() as f64 * column + 16.0)
+            .max(640.0)
+            .max(7.6 * self.title.chars().count() as f64 + 32.0);
         svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
     }
 
@@ -238,7 +240,10 @@ mod tests {
             title: "teapot".into(),
             x_label: "local size".into(),
             columns: vec!["8x8".into(), "16x16".into(), "32x32".into()],
-            rows: vec![("naive".into(), vec![time(1.0), time(4.5), none]), ("wide".into(), vec![Cell::Empty])],
+            rows: vec![
+                ("naive".into(), vec![time(1.0), time(4.5), none]),
+                ("wide".into(), vec![Cell::Empty]),
+            ],
             codes: vec![("L".into(), "__local memory is too small".into())],
         };
         let text = map.svg();

@@ -3,8 +3,7 @@
 use super::svg::{Svg, number};
 
 /// M. Okabe and K. Ito's palette (2008) without black and yellow, which white paper or the dark swallow.
-pub const SERIES: [&str; 7] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
+pub const SERIES: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
 /// Text on paper.
 pub const INK: &str = "#1c2530";
 /// Lines behind what is shown.
@@ -42,7 +41,8 @@ impl Look {
     /// Draws its marker.
     pub fn marker(self, svg: &mut Svg, [x, y]: [f64; 2]) {
         let path = shape(self.number % MARKERS, [x, y]);
-        let (fill, stroke) = if self.dashed { ("#ffffff", self.colour()) } else { (self.colour(), "#ffffff") };
+        let (fill, stroke) =
+            if self.dashed { ("#ffffff", self.colour()) } else { (self.colour(), "#ffffff") };
         let class = if self.dashed { "dot hollow" } else { "dot" };
         svg.element("path", &[("class", &class), ("fill", &fill), ("stroke", &stroke), ("d", &path)]);
     }

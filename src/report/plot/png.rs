@@ -19,7 +19,8 @@ pub fn png(svg: &str) -> Result<Vec<u8>> {
     fonts.set_sans_serif_family(FAMILY);
     let tree = usvg::Tree::from_str(svg, &options).map_err(|error| fail(&error))?;
     let size = tree.size().to_int_size().scale_by(SCALE).ok_or_else(|| fail(&"it has no size"))?;
-    let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| fail(&"it is too large"))?;
+    let mut pixels =
+        tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| fail(&"it is too large"))?;
     resvg::render(&tree, tiny_skia::Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
     pixels.encode_png().map_err(|error| fail(&error))
 }

@@ -21,9 +21,8 @@ impl Scale {
     /// A scale that holds every one of `values` with a little room. Values that a logarithm cannot show are left out.
     pub fn over(kind: Kind, values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
-        let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
+        let (low, high) = shown
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         let values = match kind {
             _ if low > high => [1.0, 10.0],
             Kind::Linear => {
@@ -72,7 +71,8 @@ impl Scale {
 fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let rough = (high - low) / 5.0;
     let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power).into_iter().find(|step| *step >= rough * 0.75);
+    let step =
+        [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power).into_iter().find(|step| *step >= rough * 0.75);
     let step = step.unwrap_or(rough);
     let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
@@ -98,7 +98,8 @@ fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
 /// A tick's label: no more digits than it needs.
 pub fn label(value: f64) -> String {
     let rounded = format!("{value:.6}");
-    let short = if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.') } else { &rounded };
+    let short =
+        if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.') } else { &rounded };
     match value.abs() {
         x if x >= 1e9 => format!("{}G", label(value / 1e9)),
         x if x >= 1e6 => format!("{}M", label(value / 1e6)),

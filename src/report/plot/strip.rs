@@ -57,7 +57,8 @@ impl Strip {
             draw_row(&mut svg, row, TOP + place as f64 * ROW, &across, reach);
         }
         let middle = LEFT + WIDTH / 2.0;
-        let label = "a frame's device time against the point's median; within a row, earlier samples stand higher";
+        let label =
+            "a frame's device time against the point's median; within a row, earlier samples stand higher";
         svg.text("label", [middle, bottom + 38.0], Anchor::Middle, label);
         svg.finish([LEFT + WIDTH + 24.0, bottom + 50.0], &self.title, label)
     }
