@@ -47,6 +47,20 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
+impl Args {
+    /// The arguments of a run that another subcommand makes.
+    pub(super) fn of(
+        config: PathBuf,
+        out: &Path,
+        device: &[String],
+        set: &[(String, String)],
+        quiet: bool,
+    ) -> Self {
+        let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
+        Self { config, out, device, dry_run: false, set, json: false, quiet, cl_dir: None }
+    }
+}
+
 /// Runs an experiment.
 pub fn run(args: Args) -> Result<()> {
     let experiment = config::load(&args.config, &args.set)?;
@@ -103,12 +117,14 @@ fn environment(experiment: &Experiment, devices: &[&Device]) -> Environment {
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.
 fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
+    let written = crate::report::write(&[crate::report::Folder::read(out)?], out)?;
     if args.json {
         for record in records {
             super::print_json(record)?;
         }
     } else if !args.quiet {
         super::print(summary_terminal(records))?;
+        super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;
         super::print(format!(
             "Tables:   {}, {}; every point: {}",

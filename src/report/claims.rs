@@ -148,12 +148,9 @@ pub fn claims(groups: &[Group<'_>], device: &str) -> Vec<Claim> {
             "The paper gives no serial time, so its speed-ups have no base.",
             &serial,
         ),
-        (
-            "Next step: a rasteriser is faster than casting.",
-            "not done",
-            "",
-            &|f| f.faster_best("teapot", "raster", "naive"),
-        ),
+        ("Next step: a rasteriser is faster than casting.", "not done", "", &|f| {
+            f.faster_best("teapot", "raster", "naive")
+        }),
         (
             "Next step: one of the OBJ's two sets in local memory lets the large scenes run from it.",
             "not done",
@@ -235,7 +232,8 @@ impl<'a> Found<'a> {
     /// Whether none of these points fit.
     fn infeasible(&self, scene: &str, preset: &str, size: Option<[u32; 2]>) -> Finding {
         let records = self.records(scene, preset);
-        let mut asked = records.into_iter().filter(|record| size.is_none() || record.local_size == size).peekable();
+        let mut asked =
+            records.into_iter().filter(|record| size.is_none() || record.local_size == size).peekable();
         if asked.peek().is_none() {
             return nothing();
         }
@@ -261,8 +259,12 @@ fn outcome(record: &Record) -> String {
 
 /// Surely faster: the intervals are apart.
 fn compare(fast: &Record, slow: &Record) -> Finding {
-    let (Some([_, fast_high]), Some([slow_low, _])) = (interval(fast), interval(slow)) else { return nothing() };
-    let (Some([fast_low, _]), Some([_, slow_high])) = (interval(fast), interval(slow)) else { return nothing() };
+    let (Some([_, fast_high]), Some([slow_low, _])) = (interval(fast), interval(slow)) else {
+        return nothing();
+    };
+    let (Some([fast_low, _]), Some([_, slow_high])) = (interval(fast), interval(slow)) else {
+        return nothing();
+    };
     let verdict = match () {
         () if fast_high < slow_low => Verdict::Held,
         () if slow_high < fast_low => Verdict::DidNotHold,
@@ -283,7 +285,8 @@ fn compare(fast: &Record, slow: &Record) -> Finding {
 
 /// Whether a scene's best naive block is this one: among the square ones, and up to ties.
 fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding {
-    let square = |record: &&Record| record.local_size.is_some_and(|[x, y]| x == y) && median(record).is_some();
+    let square =
+        |record: &&Record| record.local_size.is_some_and(|[x, y]| x == y) && median(record).is_some();
     let mut records: Vec<_> = found.records(scene, "naive").into_iter().filter(square).collect();
     records.sort_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
     let Some((best, [_, high])) = records.first().and_then(|best| Some((best, interval(best)?))) else {
@@ -292,7 +295,8 @@ fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding {
     if records.len() < 3 {
         return nothing();
     }
-    let tied: Vec<_> = records.iter().filter(|record| interval(record).is_some_and(|[low, _]| low <= high)).collect();
+    let tied: Vec<_> =
+        records.iter().filter(|record| interval(record).is_some_and(|[low, _]| low <= high)).collect();
     let named = tied.iter().any(|record| record.local_size == Some([block; 2]));
     let names: Vec<_> = tied.iter().map(|record| record.local_size.map_or(String::new(), by)).collect();
     let verdict = match (named, tied.len()) {
@@ -305,7 +309,8 @@ fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding {
 }
 
 fn small_scenes(found: &Found<'_>) -> Finding {
-    let (Some(one), Some(six)) = (found.best("triangle", "naive"), found.best("pyramid-upper", "naive")) else {
+    let (Some(one), Some(six)) = (found.best("triangle", "naive"), found.best("pyramid-upper", "naive"))
+    else {
         return nothing();
     };
     let ratio = median(six).unwrap_or_default() / median(one).unwrap_or(1.0);
@@ -337,12 +342,17 @@ fn fastest_of_figure_8(found: &Found<'_>) -> Finding {
 
 /// Whether some record that says `part` in its strategy ran.
 fn ran(found: &Found<'_>, wanted: &dyn Fn(&Record) -> bool) -> Option<Finding> {
-    let records = found.groups.iter().filter(|group| group.device == found.device).flat_map(|group| &group.records);
+    let records =
+        found.groups.iter().filter(|group| group.device == found.device).flat_map(|group| &group.records);
     let asked: Vec<_> = records.copied().filter(|record| wanted(record)).collect();
     let measured = asked.iter().find(|record| median(record).is_some());
     match (measured, asked.first()) {
-        (Some(one), _) => Some((format!("{} on {} runs: {}", what(one), one.scene, time(one)), Verdict::DidNotHold)),
-        (None, Some(one)) => Some((format!("{}: {}", what(one), super::words::first_line(one)), Verdict::Held)),
+        (Some(one), _) => {
+            Some((format!("{} on {} runs: {}", what(one), one.scene, time(one)), Verdict::DidNotHold))
+        }
+        (None, Some(one)) => {
+            Some((format!("{}: {}", what(one), super::words::first_line(one)), Verdict::Held))
+        }
         (None, None) => None,
     }
 }
@@ -366,10 +376,18 @@ fn shape_matters(found: &Found<'_>) -> Finding {
             continue;
         }
         let times = records.iter().filter_map(|record| median(record));
-        let (low, high) = times.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), t| (low.min(t), high.max(t)));
+        let (low, high) =
+            times.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), t| (low.min(t), high.max(t)));
         let verdict = if high / low < 1.05 { Verdict::Held } else { Verdict::DidNotHold };
-        let each: Vec<_> = records.iter().map(|record| format!("{} {}", record.local_size.map_or(String::new(), by), time(record))).collect();
-        let text = format!("{scene}: {}; the slowest takes {} times the fastest", each.join(", "), significant(high / low, 3));
+        let each: Vec<_> = records
+            .iter()
+            .map(|record| format!("{} {}", record.local_size.map_or(String::new(), by), time(record)))
+            .collect();
+        let text = format!(
+            "{scene}: {}; the slowest takes {} times the fastest",
+            each.join(", "),
+            significant(high / low, 3)
+        );
         return (text, verdict);
     }
     nothing()
@@ -379,25 +397,40 @@ fn shape_matters(found: &Found<'_>) -> Finding {
 fn occupancy_ranks(found: &Found<'_>) -> Finding {
     // Whole groups under 8 groups and 1536 threads: the only caps that Figure 5 uses.
     let predicted = |items: u32| 8.min(1536 / items.max(1)) * items;
-    let square = |record: &&Record| record.local_size.is_some_and(|[x, y]| x == y && x > 1) && median(record).is_some();
+    let square = |record: &&Record| {
+        record.local_size.is_some_and(|[x, y]| x == y && x > 1) && median(record).is_some()
+    };
     let records: Vec<_> = found.records("teapot", "naive").into_iter().filter(square).collect();
     let items = |record: &Record| record.local_size.map_or(0, |[x, y]| x * y);
     let most = records.iter().map(|record| predicted(items(record))).max().unwrap_or(0);
-    let fastest = records.iter().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
+    let fastest =
+        records.iter().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
     let Some(fastest) = fastest.filter(|_| records.len() > 3) else { return nothing() };
     let own = predicted(items(fastest));
     let verdict = if own == most { Verdict::Held } else { Verdict::DidNotHold };
-    (format!("fastest on the teapot: {}, for which it predicts {own} threads; the most it predicts is {most}", what(fastest)), verdict)
+    (
+        format!(
+            "fastest on the teapot: {}, for which it predicts {own} threads; the most it predicts is {most}",
+            what(fastest)
+        ),
+        verdict,
+    )
 }
 
 fn serial(found: &Found<'_>) -> Finding {
-    let host = found.groups.iter().find(|group| group.device == crate::record::HOST && group.scene == "teapot");
+    let host =
+        found.groups.iter().find(|group| group.device == crate::record::HOST && group.scene == "teapot");
     let serial = host.and_then(|host| host.best_where(|record| record.strategy == "serial-f32"));
     match (serial, found.best("teapot", "naive")) {
         (Some(serial), Some(naive)) => {
             let ratio = median(serial).unwrap_or_default() / median(naive).unwrap_or(1.0);
             let verdict = if ratio > 2.0 { Verdict::Held } else { Verdict::DidNotHold };
-            let text = format!("teapot, one core: {}; naive at its best {}: {} times as fast", time(serial), time(naive), significant(ratio, 3));
+            let text = format!(
+                "teapot, one core: {}; naive at its best {}: {} times as fast",
+                time(serial),
+                time(naive),
+                significant(ratio, 3)
+            );
             (text, verdict)
         }
         _ => nothing(),
@@ -407,9 +440,16 @@ fn serial(found: &Found<'_>) -> Finding {
 fn split_forms(found: &Found<'_>) -> Finding {
     let bests = ["split-vertices", "split-normals"].map(|preset| found.best("teapot", preset));
     match bests {
-        [Some(vertices), Some(normals)] => {
-            (format!("both fit the teapot: {} {}, {} {}", what(vertices), time(vertices), what(normals), time(normals)), Verdict::Held)
-        }
+        [Some(vertices), Some(normals)] => (
+            format!(
+                "both fit the teapot: {} {}, {} {}",
+                what(vertices),
+                time(vertices),
+                what(normals),
+                time(normals)
+            ),
+            Verdict::Held,
+        ),
         [None, None] => found.infeasible("teapot", "split-vertices", None),
         [one, other] => {
             let fits = one.or(other).map_or(String::new(), what);

@@ -1,6 +1,8 @@
 //! From records to a page that a person would rather look at. Reads records and pictures, never a device.
 
 mod answer;
+mod claims;
+mod compare;
 mod environment;
 mod folder;
 mod gallery;
@@ -9,11 +11,15 @@ mod overview;
 mod page;
 pub mod paper;
 pub mod plot;
+mod reproduction;
 mod view;
 mod words;
 
+pub use claims::OTHER_CONTRADICTIONS;
+pub use compare::{Comparison, Pair};
 pub use folder::Folder;
 pub use page::Page;
+pub use reproduction::Reproduction;
 
 use crate::error::{Error, Result};
 use crate::record::{Record, kernel_tuner_caches, summary_csv, t4_results};
@@ -53,6 +59,24 @@ fn write_exports(records: &[Record], out: &Path) -> Result<PathBuf> {
     }
     put(&folder.join("points.csv"), &summary_csv(records)?)?;
     Ok(folder)
+}
+
+/// Writes `reproduction.html` and its plots of folders made with the paper's configs into `out`; returns the page's path.
+pub fn write_reproduction(folders: &[Folder], out: &Path) -> Result<PathBuf> {
+    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+    let page = Reproduction::of(folders);
+    let path = out.join("reproduction.html");
+    put(&path, page.html()?.as_bytes())?;
+    write_plots(&page.plots(), out)?;
+    Ok(path)
+}
+
+/// Writes `compare.html`, `compare.md` and the plot into `out`.
+pub fn write_comparison(comparison: &Comparison, out: &Path) -> Result<()> {
+    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+    put(&out.join("compare.html"), comparison.html()?.as_bytes())?;
+    put(&out.join("compare.md"), comparison.markdown().as_bytes())?;
+    write_plots(&[&comparison.plot()], out).map(|_| ())
 }
 
 /// Writes every plot as SVG and PNG under `out/plots`.

@@ -47,7 +47,10 @@ pub struct Figure {
 const TITLES: [(u32, &str); 3] = [
     (6, "Figure 6: the naive kernel's time against block size, large scenes"),
     (7, "Figure 7: the same, small scenes"),
-    (8, "Figure 8: naive, optimisation 1 (vectors in local memory), optimisation 2 (triangles in local memory)"),
+    (
+        8,
+        "Figure 8: naive, optimisation 1 (vectors in local memory), optimisation 2 (triangles in local memory)",
+    ),
 ];
 
 impl Reproduction {
@@ -74,7 +77,8 @@ impl Reproduction {
 
     /// The page as HTML.
     pub fn html(&self) -> Result<String> {
-        self.render().map_err(|error| Error::run(format!("the reproduction page could not be written: {error}")))
+        self.render()
+            .map_err(|error| Error::run(format!("the reproduction page could not be written: {error}")))
     }
 
     /// Every plot on it.
@@ -103,7 +107,10 @@ fn device(place: usize, name: &str, all: &[Group<'_>]) -> Device {
         id: format!("device-{place}"),
         sizes: sizes.join(", "),
         tally: tally.to_vec(),
-        figures: TITLES.into_iter().filter_map(|(number, title)| figure(number, title, &own, name, &suffix)).collect(),
+        figures: TITLES
+            .into_iter()
+            .filter_map(|(number, title)| figure(number, title, &own, name, &suffix))
+            .collect(),
         claims,
     }
 }
@@ -132,7 +139,13 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-fn figure(number: u32, title: &'static str, groups: &[Group<'_>], device: &str, suffix: &str) -> Option<Figure> {
+fn figure(
+    number: u32,
+    title: &'static str,
+    groups: &[Group<'_>],
+    device: &str,
+    suffix: &str,
+) -> Option<Figure> {
     let curves = curves(number, groups, device);
     if curves.iter().all(|curve| curve.ours.is_empty()) {
         return None;
@@ -170,9 +183,17 @@ fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Ch
     let place = |block: u32| blocks.iter().position(|known| *known == block).map(|place| place as f64);
     let series = curves.iter().flat_map(|curve| both(curve, &place, as_shapes)).collect();
     Chart {
-        title: if as_shapes { format!("Figure {number} as shapes: {device}") } else { format!("Figure {number}: {device}") },
+        title: if as_shapes {
+            format!("Figure {number} as shapes: {device}")
+        } else {
+            format!("Figure {number}: {device}")
+        },
         x_label: "block size".into(),
-        y_label: if as_shapes { "time, as a multiple of the curve's least".into() } else { "time, ms".into() },
+        y_label: if as_shapes {
+            "time, as a multiple of the curve's least".into()
+        } else {
+            "time, ms".into()
+        },
         across: Across::Names(blocks.iter().map(|block| format!("{block}x{block}")).collect()),
         up: Kind::Log,
         diagonal: false,
@@ -181,7 +202,9 @@ fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Ch
 }
 
 fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -> Vec<Series> {
-    let least = |values: &mut dyn Iterator<Item = f64>| if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 };
+    let least = |values: &mut dyn Iterator<Item = f64>| {
+        if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
+    };
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
     let own = least(&mut curve.ours.iter().filter_map(|record| median(record)));
     let published = curve.published.iter().filter_map(|(block, ms)| {
@@ -192,7 +215,12 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
         let interval = record.ci95_ms.map(|ends| ends.map(|end| end / own));
         Some(Mark { x: place(record.local_size?[0])?, y: median(record)? / own, interval, tip: tip(record) })
     });
-    let series = |name: String, dashed, marks| Series { name, look: Look { number: curve.number, dashed }, joined: true, marks };
+    let series = |name: String, dashed, marks| Series {
+        name,
+        look: Look { number: curve.number, dashed },
+        joined: true,
+        marks,
+    };
     let all = [
         series(format!("{}, ours", curve.name), false, ours.collect::<Vec<_>>()),
         series(format!("{}, paper", curve.name), true, published.collect()),
