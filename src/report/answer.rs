@@ -107,7 +107,7 @@ pub fn baselines<'a>(group: &Group<'_>, groups: &'a [Group<'a>]) -> Vec<&'a Reco
 fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speedup> {
     let serial = baselines(group, groups).into_iter().filter(|record| record.strategy.starts_with("serial"));
     let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
-    let over = serial.chain(naive);
+    let over = serial.chain(naive.filter(|naive| naive.key != best.key));
     over.filter_map(|other| {
         let factor = median(other)? / median(best)?;
         let [low, high] = ratio_interval(other, best)?;

@@ -45,10 +45,15 @@ impl Folder {
         Ok(Self {
             path: path.to_owned(),
             label: label(path),
-            records: latest(lines.lines),
+            records: latest(lines.lines, |record| record.key.clone()),
             environment: environment.unwrap_or_default(),
             notes,
         })
+    }
+
+    /// The machine and devices it was made with, as one text.
+    fn machine(&self) -> String {
+        format!("{}{}", self.environment["host"], self.environment["devices"])
     }
 
     /// A value of the config that the run was made with.
@@ -63,15 +68,16 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// The last record of every key, in the order in which keys first came.
-fn latest(records: Vec<Record>) -> Vec<Record> {
+/// The last record of every name, in the order in which names first came.
+fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut kept: Vec<Record> = Vec::new();
     for record in records {
-        match places.get(&record.key) {
+        let name = name(&record);
+        match places.get(&name) {
             Some(&place) => kept[place] = record,
             None => {
-                places.insert(record.key.clone(), kept.len());
+                places.insert(name, kept.len());
                 kept.push(record);
             }
         }
@@ -79,15 +85,17 @@ fn latest(records: Vec<Record>) -> Vec<Record> {
     kept
 }
 
-/// The records of all folders. Where two folders measured the same point differently (another driver, another
-/// kernel), the devices of each get the folder's label, so that they stand side by side instead of mixed.
+/// The records of all folders. Where two folders measured the same point with another driver, machine or program,
+/// the devices of each get the folder's label, so that they stand side by side instead of mixed. The same thing
+/// measured twice is one point: the later folder's.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
-    let mut seen: HashMap<String, &str> = HashMap::new();
+    let mut seen: HashMap<String, String> = HashMap::new();
     let mut clashing: HashSet<&str> = HashSet::new();
     for folder in folders {
         for record in &folder.records {
-            let other = seen.insert(point(record), &record.key);
-            if other.is_some_and(|key| key != record.key) {
+            let how = format!("{}{:?}", folder.machine(), record.program_hash);
+            let other = seen.insert(point(record), how.clone());
+            if other.is_some_and(|other| other != how) {
                 clashing.insert(&record.device);
             }
         }
@@ -101,7 +109,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
     };
     let all =
         folders.iter().flat_map(|folder| folder.records.iter().map(|record| relabelled(folder, record)));
-    latest(all.collect())
+    latest(all.collect(), point)
 }
 
 /// What two records of the same point share.
@@ -116,23 +124,28 @@ pub fn point(record: &Record) -> String {
 mod tests {
     use super::*;
 
-    fn record(key: &str, device: &str) -> Record {
-        Record { key: key.into(), scene: "teapot".into(), device: device.into(), ..Record::default() }
+    fn folder(label: &str, driver: &str) -> Folder {
+        let record = |key: &str, device: &str| Record {
+            key: format!("{label} {key}"),
+            scene: "teapot".into(),
+            device: device.into(),
+            ..Record::default()
+        };
+        Folder {
+            label: label.into(),
+            records: vec![record("a", "gpu"), record("b", "host")],
+            environment: serde_json::json!({"devices": [{"device": "gpu", "driver": driver}]}),
+            ..Folder::default()
+        }
     }
 
     #[test]
-    fn the_same_point_measured_differently_stands_side_by_side() {
-        let folder = |label: &str, key: &str| Folder {
-            label: label.into(),
-            records: vec![record(key, "gpu"), record(&format!("{key} host"), "host")],
-            ..Folder::default()
+    fn the_same_point_on_another_driver_stands_side_by_side() {
+        let devices = |folders: &[Folder]| -> Vec<String> {
+            merged(folders).into_iter().map(|record| record.device).collect()
         };
-        let devices = |one: &str, other: &str| -> Vec<String> {
-            let merged = merged(&[folder("old", one), folder("new", other)]);
-            merged.into_iter().map(|record| record.device).collect()
-        };
-        assert_eq!(devices("1", "2"), ["gpu (old)", "host", "gpu (new)", "host"]);
-        assert_eq!(devices("1", "1"), ["gpu", "host"], "equal keys are one measurement");
+        assert_eq!(devices(&[folder("old", "1"), folder("new", "2")]), ["gpu (old)", "host", "gpu (new)"]);
+        assert_eq!(devices(&[folder("old", "1"), folder("new", "1")]), ["gpu", "host"]);
     }
 
     #[test]
