@@ -10,6 +10,7 @@ from pathlib import Path
 
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.chrome.service import Service
@@ -60,10 +61,18 @@ def bring(driver, element, focus=False):
     time.sleep(0.25)
 
 
+def point_at(driver, element):
+    """Moves the mouse there by coordinates: moving to an element scrolls, and scrolling hides the tip."""
+    bring(driver, element)
+    x, y = driver.execute_script("const r = arguments[0].getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]", element)
+    action = ActionBuilder(driver)
+    action.pointer_action.move_to_location(int(x), int(y))
+    action.perform()
+
+
 def check_pointing(driver):
     mark = driver.find_element(By.CSS_SELECTOR, ".view:not([hidden]) .series .mark")
-    bring(driver, mark)
-    ActionChains(driver).move_to_element(mark).perform()
+    point_at(driver, mark)
     text = tip(driver)
     for part in ("at ", "median ", "95% interval", "n = "):
         assert part in text, f"hover says only {text!r}"
@@ -90,8 +99,7 @@ def check_keyboard(driver):
 def check_reasons(driver):
     cells = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .mark rect[fill='url(#hatch)']")
     assert cells, "no infeasible cell"
-    bring(driver, cells[0])
-    ActionChains(driver).move_to_element(cells[0]).perform()
+    point_at(driver, cells[0])
     assert "infeasible: __local memory" in tip(driver) or "failed" in tip(driver) or "wrong" in tip(driver), tip(driver)
 
 
