@@ -60,10 +60,13 @@ struct Found<'a> {
 /// What a test says: our values in words, and the verdict.
 type Finding = (String, Verdict);
 
+/// A claim, its published values, its contradiction, and the test.
+type Test<'t> = (&'static str, &'static str, &'static str, &'t dyn Fn(&Found<'_>) -> Finding);
+
 /// Every claim, tested on `device`. The groups are that device's and the host's.
 pub fn claims(groups: &[Group<'_>], device: &str) -> Vec<Claim> {
     let found = Found { groups, device };
-    let tests: [(&str, &str, &str, &dyn Fn(&Found<'_>) -> Finding); 16] = [
+    let tests: [Test<'_>; 16] = [
         (
             "On the large scenes the naive kernel has one best block size.",
             "8 x 8 on teapot (10.4 s) and gourd (8.5 s)",
@@ -158,7 +161,7 @@ pub fn claims(groups: &[Group<'_>], device: &str) -> Vec<Claim> {
             &split_forms,
         ),
     ];
-    let claim = |(claim, published, contradiction, test): (_, _, _, &dyn Fn(&Found<'_>) -> Finding)| {
+    let claim = |(claim, published, contradiction, test): Test<'_>| {
         let (ours, verdict) = test(&found);
         Claim { claim, published, ours, verdict, contradiction }
     };
@@ -257,6 +260,9 @@ fn outcome(record: &Record) -> String {
     if record.outcome == Outcome::Measured { time(record) } else { record.outcome.name().to_owned() }
 }
 
+/// With fewer samples than these an interval says little, and a difference of less than a tenth nothing.
+const FEW: usize = 5;
+
 /// Surely faster: the intervals are apart.
 fn compare(fast: &Record, slow: &Record) -> Finding {
     let (Some([_, fast_high]), Some([slow_low, _])) = (interval(fast), interval(slow)) else {
@@ -271,7 +277,15 @@ fn compare(fast: &Record, slow: &Record) -> Finding {
         () => Verdict::Open,
     };
     let ratio = median(slow).unwrap_or_default() / median(fast).unwrap_or(1.0);
-    let tie = if verdict == Verdict::Open { ", a tie: their intervals overlap" } else { "" };
+    let n = fast.samples_ms.len().min(slow.samples_ms.len());
+    let few = n < FEW && (0.9..1.1).contains(&ratio);
+    let verdict = if few { Verdict::Open } else { verdict };
+    let tie = match verdict {
+        _ if few => format!(", too close for n = {n}"),
+        Verdict::Open => ", a tie: their intervals overlap".to_owned(),
+        _ if n < FEW => format!(" (n = {n})"),
+        _ => String::new(),
+    };
     let text = format!(
         "{} {}, {} {}: {} times as fast{tie}",
         what(fast),
@@ -298,7 +312,11 @@ fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding {
     let tied: Vec<_> =
         records.iter().filter(|record| interval(record).is_some_and(|[low, _]| low <= high)).collect();
     let named = tied.iter().any(|record| record.local_size == Some([block; 2]));
-    let names: Vec<_> = tied.iter().map(|record| record.local_size.map_or(String::new(), by)).collect();
+    let mut names: Vec<_> =
+        tied.iter().take(4).map(|record| record.local_size.map_or(String::new(), by)).collect();
+    if tied.len() > 4 {
+        names.push(format!("and {} more", tied.len() - 4));
+    }
     let verdict = match (named, tied.len()) {
         (true, 1) => Verdict::Held,
         (true, _) => Verdict::Open,

@@ -134,7 +134,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} pixels that a tiny nudge of the ray changes; these are not compared."
+                "Orange: {uncertain} pixels that a tiny nudge of the ray changes: there an image need only look as under some nudge."
             ),
         ),
         (

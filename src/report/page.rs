@@ -40,6 +40,8 @@ pub struct Page {
 /// One group's plots and table.
 pub struct View {
     id: String,
+    /// Whether the page shows it first: the largest scene has most to tell.
+    first: bool,
     title: String,
     heat: Option<Plot>,
     lines: Option<[Plot; 2]>,
@@ -166,7 +168,17 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
 
 fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
     let kernels = groups.iter().filter(|group| group.device != HOST);
-    kernels.enumerate().map(|(place, group)| one_view(place, group, groups, looks, folders)).collect()
+    let mut views: Vec<View> = kernels
+        .clone()
+        .enumerate()
+        .map(|(place, group)| one_view(place, group, groups, looks, folders))
+        .collect();
+    let triangles = |group: &Group<'_>| group.records.iter().filter_map(|record| record.triangles).max();
+    let largest = kernels.enumerate().max_by_key(|(_, group)| triangles(group)).map(|(place, _)| place);
+    if let Some(view) = largest.and_then(|place| views.get_mut(place)) {
+        view.first = true;
+    }
+    views
 }
 
 fn one_view(
@@ -192,6 +204,7 @@ fn one_view(
     let host = answer::baselines(group, groups).into_iter().map(|record| row(record, best, false));
     View {
         id: format!("view-{place}"),
+        first: false,
         title: group_title(group),
         heat: Some(view::heat(group, &file("heat"))),
         lines: lines(Kind::Log, "local-size-log")

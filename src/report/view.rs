@@ -127,6 +127,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         }
     }
     let map = HeatMap {
+        id: name.to_owned(),
         title: format!("Median ms: {}", group_title(group)),
         x_label: "local size".into(),
         columns: size_names(&sizes),
@@ -165,7 +166,7 @@ fn code(record: &Record) -> String {
 /// What a code stands for, with an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
-        Outcome::Infeasible => "the device cannot hold it",
+        Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
         Outcome::BuildFailed => "its program did not compile",
         Outcome::LaunchFailed => "its kernel did not run",
         Outcome::WrongImage => "its image differs from the reference",

@@ -97,7 +97,7 @@ def check_keyboard(driver):
 
 
 def check_reasons(driver):
-    cells = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .mark rect[fill='url(#hatch)']")
+    cells = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .mark rect[fill^='url(#hatch']")
     assert cells, "no infeasible cell"
     point_at(driver, cells[0])
     assert "infeasible: __local memory" in tip(driver) or "failed" in tip(driver) or "wrong" in tip(driver), tip(driver)

@@ -33,6 +33,8 @@ pub enum Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
+    /// What no other map of the page is called: a pattern is found by name in the whole page.
+    pub id: String,
     /// What it shows.
     pub title: String,
     /// What the columns are.
@@ -57,7 +59,7 @@ impl HeatMap {
         let worst = self.worst();
         let mut svg = Svg::default();
         svg.text("title", [16.0, 18.0], Anchor::Start, &self.title);
-        hatch(&mut svg);
+        let hatch = self.hatch(&mut svg);
         for (place, name) in self.columns.iter().enumerate() {
             let x = LEFT + (place as f64 + 0.5) * column;
             svg.text_in("faint", FAINT, [x, TOP - 9.0], Anchor::Middle, name);
@@ -68,11 +70,11 @@ impl HeatMap {
             svg.text("label", [LEFT - 10.0, y + 19.0], Anchor::End, &shorten(name, 25));
             for (place, cell) in cells.iter().enumerate() {
                 let at = [LEFT + place as f64 * column, y];
-                draw_cell(&mut svg, cell, at, column, worst);
+                draw_cell(&mut svg, cell, at, column, worst, &hatch);
             }
         }
         let bottom = TOP + self.rows.len() as f64 * ROW + 16.0;
-        let end = self.draw_legend(&mut svg, bottom, worst);
+        let end = self.draw_legend(&mut svg, bottom, worst, &hatch);
         let width = (LEFT + self.columns.len() as f64 * column + 16.0)
             .max(640.0)
             .max(7.6 * self.title.chars().count() as f64 + 32.0);
@@ -88,8 +90,32 @@ impl HeatMap {
         slower.fold(2.0, f64::max)
     }
 
+    /// Defines the hatching and returns how to refer to it.
+    fn hatch(&self, svg: &mut Svg) -> String {
+        let id = format!("hatch-{}", self.id);
+        svg.open("defs", &[]);
+        svg.open(
+            "pattern",
+            &[
+                ("id", &id),
+                ("width", &7),
+                ("height", &7),
+                ("patternUnits", &"userSpaceOnUse"),
+                ("patternTransform", &"rotate(45)"),
+            ],
+        );
+        svg.element(
+            "rect",
+            &[("class", &"hatch-ground"), ("width", &7), ("height", &7), ("fill", &"#f1f4f7")],
+        );
+        svg.element("rect", &[("class", &"hatch-line"), ("width", &2), ("height", &7), ("fill", &"#ccd5de")]);
+        svg.close("pattern");
+        svg.close("defs");
+        format!("url(#{id})")
+    }
+
     /// The colour scale and what the codes mean; returns where it ends.
-    fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64) -> f64 {
+    fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         const STEPS: usize = 44;
         let step = SCALE_WIDTH / STEPS as f64;
         for place in 0..STEPS {
@@ -121,46 +147,22 @@ impl HeatMap {
             y += 19.0;
             svg.element(
                 "rect",
-                &[
-                    ("x", &LEFT),
-                    ("y", &number(y - 11.0)),
-                    ("width", &20),
-                    ("height", &14),
-                    ("fill", &"url(#hatch)"),
-                ],
+                &[("x", &LEFT), ("y", &number(y - 11.0)), ("width", &20), ("height", &14), ("fill", &hatch)],
             );
             svg.text("small label", [LEFT + 10.0, y], Anchor::Middle, code);
-            svg.text_in("faint small", FAINT, [LEFT + 28.0, y], Anchor::Start, &shorten(meaning, 90));
+            svg.text_in("faint small", FAINT, [LEFT + 28.0, y], Anchor::Start, &shorten(meaning, 110));
         }
         y + 14.0
     }
 }
 
-fn hatch(svg: &mut Svg) {
-    svg.open("defs", &[]);
-    svg.open(
-        "pattern",
-        &[
-            ("id", &"hatch"),
-            ("width", &7),
-            ("height", &7),
-            ("patternUnits", &"userSpaceOnUse"),
-            ("patternTransform", &"rotate(45)"),
-        ],
-    );
-    svg.element("rect", &[("class", &"hatch-ground"), ("width", &7), ("height", &7), ("fill", &"#f1f4f7")]);
-    svg.element("rect", &[("class", &"hatch-line"), ("width", &2), ("height", &7), ("fill", &"#ccd5de")]);
-    svg.close("pattern");
-    svg.close("defs");
-}
-
-fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f64) {
+fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f64, hatch: &str) {
     let middle = [x + width / 2.0, y + 19.0];
     match cell {
         Cell::Empty => {}
         Cell::Nothing { code, tip } => {
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, [x, y], width, "cell", "url(#hatch)");
+            rect(svg, [x, y], width, "cell", hatch);
             svg.text("label", middle, Anchor::Middle, code);
             svg.close("g");
         }
@@ -237,6 +239,7 @@ mod tests {
         };
         let none = Cell::Nothing { code: "L".into(), tip: "__local: 110592 B > 49152 B".into() };
         let map = HeatMap {
+            id: "teapot".into(),
             title: "teapot".into(),
             x_label: "local size".into(),
             columns: vec!["8x8".into(), "16x16".into(), "32x32".into()],
