@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn costs_and_doubts_are_drawn_where_they_are() {
-        let scene = load_scene(Path::new("scenes/figure-4.toml")).expect("it loads").scene;
+        let scene = load_scene(Path::new("scenes/still-life.toml")).expect("it loads").scene;
         let size = [64, 40];
         let tree = tree(&scene).expect("it has triangles");
         let picture = cost(&scene, &tree, size, Culling::None);

@@ -140,7 +140,7 @@ mod tests {
         let view = view(&folder);
         assert_eq!(view.command, r"raycl run 'a b.toml' --set 'image_sizes=[[160,100]]' 'it'\''s'");
         let host = &view.sections.iter().find(|(name, _)| name == "host").expect("a host").1;
-        assert_eq!(host[1], ("clocks, now mhz".into(), "2450".into()));
+        assert!(host.contains(&("clocks, now mhz".into(), "2450".into())), "{host:?}");
         assert!(view.sections.iter().any(|(name, _)| name == "devices gpu"));
     }
 }
