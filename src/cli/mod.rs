@@ -13,8 +13,9 @@ pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod strategies;
+mod watch;
 
-pub use output::{print, print_json, table};
+pub use output::{coloured, print, print_json, table};
 
 use clap::{Parser, Subcommand};
 
