@@ -4,6 +4,7 @@ use super::choice::parse_assignment;
 use super::run;
 use crate::error::{Error, Result};
 use crate::report::{self, Folder};
+use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -39,14 +40,8 @@ const CONFIGS: [(&str, &str); 4] = [
     ("next-steps", include_str!("../../configs/next-steps.toml")),
 ];
 
-/// The scenes that they name.
-const SCENES: [(&str, &str); 5] = [
-    ("triangle", include_str!("../../scenes/triangle.toml")),
-    ("pyramid-upper", include_str!("../../scenes/pyramid-upper.toml")),
-    ("still-life", include_str!("../../scenes/still-life.toml")),
-    ("gourd", include_str!("../../scenes/gourd.toml")),
-    ("teapot", include_str!("../../scenes/teapot.toml")),
-];
+/// The scenes that they may name.
+static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Runs the paper's configs and writes the page. Points that could not be measured are on the page and do not stop it.
 pub fn run(args: Args) -> Result<()> {
@@ -72,13 +67,15 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Writes the configs and scenes, so that what was run lies beside what was found.
 fn unpack(out: &Path) -> Result<()> {
-    for (folder, files) in [("configs", &CONFIGS[..]), ("scenes", &SCENES[..])] {
-        let folder = out.join(folder);
-        std::fs::create_dir_all(&folder)
-            .map_err(|error| Error::input(format!("cannot make {}: {error}", folder.display())))?;
-        for (name, text) in files {
-            report::put(&folder.join(format!("{name}.toml")), text.as_bytes())?;
+    let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
+    let configs = CONFIGS.iter().map(|(name, text)| (format!("configs/{name}.toml"), *text));
+    for (name, text) in configs.chain(scenes.map(|(name, text)| (format!("scenes/{name}"), text))) {
+        let path = out.join(name);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|error| Error::input(format!("cannot make {}: {error}", folder.display())))?;
         }
+        report::put(&path, text.as_bytes())?;
     }
     Ok(())
 }
@@ -108,4 +105,19 @@ fn write_page(out: &Path) -> Result<PathBuf> {
         return Err(error.with_help("run `raycl reproduce` without --page-only first"));
     }
     report::write_reproduction(&folders, out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_of_the_papers_configs_is_unpacked() {
+        let out = tempfile::tempdir().expect("a folder");
+        unpack(out.path()).expect("it writes");
+        for (name, _) in CONFIGS {
+            crate::config::load(&out.path().join(format!("configs/{name}.toml")), &[])
+                .expect("its scenes are there");
+        }
+    }
 }

@@ -238,7 +238,7 @@ mod tests {
         assert_eq!(one.winners.iter().map(|w| w.name.as_str()).collect::<Vec<_>>(), ["wide", "deferred"]);
         assert_eq!(one.speedups[0].factor, "37.3×");
         assert_eq!(one.speedups[0].range, "33.3 to 42.0");
-        assert_eq!((one.refused[0].word.as_str(), one.refused[0].count), ("local memory", 1));
+        assert_eq!((one.refused[0].word.as_str(), one.refused[0].count), ("local", 1));
         assert!(headline(&answers).contains("tie"), "{}", headline(&answers));
     }
 
