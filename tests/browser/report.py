@@ -61,6 +61,13 @@ def bring(driver, element, focus=False):
     time.sleep(0.25)
 
 
+def press(driver, selector):
+    """Clicks what a reader would have scrolled to, clear of the bar at the top."""
+    element = driver.find_element(By.CSS_SELECTOR, selector)
+    bring(driver, element)
+    element.click()
+
+
 def point_at(driver, element):
     """Moves the mouse there by coordinates: moving to an element scrolls, and scrolling hides the tip."""
     bring(driver, element)
@@ -93,6 +100,7 @@ def check_keyboard(driver):
     ActionChains(driver).send_keys(Keys.ENTER).perform()
     assert entry.get_attribute("aria-pressed") == "false", "Enter does not switch a series off"
     assert driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .series.off")
+    bring(driver, entry)
     entry.click()
 
 
@@ -108,10 +116,10 @@ def check_controls(driver):
     pick.select_by_index(len(pick.options) - 1)
     shown = [view for view in driver.find_elements(By.CSS_SELECTOR, ".view") if view.is_displayed()]
     assert len(shown) == 1, f"{len(shown)} views are shown"
-    driver.find_element(By.CSS_SELECTOR, "[data-scale=linear]").click()
+    press(driver, "[data-scale=linear]")
     assert shown[0].find_element(By.CSS_SELECTOR, ".plot.linear").is_displayed()
     assert not shown[0].find_element(By.CSS_SELECTOR, ".plot.log").is_displayed()
-    driver.find_element(By.CSS_SELECTOR, "[data-scale=log]").click()
+    press(driver, "[data-scale=log]")
     median = shown[0].find_elements(By.CSS_SELECTOR, "th button")[2]
     for descending in (False, True):
         driver.execute_script("arguments[0].click()", median)
