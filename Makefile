@@ -4,10 +4,10 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test lint bench
+.PHONY: help setup build demo test lint bench test-browser
 
 help: ## list these targets
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 14
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 14
 
 setup: ## install what is missing: a C linker, the OpenCL loader, PoCL (Debian-like; root or sudo)
 	@.ci/setup
@@ -30,3 +30,8 @@ lint: setup ## check format and lints, as CI does
 
 bench: build ## measure the fast strategies
 	$(RAYCL) run configs/beyond.toml --out results/beyond
+
+BROWSER = target/browser
+
+test-browser: build ## open the report in a real browser; check exports with Kernel Tuner (installs both)
+	@tests/browser/run $(RAYCL) $(BROWSER)

@@ -20,6 +20,7 @@ pub mod measure;
 pub mod program;
 pub mod record;
 pub mod reference;
+pub mod report;
 pub mod scene;
 pub mod strategy;
 pub mod verify;

@@ -1,15 +1,21 @@
 //! The command line: one file a subcommand, each with its `Args` and its `run`.
 
 mod choice;
+pub mod compare;
+pub mod compare_images;
+pub mod completions;
 pub mod devices;
 pub mod occupancy;
 mod output;
 mod progress;
 pub mod render;
+pub mod report;
+pub mod reproduce;
 pub mod run;
 pub mod strategies;
+mod watch;
 
-pub use output::{print, print_json, table};
+pub use output::{coloured, print, print_json, table};
 
 use clap::{Parser, Subcommand};
 
@@ -37,12 +43,22 @@ enum Command {
     Render(render::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),
+    /// Make a page, plots and exports of results
+    Report(report::Args),
+    /// Run the paper's experiments and say what held
+    Reproduce(reproduce::Args),
+    /// Compare two folders of results: faster, slower, same, unclear
+    Compare(compare::Args),
+    /// Compare two pictures
+    CompareImages(compare_images::Args),
     /// List OpenCL platforms and devices, and what each can hold
     Devices(devices::Args),
     /// List every axis of the strategy space, and the presets
     Strategies(strategies::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
+    /// Print completions for a shell
+    Completions(completions::Args),
 }
 
 impl Cli {
@@ -51,9 +67,14 @@ impl Cli {
         match self.command {
             Command::Render(args) => render::run(args),
             Command::Run(args) => run::run(args),
+            Command::Report(args) => report::run(args),
+            Command::Reproduce(args) => reproduce::run(args),
+            Command::Compare(args) => compare::run(args),
+            Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
             Command::Occupancy(args) => occupancy::run(args),
+            Command::Completions(args) => completions::run(args),
         }
     }
 }

@@ -68,12 +68,12 @@ impl Observer for Lines {
     fn ends(&mut self) {}
 }
 
-/// The observer for standard error as it is.
-pub fn observer(quiet: bool) -> Box<dyn Observer> {
+/// The observer for standard error as it is; a line a point where `verbose`.
+pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(());
     }
-    if !std::io::stderr().is_terminal() {
+    if verbose || !std::io::stderr().is_terminal() {
         return Box::new(Lines::default());
     }
     let bar = ProgressBar::new(0);

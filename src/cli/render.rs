@@ -5,6 +5,7 @@ mod report;
 use super::choice::{
     is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
 };
+use super::watch::{RecursiveMode, watch};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, check_path, save};
@@ -16,7 +17,7 @@ use crate::scene::{Scene, load_scene_with};
 use crate::strategy::{Requirements, Strategy, Traversal, Workload, fastest};
 use crate::verify::verify;
 use report::Report;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Arguments of `raycl render`.
@@ -59,6 +60,9 @@ pub struct Args {
     /// Compare the picture with the serial reference; exit 1 where it is wrong
     #[arg(long)]
     verify: bool,
+    /// Render again whenever the scene's folder, or a kernel of --cl-dir, changes; Ctrl-C ends it
+    #[arg(long, conflicts_with = "json")]
+    watch: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -70,23 +74,33 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
-/// Renders one picture.
+/// Renders one picture, or with `--watch` one after every change.
 pub fn run(args: Args) -> Result<()> {
+    if !args.watch {
+        return render(&args);
+    }
+    let folder = args.scene.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let mut folders = vec![(folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive)];
+    folders.extend(args.cl_dir.clone().map(|folder| (folder, RecursiveMode::Recursive)));
+    watch(&folders, || render(&args))
+}
+
+fn render(args: &Args) -> Result<()> {
     let start = Instant::now();
-    let output = args.output.clone().unwrap_or_else(|| default_output(&args));
+    let output = args.output.clone().unwrap_or_else(|| default_output(args));
     check_path(&output)?;
-    let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(&args)?));
+    let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(args)?));
     let loaded = loaded?;
     let scene = &loaded.scene;
     let (device, discover_ms) = timed(|| one_device(args.device.as_deref()));
     let device = device?;
-    let (strategy, local_size) = strategy(&args, &device, scene.mesh.triangles.len())?;
+    let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
     Requirements::check(&strategy, &workload, &device.info.limits).map_err(|infeasible| {
         Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
     })?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let cast = cast(&args, &device, scene, &strategy, &mut workload, &sources)?;
+    let cast = cast(args, &device, scene, &strategy, &mut workload, &sources)?;
     if args.verify {
         check(scene, &cast.image, &strategy)?;
     }

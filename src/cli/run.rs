@@ -42,9 +42,26 @@ pub struct Args {
     /// No progress and no tables
     #[arg(short, long)]
     quiet: bool,
+    /// A line for every point as it stops, instead of a bar
+    #[arg(short, long, conflicts_with = "quiet")]
+    verbose: bool,
     /// Use the kernels of this folder instead of those built in
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
+}
+
+impl Args {
+    /// The arguments of a run that another subcommand makes.
+    pub(super) fn of(
+        config: PathBuf,
+        out: &Path,
+        device: &[String],
+        set: &[(String, String)],
+        quiet: bool,
+    ) -> Self {
+        let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
+        Self { config, out, device, dry_run: false, set, json: false, quiet, verbose: false, cl_dir: None }
+    }
 }
 
 /// Runs an experiment.
@@ -60,7 +77,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let out = args.out.clone().unwrap_or_else(|| free_folder(&experiment.name));
     let mut results = Results::create(&out, &environment(&experiment, &devices))?;
-    let records = run.execute(&mut results, observer(args.quiet).as_mut())?;
+    let records = run.execute(&mut results, observer(args.quiet, args.verbose).as_mut())?;
     report(&args, &out, &records)
 }
 
@@ -103,12 +120,14 @@ fn environment(experiment: &Experiment, devices: &[&Device]) -> Environment {
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.
 fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
+    let written = crate::report::write(&[crate::report::Folder::read(out)?], out)?;
     if args.json {
         for record in records {
             super::print_json(record)?;
         }
     } else if !args.quiet {
-        super::print(summary_terminal(records))?;
+        super::print(summary_terminal(records, super::coloured()))?;
+        super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;
         super::print(format!(
             "Tables:   {}, {}; every point: {}",

@@ -3,10 +3,10 @@
 use super::bench::{Bench, Refusal, first_image};
 use super::oracle::Oracle;
 use super::session::Ready;
-use super::{KeyParts, Point, Results, Run, Work, host, key};
+use super::{KeyParts, Point, Results, Run, Work, host, key, pictures};
 use crate::config::Baseline;
 use crate::error::Result;
-use crate::image::{Radiance, difference_image};
+use crate::image::Radiance;
 use crate::record::{HOST, Record};
 use crate::scene::Scene;
 use crate::strategy::{Culling, Workload};
@@ -122,7 +122,7 @@ impl<'a> Checker<'a> {
         Cast { image, culling: Culling::None, ready: Ready::Host(baseline) }
     }
 
-    /// Compares an image with the reference and keeps both pictures.
+    /// Compares an image with the reference and keeps its pictures.
     fn judge(
         &mut self,
         cast: &Cast,
@@ -131,13 +131,9 @@ impl<'a> Checker<'a> {
         results: &mut Results,
         record: &mut Record,
     ) -> Result<std::result::Result<(), Refusal>> {
-        let [width, height] = record.image_size;
         let expected = self.oracle.reference(number, scene, record.image_size, cast.culling);
         let verdict = verify(&cast.image, expected, scene.display);
-        let place = format!("{}-{width}x{height}", scene.name);
-        results.picture(&format!("{place}-reference"), &expected.radiance, scene.display)?;
-        let name = format!("{place}-{}-{}", record.device, record.name);
-        record.image = Some(results.picture(&name, &cast.image, scene.display)?);
+        pictures::keep(results, record, &cast.image, expected, scene, cast.culling)?;
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
         record.worst_pixel = verdict.worst_pixel;
         record.uncertain_pixels = Some(verdict.uncertain_pixels as u64);
@@ -145,9 +141,6 @@ impl<'a> Checker<'a> {
         if verdict.ok {
             return Ok(Ok(()));
         }
-        let local = record.local_size.map_or(String::new(), |[x, y]| format!("-{x}x{y}"));
-        let picture = difference_image(&cast.image, &expected.radiance);
-        record.difference_image = Some(results.difference(&format!("{name}{local}"), &picture)?);
         Ok(Err(Refusal::wrong_image(verdict.reason.unwrap_or_default())))
     }
 

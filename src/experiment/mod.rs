@@ -9,6 +9,7 @@ mod host;
 mod keeper;
 mod observer;
 mod oracle;
+mod pictures;
 mod plan;
 mod results;
 mod rounds;

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::image::{Radiance, save, save_rgb8};
 use crate::record::{Environment, JsonLines, Record, Sample, summary_csv, summary_markdown};
 use crate::scene::Display;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// A folder of results: `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
@@ -15,6 +15,8 @@ pub struct Results {
     samples: JsonLines<Sample>,
     /// Pictures saved, by what they show, so that points which agree to the last bit share one.
     pictures: HashMap<blake3::Hash, String>,
+    /// Every picture's path.
+    made: HashSet<String>,
 }
 
 impl Results {
@@ -33,6 +35,7 @@ impl Results {
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&folder.join("samples.jsonl"))?,
             pictures: HashMap::new(),
+            made: HashSet::new(),
         })
     }
 
@@ -59,16 +62,29 @@ impl Results {
         if let Some(path) = self.pictures.get(&hash) {
             return Ok(path.clone());
         }
-        let path = format!("images/{}.png", file_name(name));
+        let path = self.free_path(name);
         save(image, display, &self.folder.join(&path))?;
         self.pictures.insert(hash, path.clone());
         Ok(path)
     }
 
-    /// Saves a picture of differences.
-    pub fn difference(&self, name: &str, picture: &::image::RgbImage) -> Result<String> {
-        let path = format!("images/{}-difference.png", file_name(name));
-        save_rgb8(picture, &self.folder.join(&path))?;
+    /// A path that no other picture has: points of one strategy may differ in their last bits.
+    fn free_path(&mut self, name: &str) -> String {
+        let path = |number: u32| match number {
+            1 => format!("images/{}.png", file_name(name)),
+            _ => format!("images/{}-{number}.png", file_name(name)),
+        };
+        let free = (1..).map(path).find(|path| !self.made.contains(path)).unwrap_or_else(|| path(1));
+        self.made.insert(free.clone());
+        free
+    }
+
+    /// Makes and saves the picture of this name, unless it was saved before, and returns its path.
+    pub fn picture_once(&mut self, name: &str, make: impl FnOnce() -> ::image::RgbImage) -> Result<String> {
+        let path = format!("images/{}.png", file_name(name));
+        if self.made.insert(path.clone()) {
+            save_rgb8(&make(), &self.folder.join(&path))?;
+        }
         Ok(path)
     }
 

@@ -33,8 +33,8 @@ pub fn of_difference(relative: f64) -> Rgb<u8> {
     }
 }
 
-/// The map at `place` in 0..=1.
-fn viridis(place: f64) -> [u8; 3] {
+/// The map at `place` in 0..=1: dark to light.
+pub fn viridis(place: f64) -> [u8; 3] {
     let along = place * (VIRIDIS.len() - 1) as f64;
     let below = (along as usize).min(VIRIDIS.len() - 2);
     let part = along - below as f64;
@@ -62,6 +62,20 @@ pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     }
 }
 
+/// Rows that [`draw_count_scale`] takes.
+pub const COUNT_SCALE_HEIGHT: u32 = SCALE_HEIGHT;
+
+/// Draws the map from `top` down with 0 under its left end and `most` under its right.
+pub fn draw_count_scale(picture: &mut RgbImage, top: u32, most: u32) {
+    let last = picture.width().saturating_sub(1);
+    for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
+        put(picture, x, top + y, viridis(f64::from(x) / f64::from(last.max(1))));
+    }
+    let text = most.to_string();
+    draw_text(picture, 0, top + 11, "0");
+    draw_text(picture, last.saturating_sub(4 * text.len() as u32), top + 11, &text);
+}
+
 fn draw_text(picture: &mut RgbImage, left: u32, top: u32, text: &str) {
     for (place, rows) in (0..).zip(text.chars().map(glyph)) {
         for (y, x) in (0..5).flat_map(|y| (0..3).map(move |x| (y, x))) {
@@ -83,6 +97,9 @@ fn glyph(character: char) -> [u8; 5] {
         '4' => [5, 5, 7, 1, 1],
         '5' => [7, 4, 7, 1, 7],
         '6' => [7, 4, 7, 5, 7],
+        '7' => [7, 1, 1, 1, 1],
+        '8' => [7, 5, 7, 5, 7],
+        '9' => [7, 5, 7, 1, 7],
         _ => [0; 5],
     }
 }

@@ -58,6 +58,21 @@ pub fn check_path(path: &Path) -> Result<()> {
     folder_of(path).map(|_| ())
 }
 
+/// Reads a picture: 8-bit formats as parts of white (0 to 1, as displayed), EXR and HDR as linear radiance.
+///
+/// A file that is not there or is no picture is the user's mistake.
+pub fn read_picture(path: &Path) -> Result<Radiance> {
+    let unreadable = |why: &dyn std::fmt::Display| {
+        Error::input(format!("cannot read the picture '{}': {why}", path.display()))
+            .with_help("pictures are .png, .jpg, .exr or .hdr")
+    };
+    let reader = image::ImageReader::open(path).map_err(|error| unreadable(&error))?;
+    let reader = reader.with_guessed_format().map_err(|error| unreadable(&error))?;
+    let picture = reader.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
+    let (width, height) = picture.dimensions();
+    Ok(Radiance { width, height, pixels: picture.pixels().map(|pixel| pixel.0).collect() })
+}
+
 /// Writes an 8-bit picture as PNG, whole or not at all.
 pub fn save_rgb8(picture: &RgbImage, path: &Path) -> Result<()> {
     replace(path, |file| write_png(picture, file))

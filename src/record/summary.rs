@@ -80,7 +80,7 @@ pub fn median(record: &Record) -> Option<f64> {
 }
 
 /// The 95% interval; a record without one has the median alone.
-fn interval(record: &Record) -> Option<[f64; 2]> {
+pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     record.ci95_ms.or(record.median_ms.map(|median| [median; 2]))
 }
 

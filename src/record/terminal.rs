@@ -1,17 +1,19 @@
 //! The table a run ends with: strategies down, local sizes across.
 
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
 use super::numbers::{by, duration, ms};
 use super::summary::{Group, groups, median};
 use super::types::{HOST, Outcome, Record};
 
 /// A matrix of medians for every scene, image size and device. The fastest are starred, points
-/// without a time say why in a word; the legend below has a full reason for each strategy's words.
-pub fn summary_terminal(records: &[Record]) -> String {
+/// without a time say why in a word; the legend below has a full reason for each strategy's words. Where `coloured`,
+/// winners are green and points without a time yellow.
+pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
-    let parts =
-        groups.iter().map(|group| if group.device == HOST { host_line(group) } else { matrix(group) });
+    let parts = groups
+        .iter()
+        .map(|group| if group.device == HOST { host_line(group) } else { matrix(group, coloured) });
     let mut text = parts.collect::<Vec<_>>().join("\n");
     text.push_str(&legend(&groups));
     text
@@ -27,7 +29,7 @@ fn host_line(group: &Group<'_>) -> String {
     format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join(", "))
 }
 
-fn matrix(group: &Group<'_>) -> String {
+fn matrix(group: &Group<'_>, coloured: bool) -> String {
     let (mut names, mut sizes) = (Vec::new(), Vec::new());
     for record in &group.records {
         if !names.contains(&&record.name) {
@@ -40,15 +42,20 @@ fn matrix(group: &Group<'_>) -> String {
     let winners = group.winners();
     let mut table = Table::new();
     table.load_style(presets::UTF8_BORDERS_ONLY);
+    if coloured {
+        table.enforce_styling();
+    } else {
+        table.force_no_tty();
+    }
     let heads = sizes.iter().map(|size| size.map_or("-".into(), |[across, down]| format!("{across}x{down}")));
     table.set_header(std::iter::once(Cell::new("strategy")).chain(heads.map(number)));
     for name in names {
         let cells = sizes.iter().map(|size| {
             let found =
                 group.records.iter().find(|record| &record.name == name && &record.local_size == size);
-            number(found.map_or(String::new(), |record| {
+            found.map_or(number(String::new()), |record| {
                 cell(record, winners.iter().any(|winner| winner.key == record.key))
-            }))
+            })
         });
         table.add_row(std::iter::once(Cell::new(name)).chain(cells));
     }
@@ -59,16 +66,18 @@ fn number(text: String) -> Cell {
     Cell::new(text).set_alignment(CellAlignment::Right)
 }
 
-fn cell(record: &Record, wins: bool) -> String {
+fn cell(record: &Record, wins: bool) -> Cell {
     match median(record) {
-        Some(time) if wins => format!("*{}", ms(time)),
-        Some(time) => ms(time),
-        None => word(record),
+        Some(time) if wins => {
+            number(format!("*{}", ms(time))).fg(Color::Green).add_attribute(Attribute::Bold)
+        }
+        Some(time) => number(ms(time)),
+        None => number(word(record)).fg(Color::Yellow),
     }
 }
 
 /// Why there is no time, in a word: what is too small, or what failed.
-fn word(record: &Record) -> String {
+pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
     }
@@ -131,7 +140,7 @@ mod tests {
             measured("pocl", "local-vectors", 8, [79.0, 82.0]),
             infeasible("pocl", "local-vectors", 32, "__local memory: 108 B x 32 x 32 = 110592 B > 49152 B"),
         ];
-        let text = summary_terminal(&records).replace('│', " ");
+        let text = summary_terminal(&records, false).replace('│', " ");
         let line =
             |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default();
         assert!(line("teapot, 800 x 500, host").ends_with("serial-f32 420.0 ms"), "{text}");
@@ -141,5 +150,12 @@ mod tests {
         assert_eq!(cells, ["local-vectors", "*80.50", "local"], "{text}");
         assert!(line("local:").contains("110592 B > 49152 B"), "{text}");
         assert!(line("* fastest").contains("tie"), "{text}");
+    }
+
+    #[test]
+    fn colours_are_there_only_where_they_are_wanted() {
+        let records = [measured("pocl", "naive", 8, [83.0, 85.0])];
+        assert!(!summary_terminal(&records, false).contains('\u{1b}'));
+        assert!(summary_terminal(&records, true).contains("\u{1b}["));
     }
 }

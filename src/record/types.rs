@@ -124,8 +124,14 @@ pub struct Record {
     pub private_bytes: Option<u64>,
     /// The picture, relative to the results' folder.
     pub image: Option<String>,
-    /// The picture of the differences, where it was wrong.
+    /// The picture of its differences from the reference.
     pub difference_image: Option<String>,
+    /// The reference's picture.
+    pub reference_image: Option<String>,
+    /// The reference with uncertain pixels marked.
+    pub certainty_image: Option<String>,
+    /// What each pixel's primary ray costs the reference's tree, in false colour.
+    pub cost_image: Option<String>,
     /// The hash of source, defines and build options.
     pub program_hash: Option<String>,
     /// The seed of the order of rounds and of the bootstrap.

@@ -1,0 +1,99 @@
+//! `raycl compare`: two folders of results, point by point.
+
+use crate::error::{Error, Result};
+use crate::measure::Verdict;
+use crate::report::{self, Comparison, Folder};
+use std::path::PathBuf;
+
+/// Arguments of `raycl compare`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl compare results/old-driver results/new-driver
+  raycl compare results/main results/branch --fail-on-regression 5
+  raycl compare results/pocl results/h200 --out results/pocl-h200")]
+pub struct Args {
+    /// The folder to compare with
+    before: PathBuf,
+    /// The folder that is judged
+    after: PathBuf,
+    /// Medians closer than this are the same
+    #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
+    threshold: f64,
+    /// Exit with 1 where a point is surely slower by more than this, or failed that ran before
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    fail_on_regression: Option<f64>,
+    /// Write compare.html, compare.md and plots here
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print Markdown instead of a table
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors
+    #[arg(short, long, conflicts_with_all = ["json", "markdown"])]
+    quiet: bool,
+}
+
+fn percent(text: &str) -> std::result::Result<f64, String> {
+    let number: Option<f64> = text.trim_end_matches('%').parse().ok();
+    let fine = number.filter(|percent| percent.is_finite() && *percent >= 0.0);
+    fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number such as 5"))
+}
+
+/// Compares two folders. They hold results or it is the user's mistake.
+pub fn run(args: Args) -> Result<()> {
+    let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);
+    let comparison = Comparison::of(&before, &after, args.threshold / 100.0);
+    if comparison.pairs.is_empty() {
+        let error = Error::input("the two folders have no measured point in common");
+        return Err(error.with_help("points correspond by scene, image size, strategy's name and local size"));
+    }
+    if let Some(out) = &args.out {
+        report::write_comparison(&comparison, out)?;
+    }
+    if args.json {
+        super::print_json(&serde_json::json!({
+            "before": comparison.labels[0], "after": comparison.labels[1], "summary": comparison.summary(),
+            "points": comparison.lines(), "not_compared": comparison.others,
+        }))?;
+    } else if args.markdown {
+        super::print(comparison.markdown().trim_end())?;
+    } else if !args.quiet {
+        print_table(&comparison)?;
+    }
+    match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
+        Some(worse) if !worse.is_empty() => {
+            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; "))))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Every point that is not the same, then the counts.
+fn print_table(comparison: &Comparison) -> Result<()> {
+    let [a, b] = &comparison.labels;
+    let mut table =
+        super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
+    let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
+    changed.sort_by(|a, b| b.change_percent.total_cmp(&a.change_percent));
+    for pair in &changed {
+        let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::record::ms);
+        let local = pair.before.local_size.map_or(String::new(), |[x, y]| format!(" {x}x{y}"));
+        table.add_row([
+            format!("{} {}{local}", pair.before.scene, pair.before.name),
+            time(pair.before.median_ms),
+            time(pair.after.median_ms),
+            format!("{:+.1}%", pair.change_percent),
+            pair.verdict.name().to_owned(),
+        ]);
+    }
+    if !changed.is_empty() {
+        super::print(table)?;
+    }
+    for line in &comparison.others {
+        super::print(line)?;
+    }
+    super::print(comparison.summary())
+}

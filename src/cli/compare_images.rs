@@ -1,0 +1,151 @@
+//! `raycl compare-images`: how far two pictures are apart.
+
+use crate::error::{Error, Result};
+use crate::image::{Radiance, difference_image, read_picture, relative_difference, save_rgb8};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Arguments of `raycl compare-images`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl compare-images teapot.png reference.png
+  raycl compare-images teapot.exr reference.exr --output difference.png
+  raycl compare-images teapot.png reference.png --fail-below 40")]
+pub struct Args {
+    /// A picture: .png, .jpg, .exr or .hdr
+    found: PathBuf,
+    /// What it ought to be
+    expected: PathBuf,
+    /// Save the differences in false colour
+    #[arg(short, long, value_name = "FILE.png")]
+    output: Option<PathBuf>,
+    /// Exit with 1 where the peak signal-to-noise ratio is lower than this
+    #[arg(long, value_name = "DB")]
+    fail_below: Option<f64>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors
+    #[arg(short, long, conflicts_with = "json")]
+    quiet: bool,
+}
+
+/// What was found; its fields are those of `--json`.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// Null where the pictures are equal.
+    psnr_db: Option<f64>,
+    equal: bool,
+    different_pixels: usize,
+    pixels: usize,
+    /// Of a channel: in 8 bits, a part of 255; in radiance, itself.
+    largest_error: f64,
+    largest_error_at: Option<[u32; 2]>,
+    largest_relative_difference: f64,
+    output: Option<String>,
+}
+
+/// Compares two pictures. Different sizes, or a file that is no picture, are the user's mistake.
+pub fn run(args: Args) -> Result<()> {
+    let (found, expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
+    if (found.width, found.height) != (expected.width, expected.height) {
+        return Err(Error::input(format!(
+            "{} is {} x {} pixels and {} is {} x {}: only pictures of one size can be compared",
+            args.found.display(),
+            found.width,
+            found.height,
+            args.expected.display(),
+            expected.width,
+            expected.height
+        )));
+    }
+    if let Some(path) = &args.output {
+        save_rgb8(&difference_image(&found, &expected), path)?;
+    }
+    let report = compare(&found, &expected, args.output.as_ref());
+    match (args.json, args.quiet) {
+        (true, _) => super::print_json(&report)?,
+        (false, true) => {}
+        (false, false) => super::print(text(&report))?,
+    }
+    match (args.fail_below, report.psnr_db) {
+        (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
+            "the pictures are {psnr:.2} dB apart, and at least {limit} dB are asked for"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> Report {
+    let mut largest = (0.0, None);
+    let (mut squares, mut different, mut relative, mut peak) = (0.0, 0, 0.0f64, 0.0f64);
+    for (place, (a, b)) in found.pixels.iter().zip(&expected.pixels).enumerate() {
+        let errors = [0, 1, 2].map(|channel| (f64::from(a[channel]) - f64::from(b[channel])).abs());
+        let worst = errors
+            .into_iter()
+            .fold(0.0, |worst, error| if error.is_nan() { f64::INFINITY } else { error.max(worst) });
+        squares += errors.iter().map(|error| error * error).sum::<f64>();
+        peak = b.iter().fold(peak, |peak, channel| peak.max(f64::from(*channel)));
+        relative = relative.max(relative_difference(*a, *b, 1.0 / 255.0));
+        if worst > 0.0 {
+            different += 1;
+        }
+        if worst > largest.0 {
+            largest = (worst, Some([place as u32 % found.width, place as u32 / found.width]));
+        }
+    }
+    // The peak is white for 8-bit pictures; for radiance, the brightest channel, but never less than white.
+    let peak = peak.max(1.0);
+    let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
+    let equal = different == 0;
+    Report {
+        psnr_db: (!equal).then(|| 10.0 * (peak * peak / mean).log10()),
+        equal,
+        different_pixels: different,
+        pixels: found.pixels.len(),
+        largest_error: largest.0,
+        largest_error_at: largest.1,
+        largest_relative_difference: relative,
+        output: output.map(|path| path.display().to_string()),
+    }
+}
+
+fn text(report: &Report) -> String {
+    let mut lines = Vec::new();
+    match (report.psnr_db, report.largest_error_at) {
+        (Some(psnr), Some([x, y])) => {
+            lines.push(format!("PSNR              {psnr:8.2} dB"));
+            let steps = 255.0 * report.largest_error;
+            lines.push(format!(
+                "largest error     {:8.5}    of white ({steps:.1} of 255), at column {x}, row {y}",
+                report.largest_error
+            ));
+            lines.push(format!("largest relative  {:8.2e}", report.largest_relative_difference));
+            let percent = 100.0 * report.different_pixels as f64 / report.pixels.max(1) as f64;
+            lines.push(format!(
+                "different pixels  {:8}    of {} ({percent:.2}%)",
+                report.different_pixels, report.pixels
+            ));
+        }
+        _ => lines.push(format!("equal in all {} pixels", report.pixels)),
+    }
+    lines.extend(report.output.iter().map(|path| format!("differences       {path}")));
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_pixel_off_by_a_step_is_found_where_it_is() {
+        let expected = Radiance::new(10, 10);
+        let mut found = expected.clone();
+        assert!(compare(&found, &expected, None).equal);
+        found.pixels[37] = [0.0, 1.0 / 255.0, 0.0];
+        let report = compare(&found, &expected, None);
+        assert_eq!((report.largest_error_at, report.different_pixels), (Some([7, 3]), 1));
+        // One channel of 300 is off by 1/255: 20 log10(255) + 10 log10(300).
+        assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
+    }
+}

@@ -1,0 +1,25 @@
+//! `raycl completions`: what a shell needs to complete raycl's arguments.
+
+use crate::error::{Error, Result};
+use clap::CommandFactory as _;
+use clap_complete::Shell;
+
+/// Arguments of `raycl completions`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl completions bash > ~/.local/share/bash-completion/completions/raycl
+  raycl completions zsh > ~/.zfunc/_raycl
+  raycl completions fish > ~/.config/fish/completions/raycl.fish")]
+pub struct Args {
+    /// The shell
+    shell: Shell,
+}
+
+/// Prints the completion script.
+pub fn run(args: Args) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut super::Cli::command(), "raycl", &mut script);
+    let script =
+        String::from_utf8(script).map_err(|error| Error::run(format!("the script is no text: {error}")))?;
+    super::print(script.trim_end())
+}

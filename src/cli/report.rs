@@ -1,0 +1,44 @@
+//! `raycl report`: records to a page.
+
+use crate::error::Result;
+use crate::report::{self, Folder};
+use std::path::PathBuf;
+
+/// Arguments of `raycl report`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl report results/quick
+  raycl report results/figure-8-h200 results/figure-8-pocl --out results/both")]
+pub struct Args {
+    /// Folders that `raycl run` wrote
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+    /// Where to write [default: the first folder]
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object that says what was written
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors
+    #[arg(short, long, conflicts_with = "json")]
+    quiet: bool,
+}
+
+/// Writes the report. It reads records and pictures, never a device.
+pub fn run(args: Args) -> Result<()> {
+    let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
+    let out = args.out.as_ref().unwrap_or(&args.folders[0]);
+    let written = report::write(&folders, out)?;
+    let (plots, count) = &written.plots;
+    if args.json {
+        return super::print_json(&serde_json::json!({
+            "report": written.page, "plots": plots, "plot_count": count, "exports": written.exports,
+        }));
+    }
+    if args.quiet {
+        return Ok(());
+    }
+    super::print(format!("Report:  {}", written.page.display()))?;
+    super::print(format!("Plots:   {} ({count}, each as SVG and PNG)", plots.display()))?;
+    super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
+}

@@ -1,0 +1,91 @@
+//! Doing something again whenever a file changes.
+
+use crate::error::{Error, Result};
+pub use notify::RecursiveMode;
+use notify::{EventKind, Watcher as _};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// Files that a picture is made of.
+const SOURCES: [&str; 4] = ["toml", "obj", "mtl", "cl"];
+/// Editors write a file in several steps; this long after the last of them it is whole.
+const QUIET: Duration = Duration::from_millis(80);
+
+/// Acts once, then again after every change to a source file in `folders`, or also below them. An action that fails is told and
+/// does not end it: the mistake may be mended by the next change.
+pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
+    let failed = |error: notify::Error| Error::run(format!("files cannot be watched: {error}"));
+    let (sender, changes) = channel();
+    let tell = move |event: notify::Result<notify::Event>| {
+        if event.is_ok_and(|event| matters(&event)) {
+            // The receiver is gone only when the program ends.
+            let _ = sender.send(());
+        }
+    };
+    let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
+    for (folder, depth) in folders {
+        watcher.watch(folder, *depth).map_err(failed)?;
+    }
+    loop {
+        if let Err(error) = action() {
+            let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(error));
+        }
+        let _ = writeln!(std::io::stderr(), "waiting for a change (Ctrl-C ends)");
+        if !next_change(&changes) {
+            return Ok(());
+        }
+    }
+}
+
+/// Whether an event changes what a picture is made of: its own output, in the same folder, does not.
+fn matters(event: &notify::Event) -> bool {
+    let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
+    let source = |path: &PathBuf| is_source(path);
+    changes && event.paths.iter().any(source)
+}
+
+fn is_source(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|extension| SOURCES.contains(&extension))
+}
+
+/// Waits for a change and for the quiet after it; false when there can be none any more.
+fn next_change(changes: &Receiver<()>) -> bool {
+    if changes.recv().is_err() {
+        return false;
+    }
+    loop {
+        match changes.recv_timeout(QUIET) {
+            Ok(()) => {}
+            Err(RecvTimeoutError::Timeout) => return true,
+            Err(RecvTimeoutError::Disconnected) => return false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Instant;
+
+    #[test]
+    fn an_edited_scene_is_noticed_and_a_picture_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let place = folder.path().to_owned();
+        let (told, seen) = channel();
+        std::thread::spawn(move || {
+            watch(&[(place, RecursiveMode::NonRecursive)], move || {
+                told.send(Instant::now()).map_err(|_| Error::run("over"))
+            })
+        });
+        let wait = |limit_ms| seen.recv_timeout(Duration::from_millis(limit_ms)).is_ok();
+        assert!(wait(5000), "it acts at once");
+        std::fs::write(folder.path().join("picture.png"), "png").expect("it writes");
+        assert!(!wait(400), "a picture is no source");
+        std::fs::write(folder.path().join("scene.toml"), "changed").expect("it writes");
+        assert!(wait(5000), "a change is noticed");
+        assert!(!wait(400), "one change, one action");
+    }
+}

@@ -1,0 +1,133 @@
+//! Records as cache files of Kernel Tuner (B. van Werkhoven, 2019), which can then simulate tuning on them and
+//! draw what it draws of its own results: one file a device, scene and image size, times in milliseconds.
+
+use serde_json::{Map, Value, json};
+
+use super::parameters::{joined, parameters};
+use super::summary::{Group, groups};
+use super::types::{HOST, Outcome, Record};
+
+/// The cache files: a name without its ending, and the text.
+pub fn kernel_tuner_caches(records: &[Record]) -> Vec<(String, String)> {
+    let groups = groups(records);
+    let kernels = groups.iter().filter(|group| group.device != HOST);
+    kernels.map(|group| (file_name(group), cache(group))).collect()
+}
+
+fn file_name(group: &Group<'_>) -> String {
+    let [width, height] = group.image_size;
+    let name = format!("{}-{width}x{height}-{}", group.scene, group.device);
+    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
+}
+
+fn cache(group: &Group<'_>) -> String {
+    let all: Vec<_> = group.records.iter().map(|record| (*record, parameters(record))).collect();
+    let names = names(&all);
+    let entries: Map<String, Value> =
+        all.iter().map(|(record, given)| (joined(given, &names), entry(record, given.clone()))).collect();
+    let head = json!({
+        "device_name": group.device,
+        "kernel_name": "raycl",
+        "problem_size": group.image_size,
+        "tune_params_keys": names,
+        "tune_params": values(&all, &names),
+        "objective": "time",
+    });
+    let text = |value: &Value| serde_json::to_string(value).unwrap_or_default();
+    let members = head.as_object().into_iter().flatten();
+    let lines: String =
+        members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
+    let entries: Vec<_> =
+        entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
+    // Kernel Tuner takes a file that ends otherwise for one whose writing was cut short.
+    format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
+}
+
+/// Every parameter that some record has, in order of first appearance.
+fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {
+        if !names.contains(name) {
+            names.push(name.clone());
+        }
+    }
+    // Maps are sorted; the local size comes first by custom.
+    names.sort_by_key(|name| !name.starts_with("block_size"));
+    names
+}
+
+/// Every value that a parameter takes.
+fn values(all: &[(&Record, Map<String, Value>)], names: &[String]) -> Map<String, Value> {
+    let of = |name: &String| {
+        let mut values: Vec<Value> = Vec::new();
+        for value in all.iter().filter_map(|(_, parameters)| parameters.get(name)) {
+            if !values.contains(value) {
+                values.push(value.clone());
+            }
+        }
+        (name.clone(), Value::Array(values))
+    };
+    names.iter().map(of).collect()
+}
+
+fn entry(record: &Record, mut entry: Map<String, Value>) -> Value {
+    let error = match record.outcome {
+        Outcome::Measured => None,
+        Outcome::Infeasible => Some("InvalidConfig"),
+        Outcome::BuildFailed => Some("CompilationFailedConfig"),
+        Outcome::LaunchFailed | Outcome::WrongImage | Outcome::TimedOut | Outcome::Crashed => {
+            Some("RuntimeFailedConfig")
+        }
+    };
+    match error {
+        None => {
+            entry.insert("time".into(), json!(record.median_ms));
+            entry.insert("times".into(), json!(record.samples_ms));
+        }
+        Some(error) => {
+            entry.insert("time".into(), error.into());
+            entry.insert("__error__".into(), error.into());
+        }
+    }
+    let benchmark_ms: f64 = record.samples_ms.iter().sum();
+    let others = [
+        ("compile_time", json!(record.build_ms.unwrap_or(0.0))),
+        ("benchmark_time", json!(benchmark_ms)),
+        ("verification_time", json!(0.0)),
+        ("strategy_time", json!(0.0)),
+        ("framework_time", json!(0.0)),
+        ("timestamp", json!(record.timestamp.as_deref().unwrap_or_default())),
+        ("name", json!(record.name)),
+    ];
+    entry.extend(others.map(|(key, value)| (key.to_owned(), value)));
+    Value::Object(entry)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{infeasible, measured};
+    use super::*;
+
+    #[test]
+    fn a_cache_has_a_key_a_point_and_ends_as_kernel_tuner_wants() {
+        let named = |mut record: Record| {
+            record.strategy = format!("vectors=local width=4 name={}", record.name);
+            record
+        };
+        let records = [
+            named(measured("gpu", "naive", 8, [1.0, 3.0])),
+            named(infeasible("gpu", "wide", 32, "too large")),
+        ];
+        let caches = kernel_tuner_caches(&records);
+        let [(name, text)] = caches.as_slice() else { panic!("{caches:?}") };
+        assert_eq!(name, "teapot-800x500-gpu");
+        assert!(text.ends_with("}\n}"), "{text}");
+        let cache: Value = serde_json::from_str(text).expect("JSON");
+        assert_eq!(
+            cache["tune_params_keys"],
+            json!(["block_size_x", "block_size_y", "name", "vectors", "width"])
+        );
+        assert_eq!(cache["cache"]["8,8,naive,local,4"]["time"], 2.0);
+        assert_eq!(cache["cache"]["32,32,wide,local,4"]["__error__"], "InvalidConfig");
+    }
+}

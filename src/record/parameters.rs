@@ -1,0 +1,29 @@
+//! A record's strategy as tunable parameters, the way tuners see it.
+
+use serde_json::{Map, Value};
+
+use super::types::Record;
+
+/// Parameter names and values: the local size, then every axis. Commas, which separate parameters in keys, become dots.
+pub fn parameters(record: &Record) -> Map<String, Value> {
+    let mut parameters = Map::new();
+    let [across, down] = record.local_size.unwrap_or([1, 1]);
+    parameters.insert("block_size_x".into(), across.into());
+    parameters.insert("block_size_y".into(), down.into());
+    for part in record.strategy.split_whitespace() {
+        let (axis, value) = part.split_once('=').unwrap_or(("strategy", part));
+        let value = value.parse::<u32>().map_or_else(|_| Value::from(value.replace(',', ".")), Value::from);
+        parameters.insert(axis.to_owned(), value);
+    }
+    parameters
+}
+
+/// The parameters' values as one key, in their order.
+pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
+    let text = |name: &String| match parameters.get(name) {
+        Some(Value::String(text)) => text.clone(),
+        Some(other) => other.to_string(),
+        None => String::new(),
+    };
+    names.iter().map(text).collect::<Vec<_>>().join(",")
+}

@@ -1,0 +1,94 @@
+//! Records as T4 results 1.0.0, the format that auto-tuners exchange
+//! (<https://github.com/odgaard/TuningSchema>, branch T4, `results-schema.json`).
+
+use serde_json::{Value, json};
+
+use super::parameters::parameters;
+use super::types::{Outcome, Record};
+
+/// All records as one T4 document. Baselines, which nobody tunes, are left out.
+pub fn t4_results(records: &[Record]) -> String {
+    let results: Vec<_> = records.iter().filter(|record| !record.is_baseline()).map(result).collect();
+    let document = json!({
+        "schema_version": "1.0.0",
+        "metadata": {"timeunit": "milliseconds", "producer": concat!("raycl ", env!("CARGO_PKG_VERSION"))},
+        "results": results,
+    });
+    // A value made of strings, numbers and lists can always be written.
+    serde_json::to_string_pretty(&document).unwrap_or_default()
+}
+
+fn result(record: &Record) -> Value {
+    let mut configuration = parameters(record);
+    configuration.insert("scene".into(), record.scene.as_str().into());
+    configuration.insert("device".into(), record.device.as_str().into());
+    configuration.insert("image_width".into(), record.image_size[0].into());
+    configuration.insert("image_height".into(), record.image_size[1].into());
+    configuration.insert("name".into(), record.name.as_str().into());
+    let build_ms = record.build_ms.unwrap_or(0.0);
+    json!({
+        "timestamp": record.timestamp.as_deref().unwrap_or_default(),
+        "configuration": configuration,
+        "times": {
+            "compilation": build_ms,
+            "compilation_time": build_ms,
+            "benchmark": record.samples_ms.iter().sum::<f64>(),
+            "framework": 0.0,
+            "search_algorithm": 0.0,
+            "validation": 0.0,
+            "runtimes": record.samples_ms,
+        },
+        "invalidity": invalidity(record.outcome),
+        "correctness": if record.outcome == Outcome::Measured { 1 } else { 0 },
+        "objectives": ["time"],
+        "measurements": measurements(record),
+    })
+}
+
+fn invalidity(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Measured => "correct",
+        Outcome::Infeasible => "constraints",
+        Outcome::BuildFailed => "compile",
+        Outcome::LaunchFailed | Outcome::Crashed => "runtime",
+        Outcome::WrongImage => "correctness",
+        Outcome::TimedOut => "timeout",
+    }
+}
+
+fn measurements(record: &Record) -> Vec<Value> {
+    let numbers = [
+        ("time", record.median_ms, "ms"),
+        ("primary_rays", record.rays_per_s, "1/s"),
+        ("triangle_tests", record.tests_per_s, "1/s"),
+        ("max_relative_difference", record.max_difference, ""),
+    ];
+    let given = numbers.into_iter().filter_map(|(name, value, unit)| value.map(|value| (name, value, unit)));
+    let mut all: Vec<_> =
+        given.map(|(name, value, unit)| json!({"name": name, "value": value, "unit": unit})).collect();
+    if let Some(reason) = &record.reason {
+        all.push(json!({"name": "skip_reason", "value": reason, "unit": ""}));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{infeasible, measured};
+    use super::*;
+
+    #[test]
+    fn outcomes_become_the_schemas_words() {
+        let records = [
+            measured("host", "serial-f32", 0, [1.0, 2.0]),
+            measured("gpu", "naive", 8, [1.0, 3.0]),
+            infeasible("gpu", "local-vectors", 32, "__local: 110592 B > 49152 B"),
+        ];
+        let document: Value = serde_json::from_str(&t4_results(&records)).expect("JSON");
+        let results = document["results"].as_array().expect("a list");
+        assert_eq!(results.len(), 2);
+        assert_eq!(results[0]["measurements"][0]["value"], 2.0);
+        assert_eq!(results[1]["invalidity"], "constraints");
+        assert_eq!(results[1]["configuration"]["block_size_x"], 32);
+    }
+}

@@ -1,0 +1,209 @@
+//! Two folders of results, point by point: faster, slower, same or unclear.
+
+mod page;
+
+use super::folder::{Folder, merged};
+use super::words::{size_name, title};
+use crate::measure::{Summary, Verdict, compare};
+use crate::record::{HOST, Outcome, Record, by, median};
+use serde::Serialize;
+use std::collections::HashMap;
+
+/// A point that both folders measured.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// Its record in the first folder.
+    pub before: Record,
+    /// Its record in the second.
+    pub after: Record,
+    /// How the second stands to the first.
+    pub verdict: Verdict,
+    /// The second's time as a percentage of the first's, less 100: positive is slower.
+    pub change_percent: f64,
+}
+
+/// A pair as `--json` prints it.
+#[derive(Debug, Serialize)]
+pub struct PairLine<'a> {
+    scene: &'a str,
+    image_size: [u32; 2],
+    device: [&'a str; 2],
+    name: &'a str,
+    local_size: Option<[u32; 2]>,
+    median_ms: [Option<f64>; 2],
+    change_percent: f64,
+    verdict: &'static str,
+}
+
+/// What comparing two folders found.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// What the folders are called.
+    pub labels: [String; 2],
+    /// The points that both measured, in the first's order.
+    pub pairs: Vec<Pair>,
+    /// Points that only one measured, or that another outcome replaced: what happened, in a line.
+    pub others: Vec<String>,
+    /// Changes of less than this part are the same.
+    pub threshold: f64,
+}
+
+impl Comparison {
+    /// Compares two folders. `threshold` is a part: 0.02 is 2%.
+    ///
+    /// Points correspond where scene, image size, strategy and local size are equal. Devices correspond by name, or,
+    /// where each folder has but one, to each other: another machine's results can be compared.
+    pub fn of(before: &Folder, after: &Folder, threshold: f64) -> Self {
+        let one_each = devices(before).len() == 1 && devices(after).len() == 1;
+        let point = |record: &Record| {
+            let device = if one_each && !record.is_baseline() { "the device" } else { &record.device };
+            (
+                record.scene.clone(),
+                record.image_size,
+                device.to_owned(),
+                record.name.clone(),
+                record.local_size,
+            )
+        };
+        let after_records = merged(std::slice::from_ref(after));
+        let mut found: HashMap<_, _> = after_records.iter().map(|record| (point(record), record)).collect();
+        let mut comparison =
+            Self { labels: labels(before, after), pairs: Vec::new(), others: Vec::new(), threshold };
+        for record in merged(std::slice::from_ref(before)) {
+            match found.remove(&point(&record)) {
+                Some(other) => comparison.add(record, other),
+                None => {
+                    comparison.others.push(format!("{}: only in {}", name(&record), comparison.labels[0]))
+                }
+            }
+        }
+        let left = after_records.iter().filter(|record| found.contains_key(&point(record)));
+        let only: Vec<_> =
+            left.map(|record| format!("{}: only in {}", name(record), comparison.labels[1])).collect();
+        comparison.others.extend(only);
+        comparison
+    }
+
+    fn add(&mut self, before: Record, after: &Record) {
+        let summaries =
+            [&before, after].map(|record| median(record).and_then(|_| Summary::of(&record.samples_ms)));
+        if let [Some(a), Some(b)] = summaries {
+            let verdict = compare(&a, &b, self.threshold);
+            let change_percent = 100.0 * (b.median_ms / a.median_ms - 1.0);
+            self.pairs.push(Pair { before, after: after.clone(), verdict, change_percent });
+        } else if before.outcome != after.outcome {
+            let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
+            self.others.push(format!("{}: was {a}, is {b}", name(&before)));
+        }
+    }
+
+    /// How many points have this verdict.
+    pub fn count(&self, verdict: Verdict) -> usize {
+        self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
+    }
+
+    /// The points that are surely slower by more than `percent`, and those that ran before and fail now.
+    pub fn regressions(&self, percent: f64) -> Vec<String> {
+        let slower =
+            self.pairs.iter().filter(|pair| pair.verdict == Verdict::Slower && pair.change_percent > percent);
+        let slower =
+            slower.map(|pair| format!("{} is {:.1}% slower", name(&pair.before), pair.change_percent));
+        let broken = self.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
+        slower.chain(broken).collect()
+    }
+
+    /// "12 faster, 3 slower, 40 same, 5 unclear".
+    pub fn summary(&self) -> String {
+        let all = [Verdict::Faster, Verdict::Slower, Verdict::Same, Verdict::Unclear];
+        all.map(|verdict| format!("{} {}", self.count(verdict), verdict.name())).join(", ")
+    }
+
+    /// The pairs as JSON lines would have them.
+    pub fn lines(&self) -> Vec<PairLine<'_>> {
+        self.pairs.iter().map(line).collect()
+    }
+}
+
+fn line(pair: &Pair) -> PairLine<'_> {
+    PairLine {
+        scene: &pair.before.scene,
+        image_size: pair.before.image_size,
+        device: [&pair.before.device, &pair.after.device],
+        name: &pair.before.name,
+        local_size: pair.before.local_size,
+        median_ms: [median(&pair.before), median(&pair.after)],
+        change_percent: pair.change_percent,
+        verdict: pair.verdict.name(),
+    }
+}
+
+fn name(record: &Record) -> String {
+    if record.is_baseline() {
+        return format!("{} {}, {}", record.scene, by(record.image_size), title(record));
+    }
+    format!("{} {}, {} {}", record.scene, by(record.image_size), record.name, size_name(record))
+}
+
+fn devices(folder: &Folder) -> Vec<&str> {
+    let mut devices: Vec<&str> =
+        folder.records.iter().map(|record| record.device.as_str()).filter(|device| *device != HOST).collect();
+    devices.sort_unstable();
+    devices.dedup();
+    devices
+}
+
+/// The folders' names, told apart where they are the same.
+fn labels(before: &Folder, after: &Folder) -> [String; 2] {
+    if before.label != after.label {
+        return [before.label.clone(), after.label.clone()];
+    }
+    [before, after].map(|folder| folder.path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::{infeasible, measured};
+
+    fn folder(label: &str, records: Vec<Record>) -> Folder {
+        Folder { label: label.into(), records, ..Folder::default() }
+    }
+
+    fn timed(device: &str, name: &str, around: f64) -> Record {
+        let mut record = measured(device, name, 8, [around * 0.99, around * 1.01]);
+        record.samples_ms = (0..10).map(|n| around * (0.99 + 0.002 * f64::from(n))).collect();
+        record
+    }
+
+    #[test]
+    fn another_machines_results_are_compared_point_by_point() {
+        let before = folder(
+            "old",
+            vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0), timed("a", "private", 5.0)],
+        );
+        let after = folder(
+            "new",
+            vec![
+                timed("b", "naive", 20.0),
+                timed("b", "wide", 0.5),
+                infeasible("b", "private", 8, "no"),
+                timed("b", "raster", 1.0),
+            ],
+        );
+        let comparison = Comparison::of(&before, &after, 0.02);
+        assert_eq!(comparison.summary(), "1 faster, 1 slower, 0 same, 0 unclear");
+        let regressions = comparison.regressions(5.0);
+        assert_eq!(regressions.len(), 2, "{regressions:?}");
+        assert!(comparison.regressions(150.0)[0].contains("was measured, is infeasible"));
+        assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
+        assert!(comparison.markdown().contains("| +100.0% | slower |"), "{}", comparison.markdown());
+    }
+
+    #[test]
+    fn a_folder_is_the_same_as_itself() {
+        let one = folder("one", vec![timed("a", "naive", 10.0)]);
+        let comparison = Comparison::of(&one, &one, 0.02);
+        assert_eq!(comparison.summary(), "0 faster, 0 slower, 1 same, 0 unclear");
+        assert!(comparison.html().expect("it renders").contains("class=\"mark\""));
+    }
+}

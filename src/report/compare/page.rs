@@ -1,0 +1,149 @@
+//! A comparison as Markdown, as a plot and as a page.
+
+use super::{Comparison, Pair, name};
+use crate::error::{Error, Result};
+use crate::measure::Verdict;
+use crate::record::{Record, interval, median, ms, significant};
+use crate::report::page::{SCRIPT, STYLE, nonce};
+use crate::report::plot::Plot;
+use crate::report::plot::chart::{Across, Chart, Mark, Series};
+use crate::report::plot::palette::Look;
+use crate::report::plot::scale::Kind;
+use crate::report::words::tip;
+use askama::Template;
+use std::fmt::Write as _;
+
+impl Comparison {
+    /// The comparison as Markdown.
+    pub fn markdown(&self) -> String {
+        let [a, b] = &self.labels;
+        let mut text = format!("# {b} against {a}\n\n{}.\n\n", self.summary());
+        let _ = writeln!(text, "| point | {a}, ms | {b}, ms | change | verdict |\n|---|--:|--:|--:|---|");
+        for row in self.rows() {
+            let cells = row.cells();
+            // A bar would end the cell.
+            let cells = cells.map(|cell| cell.replace('|', "\\|"));
+            let _ = writeln!(text, "| {} |", cells.join(" | "));
+        }
+        if !self.others.is_empty() {
+            text.push_str("\nNot compared:\n\n");
+            self.others.iter().for_each(|line| {
+                let _ = writeln!(text, "- {line}");
+            });
+        }
+        let _ = writeln!(
+            text,
+            "\nSame: medians within {}%. Faster and slower: farther apart than that, and the intervals from the least sample to \
+             the third quartile do not touch; else unclear.",
+            100.0 * self.threshold
+        );
+        text
+    }
+
+    /// The largest changes first.
+    fn rows(&self) -> Vec<Row> {
+        let mut pairs: Vec<_> = self.pairs.iter().collect();
+        pairs.sort_by(|a, b| b.change_percent.abs().total_cmp(&a.change_percent.abs()));
+        let row = |pair: &&Pair| Row {
+            point: name(&pair.before),
+            before: median(&pair.before).map_or("-".into(), ms),
+            after: median(&pair.after).map_or("-".into(), ms),
+            change: format!("{:+.1}%", pair.change_percent),
+            verdict: pair.verdict.name(),
+        };
+        pairs.iter().map(row).collect()
+    }
+
+    /// The second folder's times against the first's.
+    pub fn plot(&self) -> Plot {
+        let [a, b] = &self.labels;
+        let verdicts = [Verdict::Faster, Verdict::Slower, Verdict::Same, Verdict::Unclear];
+        let series = verdicts.into_iter().enumerate().filter_map(|(place, verdict)| {
+            let pairs: Vec<_> = self.pairs.iter().filter(|pair| pair.verdict == verdict).collect();
+            let marks = pairs.iter().filter_map(|pair| {
+                let tip = format!(
+                    "{}\n{} ({:+.1}%)\n{a}: {}\n{b}: {}",
+                    name(&pair.before),
+                    verdict.name(),
+                    pair.change_percent,
+                    tip(&pair.before),
+                    tip(&pair.after)
+                );
+                Some(Mark {
+                    x: median(&pair.before)?,
+                    y: median(&pair.after)?,
+                    interval: interval(&pair.after),
+                    tip,
+                })
+            });
+            // Green, vermilion, blue and grey, as the words in the table.
+            let look = Look::of([2, 1, 0, 6][place]);
+            let name = format!("{} ({})", verdict.name(), pairs.len());
+            (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
+        });
+        let chart = Chart {
+            title: format!("{b} against {a}"),
+            x_label: format!("{a}: median ms"),
+            y_label: format!("{b}: median ms"),
+            across: Across::Numbers(Kind::Log),
+            up: Kind::Log,
+            diagonal: true,
+            series: series.collect(),
+        };
+        Plot {
+            name: "compare".into(),
+            caption: format!(
+                "Below the line {b} is faster, above it {a}; bars are 95% intervals of {b}'s medians."
+            ),
+            svg: chart.svg(),
+        }
+    }
+
+    /// The comparison as a page.
+    pub fn html(&self) -> Result<String> {
+        let records: Vec<Record> = self.pairs.iter().map(|pair| pair.after.clone()).collect();
+        let page = Page {
+            style: STYLE,
+            script: SCRIPT,
+            nonce: nonce(&records),
+            version: env!("CARGO_PKG_VERSION"),
+            labels: &self.labels,
+            summary: self.summary(),
+            plot: self.plot(),
+            rows: self.rows(),
+            others: &self.others,
+            threshold: significant(100.0 * self.threshold, 3),
+        };
+        page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
+    }
+}
+
+#[derive(Template)]
+#[template(path = "compare.html")]
+struct Page<'a> {
+    style: &'static str,
+    script: &'static str,
+    nonce: String,
+    version: &'static str,
+    labels: &'a [String; 2],
+    summary: String,
+    plot: Plot,
+    rows: Vec<Row>,
+    others: &'a [String],
+    threshold: String,
+}
+
+/// A row of the table.
+struct Row {
+    point: String,
+    before: String,
+    after: String,
+    change: String,
+    verdict: &'static str,
+}
+
+impl Row {
+    fn cells(&self) -> [&str; 5] {
+        [&self.point, &self.before, &self.after, &self.change, self.verdict]
+    }
+}

@@ -1,0 +1,146 @@
+//! Where and how the runs were made: enough for someone else to make them again.
+
+use super::folder::Folder;
+use crate::record::Record;
+use serde_json::Value;
+
+/// What a page says of one folder.
+#[derive(Clone, Debug, Default)]
+pub struct EnvironmentView {
+    /// The folder's name.
+    pub label: String,
+    /// The command that makes the run again.
+    pub command: String,
+    /// The config's text.
+    pub config: String,
+    /// The rest, under headings.
+    pub sections: Vec<(String, Vec<(String, String)>)>,
+    /// What is to be said of the reading.
+    pub notes: Vec<String>,
+}
+
+/// A program that was measured: the strategy's name, its axes, its hash.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    /// The strategy's name.
+    pub name: String,
+    /// Its axes.
+    pub strategy: String,
+    /// The hashes of source, defines and build options: one for each local size and scene it was built for.
+    pub hashes: Vec<String>,
+}
+
+/// A folder's environment for the page.
+pub fn view(folder: &Folder) -> EnvironmentView {
+    let environment = &folder.environment;
+    let mut view = EnvironmentView {
+        label: folder.label.clone(),
+        command: command(environment),
+        config: environment["config"].as_str().unwrap_or_default().to_owned(),
+        notes: folder.notes.clone(),
+        ..EnvironmentView::default()
+    };
+    let mut run = Vec::new();
+    for (key, value) in environment.as_object().into_iter().flatten() {
+        match value {
+            Value::Object(_) => view.sections.push((words(key), facts(value))),
+            Value::Array(items) if items.iter().any(Value::is_object) => {
+                let name =
+                    |item: &Value| item["device"].as_str().or(item["name"].as_str()).unwrap_or("").to_owned();
+                view.sections
+                    .extend(items.iter().map(|item| (format!("{} {}", words(key), name(item)), facts(item))));
+            }
+            _ if ["config", "command_line"].contains(&key.as_str()) => {}
+            scalar => run.push((words(key), plain(scalar))),
+        }
+    }
+    view.sections.insert(0, ("run".to_owned(), run));
+    view
+}
+
+/// The command as a shell takes it.
+fn command(environment: &Value) -> String {
+    let arguments = environment["command_line"].as_array().into_iter().flatten().filter_map(Value::as_str);
+    let quoted: Vec<_> = arguments
+        .enumerate()
+        // Whoever runs it again has the program somewhere else.
+        .map(|(place, argument)| if place == 0 { "raycl".to_owned() } else { quote(argument) })
+        .collect();
+    quoted.join(" ")
+}
+
+/// An argument in quotes where a shell would read it as more than a word.
+pub fn quote(argument: &str) -> String {
+    let harmless = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !argument.is_empty() && argument.chars().all(harmless) {
+        return argument.to_owned();
+    }
+    format!("'{}'", argument.replace('\'', r"'\''"))
+}
+
+fn facts(value: &Value) -> Vec<(String, String)> {
+    let entries = value.as_object().into_iter().flatten();
+    entries.flat_map(|(key, value)| fact(&words(key), value)).collect()
+}
+
+fn fact(key: &str, value: &Value) -> Vec<(String, String)> {
+    match value {
+        Value::Object(map) => {
+            map.iter().flat_map(|(inner, value)| fact(&format!("{key}, {}", words(inner)), value)).collect()
+        }
+        scalar => vec![(key.to_owned(), plain(scalar))],
+    }
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => "unknown".into(),
+        Value::String(text) => text.clone(),
+        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(", "),
+        other => other.to_string(),
+    }
+}
+
+fn words(key: &str) -> String {
+    key.replace('_', " ")
+}
+
+/// Every program of the records, by name.
+pub fn programs(records: &[Record]) -> Vec<Program> {
+    let mut programs: Vec<Program> = Vec::new();
+    for record in records.iter().filter(|record| !record.is_baseline()) {
+        let same = |known: &Program| known.name == record.name && known.strategy == record.strategy;
+        let place = programs.iter().position(same).unwrap_or_else(|| {
+            let (name, strategy) = (record.name.clone(), record.strategy.clone());
+            programs.push(Program { name, strategy, hashes: Vec::new() });
+            programs.len() - 1
+        });
+        if let Some(hash) = record.program_hash.as_ref().filter(|hash| !programs[place].hashes.contains(hash))
+        {
+            programs[place].hashes.push(hash.clone());
+        }
+    }
+    programs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_can_be_pasted_into_a_shell() {
+        let folder = Folder {
+            environment: serde_json::json!({
+                "command_line": ["target/debug/raycl", "run", "a b.toml", "--set", "image_sizes=[[160,100]]", "it's"],
+                "host": {"cpu": "EPYC", "clocks": {"now_mhz": 2450}},
+                "devices": [{"device": "gpu", "driver": "1"}],
+            }),
+            ..Folder::default()
+        };
+        let view = view(&folder);
+        assert_eq!(view.command, r"raycl run 'a b.toml' --set 'image_sizes=[[160,100]]' 'it'\''s'");
+        let host = &view.sections.iter().find(|(name, _)| name == "host").expect("a host").1;
+        assert!(host.contains(&("clocks, now mhz".into(), "2450".into())), "{host:?}");
+        assert!(view.sections.iter().any(|(name, _)| name == "devices gpu"));
+    }
+}

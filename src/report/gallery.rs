@@ -1,0 +1,160 @@
+//! Pictures, read from the results' folders and put into the page itself.
+
+use super::folder::Folder;
+use crate::record::{Record, by};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use std::collections::HashMap;
+use std::io::Cursor;
+
+/// All pictures of a page together stay under this, so that the page stays under 15 MB; the rest are named.
+const PICTURE_BYTES: usize = 9_000_000;
+/// Pixels across of the pictures beside an answer.
+const THUMBNAIL: u32 = 120;
+
+/// A picture in the page.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// What it is: "reference", "naive", "certain pixels".
+    pub kind: String,
+    /// What it shows, in a sentence.
+    pub caption: String,
+    /// A `data:` address, or nothing where the picture was left out to keep the page small.
+    pub data: Option<String>,
+    /// Where it lies.
+    pub path: String,
+}
+
+/// The pictures of a scene at a size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// The scene.
+    pub name: String,
+    /// Pixels across and down.
+    pub size: String,
+    /// Triangles, where known.
+    pub triangles: Option<u64>,
+    /// Its pictures.
+    pub pictures: Vec<Picture>,
+}
+
+/// Reads pictures until there is no more room for them.
+#[derive(Debug)]
+pub struct Pictures<'a> {
+    folders: &'a [Folder],
+    spent: usize,
+    read: HashMap<String, Option<Vec<u8>>>,
+}
+
+impl<'a> Pictures<'a> {
+    /// Pictures of these folders.
+    pub fn of(folders: &'a [Folder]) -> Self {
+        Self { folders, spent: 0, read: HashMap::new() }
+    }
+
+    /// A picture's bytes, from the first folder that has it. Paths that leave the folder are not followed.
+    fn bytes(&mut self, path: &str) -> Option<&[u8]> {
+        let folders = self.folders;
+        let found = self.read.entry(path.to_owned()).or_insert_with(|| {
+            let inside = !path.contains("..") && !path.starts_with('/');
+            folders.iter().filter(|_| inside).find_map(|folder| std::fs::read(folder.path.join(path)).ok())
+        });
+        found.as_deref()
+    }
+
+    /// A small form of a picture for beside an answer.
+    pub fn thumbnail(&mut self, path: &str) -> Option<String> {
+        let picture = image::load_from_memory(self.bytes(path)?).ok()?;
+        let height = (THUMBNAIL * picture.height()).div_ceil(picture.width().max(1));
+        let small = picture.thumbnail(THUMBNAIL, height.max(1)).to_rgb8();
+        let mut bytes = Cursor::new(Vec::new());
+        small.write_to(&mut bytes, image::ImageFormat::Png).ok()?;
+        Some(data_address("image/png", bytes.get_ref()))
+    }
+
+    fn whole(&mut self, path: &str) -> Option<String> {
+        let spent = self.spent;
+        let bytes = self.bytes(path)?;
+        let cost = bytes.len() * 4 / 3;
+        if spent + cost > PICTURE_BYTES {
+            return None;
+        }
+        let address = data_address("image/png", bytes);
+        self.spent += cost;
+        Some(address)
+    }
+
+    /// Every scene's pictures: its reference, what every strategy made of it, where they differ, what it costs.
+    pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
+        let mut scenes: Vec<Scene> = Vec::new();
+        let mut shown: Vec<(usize, String)> = Vec::new();
+        for record in records {
+            let size = by(record.image_size);
+            let place = scenes.iter().position(|scene| scene.name == record.scene && scene.size == size);
+            let place = place.unwrap_or_else(|| {
+                scenes.push(Scene {
+                    name: record.scene.clone(),
+                    size,
+                    triangles: record.triangles,
+                    pictures: Vec::new(),
+                });
+                scenes.len() - 1
+            });
+            for (path, kind, caption) in pictures_of(record) {
+                if !shown.contains(&(place, path.clone())) {
+                    let data = self.whole(&path);
+                    shown.push((place, path.clone()));
+                    scenes[place].pictures.push(Picture { kind, caption, data, path });
+                }
+            }
+        }
+        scenes.retain(|scene| !scene.pictures.is_empty());
+        for scene in &mut scenes {
+            scene.pictures.sort_by_key(|picture| order(&picture.kind));
+        }
+        scenes
+    }
+}
+
+fn order(kind: &str) -> usize {
+    ["reference", "certain pixels", "cost"].iter().position(|known| kind.starts_with(known)).unwrap_or(9)
+}
+
+fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
+    let who = if record.is_baseline() { &record.strategy } else { &record.name };
+    let uncertain = record.uncertain_pixels.unwrap_or(0);
+    let differs = record.max_difference.map_or(String::new(), |most| format!(" The largest is {most:.1e}."));
+    let pictures = [
+        (
+            &record.reference_image,
+            "reference".to_owned(),
+            "The serial caster in double precision.".to_owned(),
+        ),
+        (
+            &record.certainty_image,
+            "certain pixels".to_owned(),
+            format!(
+                "Orange: {uncertain} pixels that a tiny nudge of the ray changes: there an image need only look as under some nudge."
+            ),
+        ),
+        (
+            &record.cost_image,
+            "cost".to_owned(),
+            "Nodes and triangles that a primary ray tests in the reference's tree: dark few, light many."
+                .to_owned(),
+        ),
+        (&record.image, who.clone(), format!("On {}.", record.device)),
+        (
+            &record.difference_image,
+            format!("difference: {who}"),
+            format!("Relative differences from the reference, a colour a decade; black: none.{differs}"),
+        ),
+    ];
+    let present =
+        pictures.into_iter().filter_map(|(path, kind, caption)| Some((path.clone()?, kind, caption)));
+    present.collect()
+}
+
+fn data_address(kind: &str, bytes: &[u8]) -> String {
+    format!("data:{kind};base64,{}", STANDARD.encode(bytes))
+}

@@ -1,0 +1,100 @@
+//! From records to a page that a person would rather look at. Reads records and pictures, never a device.
+
+mod answer;
+mod claims;
+mod compare;
+mod environment;
+mod folder;
+mod gallery;
+mod occupancy;
+mod overview;
+mod page;
+pub mod paper;
+pub mod plot;
+mod reproduction;
+mod view;
+mod words;
+
+pub use claims::OTHER_CONTRADICTIONS;
+pub use compare::{Comparison, Pair};
+pub use folder::Folder;
+pub use page::Page;
+pub use reproduction::Reproduction;
+
+use crate::error::{Error, Result};
+use crate::record::{Record, kernel_tuner_caches, summary_csv, t4_results};
+use plot::Plot;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Written {
+    /// The page.
+    pub page: PathBuf,
+    /// The folder of plots, and how many there are.
+    pub plots: (PathBuf, usize),
+    /// The folder of files for other tools.
+    pub exports: PathBuf,
+}
+
+/// Writes `report.html`, `plots/` and `exports/` of the folders' records into `out`.
+pub fn write(folders: &[Folder], out: &Path) -> Result<Written> {
+    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+    let page = Page::of(folders);
+    let path = out.join("report.html");
+    put(&path, page.html()?.as_bytes())?;
+    let plots = write_plots(&page.plots(), out)?;
+    let exports = write_exports(&folder::merged(folders), out)?;
+    Ok(Written { page: path, plots, exports })
+}
+
+/// Writes what other tools read under `out/exports`: T4 results, a Kernel Tuner cache a group, CSV.
+fn write_exports(records: &[Record], out: &Path) -> Result<PathBuf> {
+    let folder = out.join("exports");
+    std::fs::create_dir_all(&folder).map_err(|error| cannot("make", &folder, &error))?;
+    put(&folder.join("t4-results.json"), t4_results(records).as_bytes())?;
+    for (name, text) in kernel_tuner_caches(records) {
+        put(&folder.join(format!("kernel-tuner-{name}.json")), text.as_bytes())?;
+    }
+    put(&folder.join("points.csv"), &summary_csv(records)?)?;
+    Ok(folder)
+}
+
+/// Writes `reproduction.html` and its plots of folders made with the paper's configs into `out`; returns the page's path.
+pub fn write_reproduction(folders: &[Folder], out: &Path) -> Result<PathBuf> {
+    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+    let page = Reproduction::of(folders);
+    let path = out.join("reproduction.html");
+    put(&path, page.html()?.as_bytes())?;
+    write_plots(&page.plots(), out)?;
+    Ok(path)
+}
+
+/// Writes `compare.html`, `compare.md` and the plot into `out`.
+pub fn write_comparison(comparison: &Comparison, out: &Path) -> Result<()> {
+    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+    put(&out.join("compare.html"), comparison.html()?.as_bytes())?;
+    put(&out.join("compare.md"), comparison.markdown().as_bytes())?;
+    write_plots(&[&comparison.plot()], out).map(|_| ())
+}
+
+/// Writes every plot as SVG and PNG under `out/plots`.
+pub fn write_plots(plots: &[&Plot], out: &Path) -> Result<(PathBuf, usize)> {
+    let folder = out.join("plots");
+    std::fs::create_dir_all(&folder).map_err(|error| cannot("make", &folder, &error))?;
+    plots.par_iter().try_for_each(|plot| {
+        put(&folder.join(format!("{}.svg", plot.name)), plot.svg.as_bytes())?;
+        put(&folder.join(format!("{}.png", plot.name)), &plot::png::png(&plot.svg)?)
+    })?;
+    Ok((folder, plots.len()))
+}
+
+/// Writes a file, or says which one could not be written.
+pub fn put(path: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(path, bytes).map_err(|error| cannot("write", path, &error))
+}
+
+fn cannot(what: &str, path: &Path, error: &std::io::Error) -> Error {
+    Error::run(format!("cannot {what} {}: {error}", path.display()))
+}

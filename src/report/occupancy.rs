@@ -1,0 +1,132 @@
+//! Predicted occupancy against measured speed: does the paper's way of choosing a local size choose well?
+
+use super::plot::Plot;
+use super::plot::chart::{Across, Chart, Mark, Series};
+use super::plot::scale::Kind;
+use super::view::names;
+use super::words::{Looks, group_title, tip};
+use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
+use crate::record::{Group, Record, median};
+
+/// The paper's registers a thread.
+const REGISTERS: u32 = 63;
+/// The paper's device.
+const PAPER: &str = "2.0";
+
+/// Predicted threads in flight against measured speed, a mark a point; none where nothing differs.
+pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
+    let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
+    let mut series = Vec::new();
+    let mut ranks = Vec::new();
+    for strategy in names(group) {
+        let of_strategy: Vec<&Record> = group
+            .records
+            .iter()
+            .copied()
+            .filter(|record| record.name == strategy && median(record).is_some())
+            .collect();
+        let best = of_strategy.iter().filter_map(|record| median(record)).fold(f64::INFINITY, f64::min);
+        let marks: Vec<Mark> = of_strategy.iter().filter_map(|record| mark(record, sm, best)).collect();
+        ranks.extend(spearman(&marks));
+        if !marks.is_empty() {
+            series.push(Series {
+                name: strategy.to_owned(),
+                look: looks.look(strategy),
+                joined: false,
+                marks,
+            });
+        }
+    }
+    if series.iter().all(|one| one.marks.len() < 3) {
+        return None;
+    }
+    let chart = Chart {
+        title: format!("Predicted occupancy against measured speed: {}", group_title(group)),
+        x_label: format!(
+            "predicted occupancy of a multiprocessor, % (CC {}, {REGISTERS} registers)",
+            sm.compute_capability
+        ),
+        y_label: "measured speed, % of the strategy's best".into(),
+        across: Across::Numbers(Kind::Linear),
+        up: Kind::Linear,
+        diagonal: false,
+        series,
+    };
+    let caption = format!("{} {}", whose(compute_capability), ranking(&ranks));
+    Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
+}
+
+fn whose(compute_capability: Option<&str>) -> String {
+    match compute_capability {
+        Some(cc) => format!(
+            "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not \
+             tell a kernel's registers."
+        ),
+        None => format!(
+            "The prediction is the paper's (Figure 5's device, compute capability {PAPER}), corrected for its \
+             {REGISTERS} registers; this device has no multiprocessors that OpenCL describes."
+        ),
+    }
+}
+
+/// What the rank correlations amount to.
+fn ranking(ranks: &[f64]) -> String {
+    if ranks.is_empty() {
+        return "Too few local sizes to say how well it ranks them.".to_owned();
+    }
+    let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
+    let verdict = match mean {
+        m if m > 0.7 => "it ranks local sizes well",
+        m if m > 0.3 => "it ranks local sizes somewhat",
+        m if m > -0.3 => "it says next to nothing about which local size is fast",
+        _ => "the fast local sizes are rather those it predicts less for",
+    };
+    format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")
+}
+
+fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
+    let [across, down] = record.local_size?;
+    let predicted = occupancy(sm, REGISTERS, record.local_bytes.unwrap_or(0), across * down);
+    let percent = 100.0 * predicted.fraction;
+    let tip =
+        format!("{}\npredicted occupancy {percent:.0}% (limited by {})", tip(record), predicted.limiter);
+    Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
+}
+
+/// Spearman's rank correlation of x and y; none for fewer than four marks, or where one of them does not vary.
+fn spearman(marks: &[Mark]) -> Option<f64> {
+    if marks.len() < 4 {
+        return None;
+    }
+    let (xs, ys) = (ranks(marks.iter().map(|mark| mark.x)), ranks(marks.iter().map(|mark| mark.y)));
+    let mean = (marks.len() as f64 - 1.0) / 2.0;
+    let product: f64 = xs.iter().zip(&ys).map(|(x, y)| (x - mean) * (y - mean)).sum();
+    let square = |ranks: &[f64]| ranks.iter().map(|rank| (rank - mean).powi(2)).sum::<f64>();
+    let size = (square(&xs) * square(&ys)).sqrt();
+    (size > 0.0).then(|| product / size)
+}
+
+/// Each value's rank; equal values share the mean of theirs.
+fn ranks(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+    let rank = |value: f64| {
+        let below = values.clone().filter(|other| *other < value).count() as f64;
+        let equal = values.clone().filter(|other| *other == value).count() as f64;
+        below + (equal - 1.0) / 2.0
+    };
+    values.clone().map(rank).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_correlate_fully_when_the_order_is_the_same() {
+        let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
+        let same = [mark(1.0, 1.0), mark(2.0, 10.0), mark(3.0, 11.0), mark(9.0, 12.0)];
+        assert_eq!(spearman(&same), Some(1.0));
+        let reversed = same.clone().map(|m| mark(m.x, -m.y));
+        assert_eq!(spearman(&reversed), Some(-1.0));
+        assert_eq!(spearman(&same.map(|m| mark(1.0, m.y))), None);
+    }
+}

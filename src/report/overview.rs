@@ -1,0 +1,226 @@
+//! Plots over several groups: every scene at a glance, device against device, growth.
+
+use super::plot::Plot;
+use super::plot::chart::{Across, Chart, Mark, Series};
+use super::plot::scale::Kind;
+use super::words::{Looks, series_name, tip};
+use crate::record::{Group, HOST, Record, by, interval, median};
+use std::collections::HashMap;
+
+/// The best time of every strategy and baseline, scene by scene, for every device.
+pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+    let plot = |(place, device): (usize, &str)| {
+        let shown: Vec<_> =
+            groups.iter().filter(|group| group.device == device || group.device == HOST).collect();
+        let mut columns: Vec<(&str, [u32; 2])> = Vec::new();
+        for group in shown.iter().filter(|group| group.device == device) {
+            columns.push((group.scene, group.image_size));
+        }
+        if columns.len() < 2 {
+            return None;
+        }
+        let one_size = columns.iter().all(|(_, size)| *size == columns[0].1);
+        let series = best_of_each(&shown, &columns, looks);
+        let chart = Chart {
+            title: format!("Each strategy's best time, scene by scene: {device}"),
+            x_label: if one_size {
+                format!("scene, at {}", by(columns[0].1))
+            } else {
+                "scene and image size".into()
+            },
+            y_label: "median time of a frame, ms".into(),
+            across: Across::Names(columns.iter().map(|column| column_name(*column, one_size)).collect()),
+            up: Kind::Log,
+            diagonal: false,
+            series,
+        };
+        let caption = "Each strategy at its own best local size; the lower the faster. The host's baselines are beside them.";
+        Some(Plot { name: numbered("scenes", place), caption: caption.into(), svg: chart.svg() })
+    };
+    devices(groups).into_iter().enumerate().filter_map(plot).collect()
+}
+
+fn numbered(name: &str, place: usize) -> String {
+    if place == 0 { name.to_owned() } else { format!("{name}-{}", place + 1) }
+}
+
+fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
+    if one_size { scene.to_owned() } else { format!("{scene} {}x{}", size[0], size[1]) }
+}
+
+/// The devices that have records, the host aside.
+fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
+    let mut devices = Vec::new();
+    for group in groups.iter().filter(|group| group.device != HOST) {
+        if !devices.contains(&group.device) {
+            devices.push(group.device);
+        }
+    }
+    devices
+}
+
+fn best_of_each(groups: &[&Group<'_>], columns: &[(&str, [u32; 2])], looks: &Looks) -> Vec<Series> {
+    let mut series: Vec<Series> = Vec::new();
+    for group in groups {
+        let Some(x) = columns.iter().position(|column| *column == (group.scene, group.image_size)) else {
+            continue;
+        };
+        let mut seen: Vec<String> = Vec::new();
+        // Fastest first: the first of a name is its best.
+        for record in group.ranked() {
+            let name = series_name(record);
+            if seen.contains(&name) {
+                continue;
+            }
+            let mark = Mark {
+                x: x as f64,
+                y: median(record).unwrap_or_default(),
+                interval: interval(record),
+                tip: format!("{}\n{}", group.scene, tip(record)),
+            };
+            match series.iter_mut().find(|one| one.name == name) {
+                Some(one) => one.marks.push(mark),
+                None => series.push(Series {
+                    look: looks.look(&name),
+                    name: name.clone(),
+                    joined: true,
+                    marks: vec![mark],
+                }),
+            }
+            seen.push(name);
+        }
+    }
+    for one in &mut series {
+        one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
+    }
+    series.sort_by_key(|one| looks.look(&one.name).number);
+    series
+}
+
+/// Every point that two devices share, one against the other; a plot a pair.
+pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+    let devices = devices(groups);
+    let mut plots = Vec::new();
+    for (place, one) in devices.iter().enumerate() {
+        for other in &devices[place + 1..] {
+            plots.extend(pair(groups, looks, one, other, plots.len()));
+        }
+    }
+    plots
+}
+
+fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usize) -> Option<Plot> {
+    let of = |device: &str| -> Vec<&Record> {
+        groups.iter().filter(|group| group.device == device).flat_map(Group::ranked).collect()
+    };
+    let point =
+        |record: &Record| (record.scene.clone(), record.image_size, record.name.clone(), record.local_size);
+    let others: HashMap<_, _> = of(other).into_iter().map(|record| (point(record), record)).collect();
+    let mut series: Vec<Series> = Vec::new();
+    for record in of(one) {
+        let Some(match_) = others.get(&point(record)) else { continue };
+        let (Some(x), Some(y)) = (median(record), median(match_)) else { continue };
+        let tip = format!("{}\n{one}: {}\n{other}: {}", record.scene, tip(record), tip(match_));
+        let mark = Mark { x, y, interval: interval(match_), tip };
+        match series.iter_mut().find(|known| known.name == record.name) {
+            Some(known) => known.marks.push(mark),
+            None => series.push(Series {
+                name: record.name.clone(),
+                look: looks.look(&record.name),
+                joined: false,
+                marks: vec![mark],
+            }),
+        }
+    }
+    series.sort_by_key(|one| looks.look(&one.name).number);
+    let chart = Chart {
+        title: "Device against device".into(),
+        x_label: format!("{one}: median ms"),
+        y_label: format!("{other}: median ms"),
+        across: Across::Numbers(Kind::Log),
+        up: Kind::Log,
+        diagonal: true,
+        series,
+    };
+    let caption =
+        format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
+    (!chart.series.is_empty()).then(|| Plot { name: numbered("devices", place), caption, svg: chart.svg() })
+}
+
+/// How each strategy's best time grows with the triangles, and with the pixels, where records vary in them.
+pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+    let mut plots = Vec::new();
+    for device in devices(groups) {
+        let of_device: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
+        let pixels = |group: &Group<'_>| group.image_size.iter().map(|side| f64::from(*side)).product();
+        let triangles =
+            |group: &Group<'_>| group.records.first().and_then(|record| record.triangles).unwrap_or(0) as f64;
+        // The image size with the most scenes, then the scene with the most sizes.
+        if let Some(size) = most_common(of_device.iter().map(|group| group.image_size)) {
+            let same: Vec<_> = of_device.iter().copied().filter(|group| group.image_size == size).collect();
+            let what = format!("Growth with triangles, at {}: {device}", by(size));
+            plots.extend(grown(
+                &same,
+                looks,
+                &what,
+                "triangles in the scene",
+                numbered("triangles", plots.len()),
+                &triangles,
+            ));
+        }
+        if let Some(scene) = most_common(of_device.iter().map(|group| group.scene)) {
+            let same: Vec<_> = of_device.iter().copied().filter(|group| group.scene == scene).collect();
+            let what = format!("Growth with pixels, {scene}: {device}");
+            plots.extend(grown(
+                &same,
+                looks,
+                &what,
+                "pixels in the image",
+                numbered("pixels", plots.len()),
+                &pixels,
+            ));
+        }
+    }
+    plots
+}
+
+fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> Option<T> {
+    let count = |value: &T| values.clone().filter(|other| other == value).count();
+    values.clone().max_by_key(count)
+}
+
+fn grown(
+    groups: &[&Group<'_>],
+    looks: &Looks,
+    title: &str,
+    x_label: &str,
+    name: String,
+    x: &dyn Fn(&Group<'_>) -> f64,
+) -> Option<Plot> {
+    let mut places: Vec<f64> = groups.iter().map(|group| x(group)).filter(|x| *x > 0.0).collect();
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    if places.len() < 2 {
+        return None;
+    }
+    let columns: Vec<_> = groups.iter().map(|group| (group.scene, group.image_size)).collect();
+    let mut series = best_of_each(groups, &columns, looks);
+    for mark in series.iter_mut().flat_map(|one| &mut one.marks) {
+        mark.x = x(groups[mark.x as usize]);
+    }
+    for one in &mut series {
+        one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
+    }
+    let chart = Chart {
+        title: title.to_owned(),
+        x_label: x_label.to_owned(),
+        y_label: "median device time of a frame, ms".into(),
+        across: Across::Numbers(Kind::Log),
+        up: Kind::Log,
+        diagonal: false,
+        series,
+    };
+    let caption =
+        "Both axes are logarithmic: time that grows in proportion climbs one decade a decade.".to_owned();
+    Some(Plot { name, caption, svg: chart.svg() })
+}

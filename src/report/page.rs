@@ -1,0 +1,262 @@
+//! The page: what the template shows, put together from records.
+
+use super::answer::{self, Answer, answers, headline};
+use super::environment::{self, EnvironmentView, Program};
+use super::folder::{Folder, merged};
+use super::gallery::{self, Pictures};
+use super::plot::Plot;
+use super::plot::scale::Kind;
+use super::words::{Looks, first_line, group_title, series_name, size_name, times};
+use super::{occupancy, overview, view};
+use crate::error::{Error, Result};
+use crate::record::{Group, HOST, Outcome, Record, by, groups, interval, median, ms, significant};
+use askama::Template;
+
+/// The style sheet every page carries.
+pub const STYLE: &str = include_str!("templates/page.css");
+/// The script every page carries; pages are readable without it.
+pub const SCRIPT: &str = include_str!("templates/page.js");
+
+/// Everything the report shows.
+#[derive(Template)]
+#[template(path = "report.html")]
+pub struct Page {
+    style: &'static str,
+    script: &'static str,
+    nonce: String,
+    title: String,
+    questions: Vec<(String, String)>,
+    headline: String,
+    counts: Vec<(String, String)>,
+    answers: Vec<(Answer, Option<String>)>,
+    overview: Vec<Plot>,
+    views: Vec<View>,
+    gallery: Vec<gallery::Scene>,
+    environments: Vec<EnvironmentView>,
+    programs: Vec<Program>,
+    version: &'static str,
+}
+
+/// One group's plots and table.
+pub struct View {
+    id: String,
+    /// Whether the page shows it first: the largest scene has most to tell.
+    first: bool,
+    title: String,
+    heat: Option<Plot>,
+    lines: Option<[Plot; 2]>,
+    others: Vec<Plot>,
+    rows: Vec<Row>,
+}
+
+/// A row of a table.
+pub struct Row {
+    name: String,
+    strategy: String,
+    size: String,
+    items: u32,
+    median: String,
+    interval: String,
+    n: usize,
+    slower: String,
+    rays: String,
+    tests: String,
+    outcome: &'static str,
+    why: String,
+    wins: bool,
+}
+
+impl Page {
+    /// Puts the page together.
+    pub fn of(folders: &[Folder]) -> Self {
+        let records = merged(folders);
+        let groups = groups(&records);
+        let looks = Looks::of(&groups);
+        let mut pictures = Pictures::of(folders);
+        let answers = answers(&groups);
+        let headline = headline(&answers);
+        let with_picture = |answer: Answer| {
+            let picture = answer.image.as_deref().and_then(|path| pictures.thumbnail(path));
+            (answer, picture)
+        };
+        let answers: Vec<_> = answers.into_iter().map(with_picture).collect();
+        let mut overview = overview::scenes(&groups, &looks);
+        overview.extend(overview::device_against_device(&groups, &looks));
+        overview.extend(overview::growth(&groups, &looks));
+        Self {
+            style: STYLE,
+            script: SCRIPT,
+            nonce: nonce(&records),
+            title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
+            questions: questions(folders),
+            headline,
+            counts: counts(&records, &groups),
+            answers,
+            overview,
+            views: views(&groups, &looks, folders),
+            gallery: pictures.gallery(&records),
+            environments: folders.iter().map(environment::view).collect(),
+            programs: environment::programs(&records),
+            version: env!("CARGO_PKG_VERSION"),
+        }
+    }
+
+    /// The page as HTML.
+    pub fn html(&self) -> Result<String> {
+        self.render().map_err(|error| Error::run(format!("the report could not be written: {error}")))
+    }
+
+    /// Every plot on it.
+    pub fn plots(&self) -> Vec<&Plot> {
+        let views = self
+            .views
+            .iter()
+            .flat_map(|view| view.heat.iter().chain(view.lines.iter().flatten()).chain(&view.others));
+        self.overview.iter().chain(views).collect()
+    }
+}
+
+/// What lets the page's own script run and no other; it depends on the records, so data cannot know it.
+pub fn nonce(records: &[Record]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for record in records {
+        hasher.update(record.key.as_bytes());
+        hasher.update(record.timestamp.as_deref().unwrap_or_default().as_bytes());
+        hasher.update(record.scene.as_bytes());
+    }
+    hasher.finalize().to_hex().chars().take(24).collect()
+}
+
+/// What the folders' configs asked and expected.
+fn questions(folders: &[Folder]) -> Vec<(String, String)> {
+    let mut questions = Vec::new();
+    for folder in folders {
+        let question = folder.config("question").unwrap_or_else(|| folder.label.clone());
+        let pair = (question, folder.config("expectation").unwrap_or_default());
+        if !questions.contains(&pair) {
+            questions.push(pair);
+        }
+    }
+    questions
+}
+
+fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
+    let count = |wanted: &dyn Fn(&Record) -> bool| records.iter().filter(|record| wanted(record)).count();
+    let measured = count(&|record| record.outcome == Outcome::Measured);
+    let infeasible = count(&|record| record.outcome == Outcome::Infeasible);
+    let failed = records.len() - measured - infeasible;
+    let samples: usize = records.iter().map(|record| record.samples_ms.len()).sum();
+    let different = |of: fn(&Group<'_>) -> String| {
+        let mut all: Vec<_> = groups.iter().filter(|group| group.device != HOST).map(of).collect();
+        all.sort();
+        all.dedup();
+        all.len()
+    };
+    let facts = [
+        (different(|group| group.scene.to_owned()), "scene", "scenes"),
+        (different(|group| group.device.to_owned()), "device", "devices"),
+        (records.len(), "point", "points"),
+        (samples, "timed frame", "timed frames"),
+        (infeasible, "does not fit", "do not fit"),
+        (failed, "failed", "failed"),
+    ];
+    let named = facts.map(|(n, one, many)| (n.to_string(), if n == 1 { one } else { many }.to_owned()));
+    let always = |place: usize| place < 4;
+    let shown = named.into_iter().enumerate().filter(|(place, (n, _))| always(*place) || n != "0");
+    shown.map(|(_, fact)| fact).collect()
+}
+
+fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
+    let kernels = groups.iter().filter(|group| group.device != HOST);
+    let mut views: Vec<View> = kernels
+        .clone()
+        .enumerate()
+        .map(|(place, group)| one_view(place, group, groups, looks, folders))
+        .collect();
+    let triangles = |group: &Group<'_>| group.records.iter().filter_map(|record| record.triangles).max();
+    let largest = kernels.enumerate().max_by_key(|(_, group)| triangles(group)).map(|(place, _)| place);
+    if let Some(view) = largest.and_then(|place| views.get_mut(place)) {
+        view.first = true;
+    }
+    views
+}
+
+fn one_view(
+    place: usize,
+    group: &Group<'_>,
+    groups: &[Group<'_>],
+    looks: &Looks,
+    folders: &[Folder],
+) -> View {
+    let [width, height] = group.image_size;
+    let file = |what: &str| file_name(&format!("{what}-{}-{width}x{height}-{}", group.scene, group.device));
+    let lines = |kind, what: &str| view::lines(group, looks, kind, &file(what));
+    let mut others = Vec::new();
+    others.extend(view::strip(group, &file("samples")));
+    let capability = compute_capability(folders, group.device);
+    others.extend(occupancy::plot(group, looks, capability.as_deref(), &file("occupancy")));
+    let winners = group.winners();
+    let best = winners.first().and_then(|record| median(record));
+    let failed = group.failures().into_iter().map(|(record, _)| record);
+    let kernels = group.ranked().into_iter().chain(failed);
+    let wins = |record: &Record| winners.iter().any(|winner| winner.key == record.key);
+    let rows = kernels.map(|record| row(record, best, wins(record)));
+    let host = answer::baselines(group, groups).into_iter().map(|record| row(record, best, false));
+    View {
+        id: format!("view-{place}"),
+        first: false,
+        title: group_title(group),
+        heat: Some(view::heat(group, &file("heat"))),
+        lines: lines(Kind::Log, "local-size-log")
+            .zip(lines(Kind::Linear, "local-size-linear"))
+            .map(|(a, b)| [a, b]),
+        others,
+        rows: rows.chain(host).collect(),
+    }
+}
+
+/// A device's compute capability, where the environment tells it.
+fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
+    let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
+    let mut same = devices.filter(|one| one["device"].as_str().is_some_and(|name| device.starts_with(name)));
+    same.find_map(|one| one["compute_capability"].as_str().map(str::to_owned))
+}
+
+/// A name that is one file in one folder on any system.
+pub fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
+}
+
+fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
+    let time = median(record);
+    let number = |value: Option<f64>, text: &dyn Fn(f64) -> String| {
+        value.filter(|_| time.is_some()).map_or(String::new(), text)
+    };
+    Row {
+        name: series_name(record),
+        strategy: record.strategy.clone(),
+        size: size_name(record),
+        items: record.local_size.map_or(0, |[across, down]| across * down),
+        median: number(time, &ms),
+        interval: interval(record)
+            .filter(|_| time.is_some())
+            .map_or(String::new(), |[low, high]| format!("{} to {}", ms(low), ms(high))),
+        n: record.samples_ms.len(),
+        slower: time.zip(best).map_or(String::new(), |(time, best)| times(time, best)),
+        rays: number(record.rays_per_s, &|rays| significant(rays / 1e6, 3)),
+        tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
+        outcome: record.outcome.name(),
+        why: match time {
+            Some(_) => record.warning.clone().unwrap_or_default(),
+            None => first_line(record).to_owned(),
+        },
+        wins,
+    }
+}
+
+impl Answer {
+    /// Its image size as text.
+    pub fn size(&self) -> String {
+        by(self.image_size)
+    }
+}

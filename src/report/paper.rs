@@ -1,0 +1,66 @@
+//! The paper's published run times, read off its Figures 6 to 8 by the authors of raycl; in milliseconds.
+
+/// One published point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Published {
+    /// Figure 6, 7 or 8.
+    pub figure: u32,
+    /// The figure's name of the series.
+    pub series: String,
+    /// Work-items across and down.
+    pub block: u32,
+    /// The run time.
+    pub ms: f64,
+}
+
+const CSV: &str = include_str!("assets/published_runtimes.csv");
+
+/// Every published point, in the file's order.
+pub fn published() -> Vec<Published> {
+    let parse = |line: &str| {
+        let mut cells = line.split(',');
+        let (figure, series, block, ms) = (cells.next()?, cells.next()?, cells.next()?, cells.next()?);
+        Some(Published {
+            figure: figure.parse().ok()?,
+            series: series.to_owned(),
+            block: block.parse().ok()?,
+            ms: ms.parse().ok()?,
+        })
+    };
+    CSV.lines().skip(1).filter_map(parse).collect()
+}
+
+/// Which of the paper's curves is what: figure, its series, our scene, our preset.
+pub const CURVES: [(u32, &str, &str, &str); 7] = [
+    (6, "Teapot (1026)", "teapot", "naive"),
+    (6, "Gourd (650)", "gourd", "naive"),
+    (7, "Single Triangle", "triangle", "naive"),
+    (7, "Pyramid (6)", "pyramid-upper", "naive"),
+    (8, "Naive", "still-life", "naive"),
+    (8, "Opt1", "still-life", "local-vectors"),
+    (8, "Opt2", "still-life", "local-triangles"),
+];
+
+/// The curve of a scene and preset: the figure it is in and its points as (block, ms).
+pub fn curve(scene: &str, preset: &str) -> Option<(u32, Vec<(u32, f64)>)> {
+    let (figure, series, ..) =
+        CURVES.iter().find(|(_, _, of_scene, of_preset)| *of_scene == scene && *of_preset == preset)?;
+    let points = published().into_iter().filter(|point| point.figure == *figure && point.series == *series);
+    Some((*figure, points.map(|point| (point.block, point.ms)).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_curve_has_its_points() {
+        assert_eq!(published().len(), 16 + 16 + 18);
+        for (_, _, scene, preset) in CURVES {
+            let (_, points) = curve(scene, preset).expect("it is published");
+            assert!(points.len() == 6 || points.len() == 8, "{scene} {preset}");
+        }
+        let (_, teapot) = curve("teapot", "naive").expect("it is published");
+        assert_eq!(teapot[0], (1, 163_000.0));
+    }
+}

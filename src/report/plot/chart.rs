@@ -1,0 +1,286 @@
+//! Marks over two axes: lines with intervals, or a scatter.
+
+use super::legend::{self, shorten};
+use super::palette::{FAINT, GRID, Look};
+use super::scale::{self, Kind, Scale};
+use super::svg::{Anchor, Svg, number};
+
+/// What stands along x.
+#[derive(Clone, Debug)]
+pub enum Across {
+    /// Names at equal steps; a mark's x is a name's place in the list.
+    Names(Vec<String>),
+    /// Numbers.
+    Numbers(Kind),
+}
+
+/// One mark.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mark {
+    /// Its place along x.
+    pub x: f64,
+    /// Its value.
+    pub y: f64,
+    /// The interval it surely lies in.
+    pub interval: Option<[f64; 2]>,
+    /// What is said of it, a fact a line.
+    pub tip: String,
+}
+
+/// Marks that belong together.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// What the legend calls it.
+    pub name: String,
+    /// How it looks.
+    pub look: Look,
+    /// Whether its marks are joined, in the order of x.
+    pub joined: bool,
+    /// Its marks.
+    pub marks: Vec<Mark>,
+}
+
+/// A chart.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// What it shows.
+    pub title: String,
+    /// What stands along x, and its unit.
+    pub x_label: String,
+    /// What stands along y, and its unit.
+    pub y_label: String,
+    /// The x axis.
+    pub across: Across,
+    /// How y counts.
+    pub up: Kind,
+    /// Whether to draw the line on which x equals y.
+    pub diagonal: bool,
+    /// What is shown.
+    pub series: Vec<Series>,
+}
+
+const LEFT: f64 = 66.0;
+const TOP: f64 = 34.0;
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 330.0;
+const LEGEND: f64 = 190.0;
+
+/// Roughly how wide a letter is.
+const LETTER: f64 = 7.0;
+
+/// The axes of a chart in pixels.
+struct Frame {
+    across: Scale,
+    up: Scale,
+    bottom: f64,
+    right: f64,
+}
+
+impl Chart {
+    /// The chart as SVG.
+    pub fn svg(&self) -> String {
+        let frame = self.frame();
+        let mut svg = Svg::default();
+        svg.text("title", [LEFT - 50.0, 18.0], Anchor::Start, &self.title);
+        self.draw_axes(&mut svg, &frame);
+        if self.diagonal {
+            draw_diagonal(&mut svg, &frame);
+        }
+        for (place, series) in self.series.iter().enumerate() {
+            draw_series(&mut svg, &frame, place, series);
+        }
+        let entries: Vec<_> = self.series.iter().map(|series| (series.name.as_str(), series.look)).collect();
+        let legend_end = legend::draw(&mut svg, [frame.right + 18.0, TOP + 8.0], &entries);
+        let bottom = frame.bottom + 36.0 + self.names_height() + 16.0;
+        let size = [frame.right + 18.0 + LEGEND, bottom.max(legend_end + 8.0)];
+        let about = format!("{} against {}", self.y_label, self.x_label);
+        svg.finish(size, &self.title, &about)
+    }
+
+    fn frame(&self) -> Frame {
+        let marks = || self.series.iter().flat_map(|series| &series.marks);
+        let (right, bottom) = (LEFT + WIDTH, TOP + HEIGHT);
+        let heights = marks().flat_map(|mark| {
+            let [low, high] = mark.interval.unwrap_or([mark.y; 2]);
+            [low, mark.y, high]
+        });
+        let places = [LEFT, right];
+        let across = match &self.across {
+            Across::Names(names) => {
+                let ends = [-0.5, names.len().max(1) as f64 - 0.5];
+                Scale::between(Kind::Linear, ends, places)
+            }
+            Across::Numbers(kind) => Scale::over(*kind, marks().map(|mark| mark.x), places),
+        };
+        Frame { across, up: Scale::over(self.up, heights, [bottom, TOP]), bottom, right }
+    }
+
+    fn draw_axes(&self, svg: &mut Svg, frame: &Frame) {
+        for tick in frame.up.ticks() {
+            let Some(y) = frame.up.place(tick) else { continue };
+            svg.line("grid", GRID, [LEFT, y], [frame.right, y]);
+            svg.text_in("faint", FAINT, [LEFT - 7.0, y + 4.0], Anchor::End, &scale::label(tick));
+        }
+        let slanted = self.names_are_slanted();
+        for (tick, name) in self.ticks_across(frame) {
+            let Some(x) = frame.across.place(tick) else { continue };
+            svg.line("grid", GRID, [x, TOP], [x, frame.bottom]);
+            if slanted {
+                svg.slanted_text("faint", FAINT, [x + 4.0, frame.bottom + 14.0], &shorten(&name, 20));
+            } else {
+                svg.text_in("faint", FAINT, [x, frame.bottom + 17.0], Anchor::Middle, &name);
+            }
+        }
+        svg.line("axis", FAINT, [LEFT, frame.bottom], [frame.right, frame.bottom]);
+        svg.text(
+            "label",
+            [(LEFT + frame.right) / 2.0, frame.bottom + 36.0 + self.names_height()],
+            Anchor::Middle,
+            &self.x_label,
+        );
+        svg.upright_text("label", [16.0, (TOP + frame.bottom) / 2.0], &self.y_label);
+    }
+
+    /// The longest name along x, in letters.
+    fn longest_name(&self) -> usize {
+        match &self.across {
+            Across::Names(names) => names.iter().map(|name| name.chars().count().min(20)).max().unwrap_or(0),
+            Across::Numbers(_) => 0,
+        }
+    }
+
+    /// Names that would touch each other are written aslant.
+    fn names_are_slanted(&self) -> bool {
+        let Across::Names(names) = &self.across else { return false };
+        names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > WIDTH
+    }
+
+    /// How much higher aslant names stand than level ones.
+    fn names_height(&self) -> f64 {
+        if self.names_are_slanted() { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
+    }
+
+    /// Ticks along x with their labels; where names are too many even aslant, only every few are labelled.
+    fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
+        match &self.across {
+            Across::Names(names) => {
+                let every = (names.len() as f64 * 15.0 / WIDTH).ceil().max(1.0) as usize;
+                let labelled = names.iter().enumerate().step_by(every);
+                labelled.map(|(place, name)| (place as f64, name.clone())).collect()
+            }
+            Across::Numbers(_) => {
+                frame.across.ticks().into_iter().map(|tick| (tick, scale::label(tick))).collect()
+            }
+        }
+    }
+}
+
+/// Where x equals y, as far as both axes reach.
+fn draw_diagonal(svg: &mut Svg, frame: &Frame) {
+    let ([x_low, x_high], [y_low, y_high]) = (frame.across.ends(), frame.up.ends());
+    let ends = [x_low.max(y_low), x_high.min(y_high)];
+    if ends[0] >= ends[1] {
+        return;
+    }
+    let place = |value| Some([frame.across.place(value)?, frame.up.place(value)?]);
+    if let (Some(low), Some(high)) = (place(ends[0]), place(ends[1])) {
+        svg.line("axis dashed", FAINT, low, high);
+        svg.text_in("faint small", FAINT, [high[0] - 6.0, high[1] + 16.0], Anchor::End, "equal");
+    }
+}
+
+fn draw_series(svg: &mut Svg, frame: &Frame, place: usize, series: &Series) {
+    let class = format!("series {}", series.look.class());
+    svg.open("g", &[("class", &class), ("data-series", &place)]);
+    let placed: Vec<_> = series
+        .marks
+        .iter()
+        .filter_map(|mark| Some((mark, [frame.across.place(mark.x)?, frame.up.place(mark.y)?])))
+        .collect();
+    if series.joined {
+        draw_path(svg, series.look, placed.iter().map(|(_, at)| *at));
+    }
+    for (mark, at) in placed {
+        svg.open("g", &[("class", &"mark"), ("data-tip", &mark.tip)]);
+        draw_interval(svg, frame, series.look, mark, at[0]);
+        series.look.marker(svg, at);
+        svg.close("g");
+    }
+    svg.close("g");
+}
+
+fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) {
+    let path: Vec<_> = places.map(|[x, y]| format!("{} {}", number(x), number(y))).collect();
+    if path.len() < 2 {
+        return;
+    }
+    let class = if look.dashed { "line dashed" } else { "line" };
+    let dashes = if look.dashed { "5 4" } else { "none" };
+    svg.element(
+        "path",
+        &[
+            ("class", &class),
+            ("d", &format!("M{}", path.join("L"))),
+            ("fill", &"none"),
+            ("stroke", &look.colour()),
+            ("stroke-width", &2),
+            ("stroke-linejoin", &"round"),
+            ("stroke-dasharray", &dashes),
+        ],
+    );
+}
+
+/// The interval as a bar with feet, where it is wide enough to be seen beside the marker.
+fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
+    let Some([low, high]) = mark.interval else { return };
+    let (Some(low), Some(high)) = (frame.up.place(low), frame.up.place(high)) else { return };
+    if (low - high).abs() < 2.0 {
+        return;
+    }
+    let path = format!(
+        "M{x} {low}V{high}M{left} {low}H{right}M{left} {high}H{right}",
+        x = number(x),
+        low = number(low),
+        high = number(high),
+        left = number(x - 3.5),
+        right = number(x + 3.5)
+    );
+    let colour = look.colour();
+    svg.element("path", &[("class", &"interval"), ("d", &path), ("stroke", &colour), ("stroke-width", &1.5)]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(name: &str) -> Chart {
+        let mark = |x: f64, y: f64| Mark { x, y, interval: Some([y * 0.5, y * 1.5]), tip: format!("{y} ms") };
+        Chart {
+            title: name.into(),
+            x_label: "local size".into(),
+            y_label: "ms".into(),
+            across: Across::Names(vec!["1x1".into(), "2x2".into()]),
+            up: Kind::Log,
+            diagonal: false,
+            series: vec![Series {
+                name: name.into(),
+                look: Look::of(0),
+                joined: true,
+                marks: vec![mark(0.0, 10.0), mark(1.0, 1.0), mark(1.0, 0.0)],
+            }],
+        }
+    }
+
+    #[test]
+    fn every_mark_that_the_scale_can_show_is_drawn_and_tells_of_itself() {
+        let text = chart("naive").svg();
+        assert_eq!(text.matches("class=\"mark\"").count(), 2, "zero has no logarithm");
+        assert!(text.contains("data-tip=\"10 ms\""));
+        assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+    }
+
+    #[test]
+    fn names_cannot_break_out() {
+        assert!(!chart("</svg><script>alert(1)</script>").svg().contains("<script"));
+    }
+}

@@ -1,0 +1,257 @@
+//! A heat map: rows by columns, dark for slow, light for fast, hatched where there is no time.
+
+use super::legend::shorten;
+use super::palette::{FAINT, INK};
+use super::svg::{Anchor, Svg, number};
+use crate::image::viridis;
+
+/// A cell.
+#[derive(Clone, Debug)]
+pub enum Cell {
+    /// A time.
+    Time {
+        /// How many times as slow as the fastest it is: 1 or more.
+        slower: f64,
+        /// The time as text.
+        text: String,
+        /// Whether it is in the winning set.
+        wins: bool,
+        /// What is said of it.
+        tip: String,
+    },
+    /// No time.
+    Nothing {
+        /// Why, in a word that the legend explains.
+        code: String,
+        /// The whole reason.
+        tip: String,
+    },
+    /// Not asked for.
+    Empty,
+}
+
+/// A heat map.
+#[derive(Clone, Debug)]
+pub struct HeatMap {
+    /// What no other map of the page is called: a pattern is found by name in the whole page.
+    pub id: String,
+    /// What it shows.
+    pub title: String,
+    /// What the columns are.
+    pub x_label: String,
+    /// The columns' names.
+    pub columns: Vec<String>,
+    /// The rows' names and cells, a cell a column.
+    pub rows: Vec<(String, Vec<Cell>)>,
+    /// What each code means.
+    pub codes: Vec<(String, String)>,
+}
+
+const LEFT: f64 = 184.0;
+const TOP: f64 = 58.0;
+const ROW: f64 = 30.0;
+const SCALE_WIDTH: f64 = 220.0;
+
+impl HeatMap {
+    /// The map as SVG.
+    pub fn svg(&self) -> String {
+        let column = (600.0 / self.columns.len().max(1) as f64).clamp(52.0, 84.0);
+        let worst = self.worst();
+        let mut svg = Svg::default();
+        svg.text("title", [16.0, 18.0], Anchor::Start, &self.title);
+        let hatch = self.hatch(&mut svg);
+        for (place, name) in self.columns.iter().enumerate() {
+            let x = LEFT + (place as f64 + 0.5) * column;
+            svg.text_in("faint", FAINT, [x, TOP - 9.0], Anchor::Middle, name);
+        }
+        svg.text_in("faint", FAINT, [LEFT - 10.0, TOP - 9.0], Anchor::End, &self.x_label);
+        for (place, (name, cells)) in self.rows.iter().enumerate() {
+            let y = TOP + place as f64 * ROW;
+            svg.text("label", [LEFT - 10.0, y + 19.0], Anchor::End, &shorten(name, 25));
+            for (place, cell) in cells.iter().enumerate() {
+                let at = [LEFT + place as f64 * column, y];
+                draw_cell(&mut svg, cell, at, column, worst, &hatch);
+            }
+        }
+        let bottom = TOP + self.rows.len() as f64 * ROW + 16.0;
+        let end = self.draw_legend(&mut svg, bottom, worst, &hatch);
+        let width = (LEFT + self.columns.len() as f64 * column + 16.0)
+            .max(640.0)
+            .max(7.6 * self.title.chars().count() as f64 + 32.0);
+        svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
+    }
+
+    fn worst(&self) -> f64 {
+        let cells = self.rows.iter().flat_map(|(_, cells)| cells);
+        let slower = cells.filter_map(|cell| match cell {
+            Cell::Time { slower, .. } => Some(*slower),
+            _ => None,
+        });
+        slower.fold(2.0, f64::max)
+    }
+
+    /// Defines the hatching and returns how to refer to it.
+    fn hatch(&self, svg: &mut Svg) -> String {
+        let id = format!("hatch-{}", self.id);
+        svg.open("defs", &[]);
+        svg.open(
+            "pattern",
+            &[
+                ("id", &id),
+                ("width", &7),
+                ("height", &7),
+                ("patternUnits", &"userSpaceOnUse"),
+                ("patternTransform", &"rotate(45)"),
+            ],
+        );
+        svg.element(
+            "rect",
+            &[("class", &"hatch-ground"), ("width", &7), ("height", &7), ("fill", &"#f1f4f7")],
+        );
+        svg.element("rect", &[("class", &"hatch-line"), ("width", &2), ("height", &7), ("fill", &"#ccd5de")]);
+        svg.close("pattern");
+        svg.close("defs");
+        format!("url(#{id})")
+    }
+
+    /// The colour scale and what the codes mean; returns where it ends.
+    fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
+        const STEPS: usize = 44;
+        let step = SCALE_WIDTH / STEPS as f64;
+        for place in 0..STEPS {
+            let colour = hex(viridis(1.0 - place as f64 / (STEPS - 1) as f64));
+            let x = number(LEFT + place as f64 * step);
+            svg.element(
+                "rect",
+                &[
+                    ("x", &x),
+                    ("y", &number(top)),
+                    ("width", &number(step + 0.3)),
+                    ("height", &10),
+                    ("fill", &colour),
+                ],
+            );
+        }
+        svg.text_in("faint small", FAINT, [LEFT, top + 24.0], Anchor::Start, "fastest");
+        let worst = format!("{worst:.1} times as slow");
+        svg.text_in("faint small", FAINT, [LEFT + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
+        svg.text_in(
+            "faint small",
+            FAINT,
+            [LEFT + SCALE_WIDTH + 18.0, top + 9.0],
+            Anchor::Start,
+            "ringed: the winning set",
+        );
+        let mut y = top + 24.0;
+        for (code, meaning) in &self.codes {
+            y += 19.0;
+            svg.element(
+                "rect",
+                &[("x", &LEFT), ("y", &number(y - 11.0)), ("width", &20), ("height", &14), ("fill", &hatch)],
+            );
+            svg.text("small label", [LEFT + 10.0, y], Anchor::Middle, code);
+            svg.text_in("faint small", FAINT, [LEFT + 28.0, y], Anchor::Start, &shorten(meaning, 110));
+        }
+        y + 14.0
+    }
+}
+
+fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f64, hatch: &str) {
+    let middle = [x + width / 2.0, y + 19.0];
+    match cell {
+        Cell::Empty => {}
+        Cell::Nothing { code, tip } => {
+            svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
+            rect(svg, [x, y], width, "cell", hatch);
+            svg.text("label", middle, Anchor::Middle, code);
+            svg.close("g");
+        }
+        Cell::Time { slower, text, wins, tip } => {
+            let place = 1.0 - slower.max(1.0).ln() / worst.ln();
+            let colour = viridis(place);
+            svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
+            rect(svg, [x, y], width, "cell", &hex(colour));
+            svg.text_in("", ink_on(colour), middle, Anchor::Middle, text);
+            if *wins {
+                ring(svg, [x, y], width);
+            }
+            svg.close("g");
+        }
+    }
+}
+
+fn rect(svg: &mut Svg, [x, y]: [f64; 2], width: f64, class: &str, fill: &str) {
+    svg.element(
+        "rect",
+        &[
+            ("class", &class),
+            ("x", &number(x + 1.0)),
+            ("y", &number(y + 1.0)),
+            ("width", &number(width - 2.0)),
+            ("height", &(ROW - 2.0)),
+            ("rx", &3),
+            ("fill", &fill),
+        ],
+    );
+}
+
+/// Two rings, so that one of them stands out from any ground.
+fn ring(svg: &mut Svg, [x, y]: [f64; 2], width: f64) {
+    for (inset, colour, stroke) in [(1.5, INK, 3.0), (4.0, "#ffffff", 1.5)] {
+        svg.element(
+            "rect",
+            &[
+                ("class", &if inset < 2.0 { "ring" } else { "ring-inner" }),
+                ("x", &number(x + inset)),
+                ("y", &number(y + inset)),
+                ("width", &number(width - 2.0 * inset)),
+                ("height", &(ROW - 2.0 * inset)),
+                ("rx", &3),
+                ("fill", &"none"),
+                ("stroke", &colour),
+                ("stroke-width", &stroke),
+            ],
+        );
+    }
+}
+
+fn hex([red, green, blue]: [u8; 3]) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+/// Black or white, whichever is read better on a colour.
+fn ink_on(colour: [u8; 3]) -> &'static str {
+    let [red, green, blue] = colour.map(f64::from);
+    if 0.299 * red + 0.587 * green + 0.114 * blue > 128.0 { "#10161d" } else { "#ffffff" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_say_their_time_or_why_there_is_none() {
+        let time = |slower: f64| Cell::Time {
+            slower,
+            text: format!("{slower}"),
+            wins: slower == 1.0,
+            tip: format!("{slower} ms"),
+        };
+        let none = Cell::Nothing { code: "L".into(), tip: "__local: 110592 B > 49152 B".into() };
+        let map = HeatMap {
+            id: "teapot".into(),
+            title: "teapot".into(),
+            x_label: "local size".into(),
+            columns: vec!["8x8".into(), "16x16".into(), "32x32".into()],
+            rows: vec![
+                ("naive".into(), vec![time(1.0), time(4.5), none]),
+                ("wide".into(), vec![Cell::Empty]),
+            ],
+            codes: vec![("L".into(), "__local memory is too small".into())],
+        };
+        let text = map.svg();
+        assert_eq!(text.matches("class=\"mark\"").count(), 3);
+        assert_eq!(text.matches("class=\"ring\"").count(), 1);
+        assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
+    }
+}

@@ -1,0 +1,40 @@
+//! The legend beside a chart; in a page its entries are buttons.
+
+use super::palette::Look;
+use super::svg::{Anchor, Svg};
+
+const STEP: f64 = 19.0;
+/// Longer names are cut here; a page shows them whole when pointed at.
+const LONGEST: usize = 24;
+
+/// Draws the entries down from a place and returns where they end.
+pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
+    for (place, (name, look)) in entries.iter().enumerate() {
+        let y = top + place as f64 * STEP;
+        let class = format!("entry {}", look.class());
+        svg.open("g", &[("class", &class), ("data-for", &place), ("data-tip", name)]);
+        svg.element(
+            "rect",
+            &[
+                ("class", &"hit"),
+                ("x", &(left - 8.0)),
+                ("y", &(y - 9.5)),
+                ("width", &186),
+                ("height", &STEP),
+                ("fill", &"none"),
+            ],
+        );
+        look.marker(svg, [left, y]);
+        svg.text("label", [left + 11.0, y + 4.0], Anchor::Start, &shorten(name, LONGEST));
+        svg.close("g");
+    }
+    top + entries.len() as f64 * STEP
+}
+
+/// A name of at most `longest` characters; what is cut leaves an ellipsis.
+pub fn shorten(name: &str, longest: usize) -> String {
+    match name.char_indices().nth(longest) {
+        Some(_) => name.chars().take(longest - 1).chain(['…']).collect(),
+        None => name.to_owned(),
+    }
+}

@@ -1,0 +1,138 @@
+//! Scales of axes: from values to places, and the ticks between.
+
+/// How an axis counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Equal steps are equal differences; the axis begins at 0 unless values are below.
+    Linear,
+    /// Equal steps are equal factors.
+    Log,
+}
+
+/// An axis with its ends in values and in pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    kind: Kind,
+    values: [f64; 2],
+    places: [f64; 2],
+}
+
+impl Scale {
+    /// A scale that holds every one of `values` with a little room. Values that a logarithm cannot show are left out.
+    pub fn over(kind: Kind, values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
+        let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
+        let (low, high) = shown
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        let values = match kind {
+            _ if low > high => [1.0, 10.0],
+            Kind::Linear => {
+                let room = 0.05 * (high - low.min(0.0)).max(f64::MIN_POSITIVE);
+                [if low < 0.0 { low - room } else { 0.0 }, high + room]
+            }
+            Kind::Log => {
+                // Less than a factor of two apart would show noise as if it were a difference.
+                let room = (high / low).powf(0.05).max((2.0 / (high / low)).sqrt());
+                [low / room, high * room]
+            }
+        };
+        Self { kind, values, places }
+    }
+
+    /// A scale with these ends.
+    pub fn between(kind: Kind, values: [f64; 2], places: [f64; 2]) -> Self {
+        Self { kind, values, places }
+    }
+
+    /// Where a value stands, or nothing where the scale cannot show it.
+    pub fn place(&self, value: f64) -> Option<f64> {
+        let along = match self.kind {
+            Kind::Linear => (value - self.values[0]) / (self.values[1] - self.values[0]),
+            Kind::Log => (value / self.values[0]).ln() / (self.values[1] / self.values[0]).ln(),
+        };
+        let place = self.places[0] + along * (self.places[1] - self.places[0]);
+        place.is_finite().then_some(place)
+    }
+
+    /// The ends in values.
+    pub fn ends(&self) -> [f64; 2] {
+        self.values
+    }
+
+    /// Round values to label, in order.
+    pub fn ticks(&self) -> Vec<f64> {
+        match self.kind {
+            Kind::Linear => linear_ticks(self.values),
+            Kind::Log => log_ticks(self.values),
+        }
+    }
+}
+
+/// Multiples of 1, 2 or 5 times a power of ten, four to eight of them.
+fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
+    let rough = (high - low) / 5.0;
+    let power = 10f64.powf(rough.log10().floor());
+    let step =
+        [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power).into_iter().find(|step| *step >= rough * 0.75);
+    let step = step.unwrap_or(rough);
+    let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
+    (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
+}
+
+/// Powers of ten, with 2 and 5 between them where the range is short, or every few powers where it is long.
+fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let decades = (high / low).log10();
+    let between: &[f64] = match decades {
+        d if d < 0.7 => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0],
+        d if d < 3.0 => &[1.0, 2.0, 5.0],
+        _ => &[1.0],
+    };
+    let every = (decades / 8.0).ceil().max(1.0) as usize;
+    (first..=last)
+        .step_by(every)
+        .flat_map(|power| between.iter().map(move |factor| factor * 10f64.powi(power)))
+        .filter(|tick| (low..=high).contains(tick))
+        .collect()
+}
+
+/// A tick's label: no more digits than it needs.
+pub fn label(value: f64) -> String {
+    let rounded = format!("{value:.6}");
+    let short =
+        if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.') } else { &rounded };
+    match value.abs() {
+        x if x >= 1e9 => format!("{}G", label(value / 1e9)),
+        x if x >= 1e6 => format!("{}M", label(value / 1e6)),
+        x if x >= 1e4 => format!("{}k", label(value / 1e3)),
+        x if x > 0.0 && x < 1e-4 => format!("{value:.0e}"),
+        _ => short.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_scale_gives_equal_factors_equal_room_and_leaves_out_zero() {
+        let scale = Scale::over(Kind::Log, [0.0, 1.0, 100.0].into_iter(), [0.0, 100.0]);
+        let [a, b, c] = [1.0, 10.0, 100.0].map(|value| scale.place(value).expect("it is on the scale"));
+        assert!((b - a - (c - b)).abs() < 1e-9 && a > 0.0 && c < 100.0);
+        assert_eq!(scale.place(0.0), None);
+    }
+
+    #[test]
+    fn ticks_are_round_and_few() {
+        let scale = Scale::over(Kind::Linear, [3.0, 163_000.0].into_iter(), [0.0, 1.0]);
+        assert_eq!(scale.ticks(), [0.0, 50_000.0, 100_000.0, 150_000.0]);
+        let scale = Scale::over(Kind::Log, [0.01, 5000.0].into_iter(), [0.0, 1.0]);
+        assert_eq!(scale.ticks().len(), 6, "{:?}", scale.ticks());
+        assert_eq!([0.01, 1500.0, 150_000.0].map(label), ["0.01", "1500", "150k"]);
+    }
+
+    #[test]
+    fn no_values_still_make_a_scale() {
+        let scale = Scale::over(Kind::Log, std::iter::empty(), [0.0, 1.0]);
+        assert!(!scale.ticks().is_empty());
+    }
+}

@@ -1,0 +1,164 @@
+//! SVG written element by element; whatever is put in is escaped.
+
+use std::fmt::{Display, Write};
+
+/// Text made harmless in SVG, XML and HTML, in elements and in quoted attributes.
+pub fn escape(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
+            '\'' => safe.push_str("&#39;"),
+            '\n' => safe.push_str("&#10;"),
+            // XML has no way to write other control characters, escaped or not.
+            control if control.is_control() => safe.push(' '),
+            other => safe.push(other),
+        }
+    }
+    safe
+}
+
+/// A number as SVG wants it: two decimals are a fiftieth of a pixel.
+pub fn number(value: f64) -> String {
+    let text = format!("{value:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// A drawing that grows.
+#[derive(Clone, Debug, Default)]
+pub struct Svg {
+    body: String,
+}
+
+/// Which end of a text stands at its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anchor {
+    /// The left.
+    Start,
+    /// The middle.
+    Middle,
+    /// The right.
+    End,
+}
+
+impl Anchor {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Middle => "middle",
+            Self::End => "end",
+        }
+    }
+}
+
+impl Svg {
+    /// An element with nothing in it.
+    pub fn element(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
+        self.tag(name, attributes);
+        self.body.push_str("/>");
+    }
+
+    /// Opens an element; [`Svg::close`] closes it.
+    pub fn open(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
+        self.tag(name, attributes);
+        self.body.push('>');
+    }
+
+    /// Closes the element opened last under this name.
+    pub fn close(&mut self, name: &str) {
+        // Writing to a String cannot fail; so here and below.
+        let _ = writeln!(self.body, "</{name}>");
+    }
+
+    fn tag(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
+        let _ = write!(self.body, "<{name}");
+        for (key, value) in attributes {
+            let _ = write!(self.body, " {key}=\"{}\"", escape(&value.to_string()));
+        }
+    }
+
+    /// A straight line of a class, in the colour it has where no style sheet says otherwise.
+    pub fn line(&mut self, class: &str, colour: &str, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
+        let (x1, y1, x2, y2) = (number(x1), number(y1), number(x2), number(y2));
+        self.element(
+            "line",
+            &[("class", &class), ("stroke", &colour), ("x1", &x1), ("y1", &y1), ("x2", &x2), ("y2", &y2)],
+        );
+    }
+
+    /// A line of text.
+    pub fn text(&mut self, class: &str, [x, y]: [f64; 2], anchor: Anchor, text: &str) {
+        self.text_in(class, super::palette::INK, [x, y], anchor, text);
+    }
+
+    /// A line of text in a colour.
+    pub fn text_in(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], anchor: Anchor, text: &str) {
+        let size = if class.contains("small") { 11 } else { 12 };
+        self.open(
+            "text",
+            &[
+                ("class", &class),
+                ("fill", &colour),
+                ("x", &number(x)),
+                ("y", &number(y)),
+                ("text-anchor", &anchor.name()),
+                ("font-size", &size),
+            ],
+        );
+        self.body.push_str(&escape(text));
+        self.close("text");
+    }
+
+    /// A text that reads upwards, its middle at the place.
+    pub fn upright_text(&mut self, class: &str, [x, y]: [f64; 2], text: &str) {
+        let turn = format!("translate({} {}) rotate(-90)", number(x), number(y));
+        self.open("g", &[("transform", &turn)]);
+        self.text(class, [0.0, 0.0], Anchor::Middle, text);
+        self.close("g");
+    }
+
+    /// A text that climbs to a place where it ends.
+    pub fn slanted_text(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], text: &str) {
+        let turn = format!("translate({} {}) rotate(-35)", number(x), number(y));
+        self.open("g", &[("transform", &turn)]);
+        self.text_in(class, colour, [0.0, 0.0], Anchor::End, text);
+        self.close("g");
+    }
+
+    /// The drawing as a document of its own, which a page may also hold.
+    pub fn finish(self, [width, height]: [f64; 2], name: &str, about: &str) -> String {
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" \
+             height=\"{h}\" role=\"img\" aria-label=\"{}\" tabindex=\"0\" font-family=\"system-ui, -apple-system, \
+             'Segoe UI', 'DejaVu Sans', sans-serif\">\
+             <desc>{}</desc><rect class=\"paper\" width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{}</svg>",
+            escape(name),
+            escape(about),
+            self.body,
+            w = number(width),
+            h = number(height),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_is_put_in_becomes_markup() {
+        let mut svg = Svg::default();
+        svg.text("a\" onload=\"x", [0.0, 0.0], Anchor::Start, "<script>alert(1)</script>");
+        let text = svg.finish([10.0, 10.0], "\"><script>", "&");
+        assert!(!text.contains("<script") && !text.contains("\" onload"), "{text}");
+        assert!(text.contains("&lt;script&gt;alert(1)"), "{text}");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([1.0, 0.5, 12.346].map(number), ["1", "0.5", "12.35"]);
+    }
+}

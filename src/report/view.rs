@@ -1,0 +1,210 @@
+//! The plots and the table of one group: a scene at a size on a device.
+
+use super::paper;
+use super::plot::Plot;
+use super::plot::chart::{Across, Chart, Mark, Series};
+use super::plot::heat::{Cell, HeatMap};
+use super::plot::palette::Look;
+use super::plot::scale::Kind;
+use super::plot::strip::{Row, Strip};
+use super::words::{Looks, group_title, size_name, tip, title};
+use crate::record::{Group, Outcome, Record, duration, interval, median, ms, word};
+
+/// The image size of the paper's figures: only there can its times be laid over ours.
+pub const PAPER_SIZE: [u32; 2] = [800, 500];
+/// Rows of the plot of samples.
+const STRIPS: usize = 14;
+
+/// The local sizes of some records, smallest first.
+pub fn sizes<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<[u32; 2]> {
+    let mut sizes: Vec<_> = records.filter_map(|record| record.local_size).collect();
+    sizes.sort_by_key(|[across, down]| (across * down, *across));
+    sizes.dedup();
+    sizes
+}
+
+/// "16x16" of each.
+pub fn size_names(sizes: &[[u32; 2]]) -> Vec<String> {
+    sizes.iter().map(|[across, down]| format!("{across}x{down}")).collect()
+}
+
+/// The names of a group's strategies, in its order.
+pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
+    let mut names: Vec<&str> = Vec::new();
+    for record in &group.records {
+        if names.last() != Some(&record.name.as_str()) && !names.contains(&record.name.as_str()) {
+            names.push(&record.name);
+        }
+    }
+    names
+}
+
+/// Time against local size, a line a strategy, with the paper's points where it has some.
+pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option<Plot> {
+    let sizes = sizes(group.records.iter().copied());
+    let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);
+    let mut series = Vec::new();
+    for strategy in names(group) {
+        let records = group.records.iter().filter(|record| record.name == strategy);
+        let marks = records.filter_map(|record| {
+            let (x, y) = (place(record.local_size?)?, median(record)?);
+            Some(Mark { x, y, interval: interval(record), tip: tip(record) })
+        });
+        let marks: Vec<_> = marks.collect();
+        if !marks.is_empty() {
+            series.push(Series {
+                name: strategy.to_owned(),
+                look: looks.look(strategy),
+                joined: true,
+                marks,
+            });
+        }
+    }
+    let published = published(group, looks, &place);
+    if series.is_empty() {
+        return None;
+    }
+    let beside = if published.is_empty() {
+        String::new()
+    } else {
+        " Dashed: the paper's published points, from its own unnamed device.".to_owned()
+    };
+    series.extend(published);
+    let chart = Chart {
+        title: format!("Time against local size: {}", group_title(group)),
+        x_label: "local size, in work-items across x down (ordered by their product)".into(),
+        y_label: "median device time of a frame, ms".into(),
+        across: Across::Names(size_names(&sizes)),
+        up: kind,
+        diagonal: false,
+        series,
+    };
+    let caption = format!(
+        "Bars are 95% intervals of the median; where there is none, it is smaller than its marker.{beside}"
+    );
+    Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
+}
+
+/// The paper's curves for a group's scene and strategies.
+fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
+    if group.image_size != PAPER_SIZE {
+        return Vec::new();
+    }
+    let curve = |strategy: &str| {
+        let (figure, points) = paper::curve(group.scene, strategy)?;
+        let marks = points.into_iter().filter_map(|(block, ms)| {
+            let tip = format!("{strategy} at {block} x {block}\npublished {}\npaper, Figure {figure}: one value, no interval", duration(ms));
+            Some(Mark { x: place([block; 2])?, y: ms, interval: None, tip })
+        });
+        let look = Look { dashed: true, ..looks.look(strategy) };
+        Some(Series { name: format!("{strategy}, paper"), look, joined: true, marks: marks.collect() })
+    };
+    names(group).into_iter().filter_map(curve).collect()
+}
+
+/// Strategies by local sizes, coloured by time; cells without a time say why.
+pub fn heat(group: &Group<'_>, name: &str) -> Plot {
+    let sizes = sizes(group.records.iter().copied());
+    let winners = group.winners();
+    let best = winners.first().and_then(|record| median(record)).unwrap_or(1.0);
+    let mut codes: Vec<(String, String)> = Vec::new();
+    let mut rows = Vec::new();
+    for strategy in names(group) {
+        let cell = |size: &[u32; 2]| {
+            let mut found = group.records.iter().filter(|record| record.name == strategy);
+            let Some(record) = found.find(|record| record.local_size == Some(*size)) else {
+                return Cell::Empty;
+            };
+            let wins = winners.iter().any(|winner| winner.key == record.key);
+            cell(record, best, wins)
+        };
+        rows.push((strategy.to_owned(), sizes.iter().map(cell).collect()));
+    }
+    for record in group.records.iter().filter(|record| median(record).is_none()) {
+        let code = code(record);
+        if !codes.iter().any(|(known, _)| *known == code) {
+            codes.push((code, meaning(record)));
+        }
+    }
+    let map = HeatMap {
+        id: name.to_owned(),
+        title: format!("Median ms: {}", group_title(group)),
+        x_label: "local size".into(),
+        columns: size_names(&sizes),
+        rows,
+        codes,
+    };
+    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells could not run. Point at one for its \
+                   interval or its reason."
+        .to_owned();
+    Plot { name: name.to_owned(), caption, svg: map.svg() }
+}
+
+fn cell(record: &Record, best: f64, wins: bool) -> Cell {
+    match median(record) {
+        Some(time) => Cell::Time { slower: time / best, text: ms(time), wins, tip: tip(record) },
+        None => Cell::Nothing { code: code(record), tip: tip(record) },
+    }
+}
+
+/// Why there is no time, short enough for a cell.
+fn code(record: &Record) -> String {
+    match record.outcome {
+        Outcome::Measured => "?".into(),
+        Outcome::Infeasible => {
+            let word = word(record);
+            word.split_whitespace().next().unwrap_or("none").chars().take(8).collect()
+        }
+        Outcome::BuildFailed => "build".into(),
+        Outcome::LaunchFailed => "launch".into(),
+        Outcome::WrongImage => "wrong".into(),
+        Outcome::TimedOut => "slow".into(),
+        Outcome::Crashed => "crash".into(),
+    }
+}
+
+/// What a code stands for, with an example.
+fn meaning(record: &Record) -> String {
+    let what = match record.outcome {
+        Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
+        Outcome::BuildFailed => "its program did not compile",
+        Outcome::LaunchFailed => "its kernel did not run",
+        Outcome::WrongImage => "its image differs from the reference",
+        Outcome::TimedOut => "it took too long",
+        Outcome::Crashed | Outcome::Measured => "it ended its process",
+    };
+    format!("{what}; {}: {}", title(record), super::words::first_line(record))
+}
+
+/// The samples of the fastest points, so that their noise can be seen.
+pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
+    let rows: Vec<_> = group.ranked().into_iter().take(STRIPS).filter_map(strip_row).collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let all = group.ranked().len();
+    let shown = if all > rows.len() {
+        format!(" The {} fastest of {all} points are shown.", rows.len())
+    } else {
+        String::new()
+    };
+    let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
+    let caption = format!(
+        "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it.{shown}"
+    );
+    Some(Plot { name: name.to_owned(), caption, svg: strip.svg() })
+}
+
+fn strip_row(record: &Record) -> Option<Row> {
+    let middle = median(record).filter(|middle| *middle > 0.0)?;
+    let percent = |value: f64| 100.0 * (value / middle - 1.0);
+    let [low, high] = interval(record)?;
+    Some(Row {
+        name: format!("{} {}", record.name, size_name(record)),
+        value: duration(middle),
+        deviations: record.samples_ms.iter().copied().map(percent).collect(),
+        interval: [percent(low), percent(high)],
+        quartiles: [percent(record.q1_ms.unwrap_or(middle)), percent(record.q3_ms.unwrap_or(middle))],
+        tip: tip(record),
+    })
+}

@@ -1,0 +1,88 @@
+//! What the report's parts say of a record in the same words.
+
+use super::plot::palette::Look;
+use crate::record::{Group, HOST, Record, by, duration, interval, median, ms, significant};
+
+/// Series names and their looks: a strategy looks the same wherever it is shown.
+#[derive(Clone, Debug, Default)]
+pub struct Looks(Vec<String>);
+
+impl Looks {
+    /// A look for every strategy of the groups, in their order; then for the baselines.
+    pub fn of(groups: &[Group<'_>]) -> Self {
+        let mut names: Vec<String> = Vec::new();
+        let (baselines, kernels): (Vec<_>, Vec<_>) = groups.iter().partition(|group| group.device == HOST);
+        for record in kernels.iter().chain(&baselines).flat_map(|group| &group.records) {
+            let name = series_name(record);
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        Self(names)
+    }
+
+    /// The look of a series.
+    pub fn look(&self, name: &str) -> Look {
+        Look::of(self.0.iter().position(|known| known == name).unwrap_or(self.0.len()))
+    }
+}
+
+/// What a legend calls a record's strategy.
+pub fn series_name(record: &Record) -> String {
+    if record.is_baseline() { format!("{} (host)", record.strategy) } else { record.name.clone() }
+}
+
+/// "16x16".
+pub fn size_name(record: &Record) -> String {
+    record.local_size.map_or("-".to_owned(), |[across, down]| format!("{across}x{down}"))
+}
+
+/// "naive at 16 x 16".
+pub fn title(record: &Record) -> String {
+    match record.local_size {
+        Some(size) => format!("{} at {}", record.name, by(size)),
+        None => series_name(record),
+    }
+}
+
+/// "teapot, 800 x 500, NVIDIA H200".
+pub fn group_title(group: &Group<'_>) -> String {
+    format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
+}
+
+/// What is said of a record that is pointed at: strategy, local size, median, interval, n, and what to mind.
+pub fn tip(record: &Record) -> String {
+    let mut lines = vec![title(record)];
+    match (median(record), interval(record)) {
+        (Some(time), Some([low, high])) => {
+            lines.push(format!("median {}", duration(time)));
+            lines.push(format!("95% interval {} to {} ms", ms(low), ms(high)));
+            lines.push(format!("n = {}{}", record.samples_ms.len(), stopped(record)));
+        }
+        _ => lines.push(format!("{}: {}", record.outcome.name(), first_line(record))),
+    }
+    lines.extend(record.warning.clone());
+    lines.join("\n")
+}
+
+/// Which rule ended the sampling, in brackets.
+fn stopped(record: &Record) -> String {
+    record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
+}
+
+/// Why there is no time, in a line.
+pub fn first_line(record: &Record) -> &str {
+    let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
+    reason.lines().next().unwrap_or_default()
+}
+
+/// "4.35 times": how many times as long `slow` takes.
+pub fn times(slow: f64, fast: f64) -> String {
+    format!("{}×", significant(slow / fast, 3))
+}
+
+/// The least and the greatest that a ratio of two medians may surely be.
+pub fn ratio_interval(slow: &Record, fast: &Record) -> Option<[f64; 2]> {
+    let ([slow_low, slow_high], [fast_low, fast_high]) = (interval(slow)?, interval(fast)?);
+    (fast_low > 0.0).then(|| [slow_low / fast_high, slow_high / fast_low])
+}

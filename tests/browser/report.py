@@ -1,0 +1,194 @@
+"""Opens raycl's pages in Chromium, from files, as a reader does: points, clicks, types, looks for errors.
+
+Usage: report.py SYNTHETIC RESULTS [REPRODUCTION], folders with report.html (the last: reproduction.html).
+Screenshots are left beside the pages. Needs Debian's chromium, chromium-driver and python3-selenium.
+"""
+import os
+import sys
+import time
+from pathlib import Path
+
+from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.actions.action_builder import ActionBuilder
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.support.ui import Select
+
+
+def browser(width=1280, height=900, dark=False):
+    options = webdriver.ChromeOptions()
+    flags = ["headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "no-first-run",
+             "disable-background-networking", "hide-scrollbars", f"window-size={width},{height}"]
+    for flag in flags:
+        options.add_argument("--" + flag)
+    if dark:
+        options.add_argument("--blink-settings=preferredColorScheme=0")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+
+
+def load(driver, page):
+    start = time.monotonic()
+    driver.get(page.resolve().as_uri())
+    driver.execute_script("return document.body.offsetHeight")
+    return time.monotonic() - start
+
+
+def check_clean(driver, page):
+    """No error on the console, nothing from the network, nothing injected, no sideways scrolling."""
+    errors = [entry for entry in driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+    assert not errors, f"{page}: {errors}"
+    loaded = driver.execute_script("return performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
+    assert not loaded, f"{page} loads {loaded}"
+    assert driver.execute_script("return window.injected") is None, f"{page}: a name became a script"
+    assert not driver.find_elements(By.CSS_SELECTOR, "[onerror], [onload], main script"), f"{page}: markup was injected"
+    wide = driver.execute_script("return document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0, f"{page} is {wide} pixels too wide"
+
+
+def tip(driver):
+    found = driver.find_element(By.ID, "tip")
+    return found.text if found.is_displayed() else ""
+
+
+def bring(driver, element, focus=False):
+    """Scrolls to an element, and waits for the scrolling's own events, which hide the tip."""
+    driver.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", element)
+    if focus:
+        driver.execute_script("arguments[0].focus()", element)
+    time.sleep(0.25)
+
+
+def press(driver, selector):
+    """Clicks what a reader would have scrolled to, clear of the bar at the top."""
+    element = driver.find_element(By.CSS_SELECTOR, selector)
+    bring(driver, element)
+    element.click()
+
+
+def point_at(driver, element):
+    """Moves the mouse there by coordinates: moving to an element scrolls, and scrolling hides the tip."""
+    bring(driver, element)
+    x, y = driver.execute_script("const r = arguments[0].getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]", element)
+    action = ActionBuilder(driver)
+    action.pointer_action.move_to_location(int(x), int(y))
+    action.perform()
+
+
+def check_pointing(driver):
+    mark = driver.find_element(By.CSS_SELECTOR, ".view:not([hidden]) .series .mark")
+    point_at(driver, mark)
+    text = tip(driver)
+    for part in ("at ", "median ", "95% interval", "n = "):
+        assert part in text, f"hover says only {text!r}"
+    ActionChains(driver).send_keys(Keys.ESCAPE).perform()
+    assert tip(driver) == "", "Escape leaves the tip"
+
+
+def check_keyboard(driver):
+    chart = driver.find_element(By.CSS_SELECTOR, ".view:not([hidden]) .plot.log svg.chart")
+    bring(driver, chart, focus=True)
+    said = []
+    for key in (Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_DOWN):
+        ActionChains(driver).send_keys(key).perform()
+        said.append(tip(driver))
+    assert all(said) and len(set(said)) > 1, f"arrow keys say {said}"
+    entry = driver.find_element(By.CSS_SELECTOR, ".view:not([hidden]) .plot.log .entry")
+    bring(driver, entry, focus=True)
+    ActionChains(driver).send_keys(Keys.ENTER).perform()
+    assert entry.get_attribute("aria-pressed") == "false", "Enter does not switch a series off"
+    assert driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .series.off")
+    bring(driver, entry)
+    entry.click()
+
+
+def check_reasons(driver):
+    cells = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .mark rect[fill^='url(#hatch']")
+    assert cells, "no infeasible cell"
+    point_at(driver, cells[0])
+    assert "infeasible: __local memory" in tip(driver) or "failed" in tip(driver) or "wrong" in tip(driver), tip(driver)
+
+
+def check_controls(driver):
+    pick = Select(driver.find_element(By.ID, "pick"))
+    pick.select_by_index(len(pick.options) - 1)
+    shown = [view for view in driver.find_elements(By.CSS_SELECTOR, ".view") if view.is_displayed()]
+    assert len(shown) == 1, f"{len(shown)} views are shown"
+    press(driver, "[data-scale=linear]")
+    assert shown[0].find_element(By.CSS_SELECTOR, ".plot.linear").is_displayed()
+    assert not shown[0].find_element(By.CSS_SELECTOR, ".plot.log").is_displayed()
+    press(driver, "[data-scale=log]")
+    median = shown[0].find_elements(By.CSS_SELECTOR, "th button")[2]
+    for descending in (False, True):
+        driver.execute_script("arguments[0].click()", median)
+        cells = shown[0].find_elements(By.CSS_SELECTOR, "tbody td:nth-child(3)")
+        values = [float(cell.text) for cell in cells if cell.text]
+        assert values == sorted(values, reverse=descending), "the table is not sorted"
+    search = shown[0].find_element(By.CSS_SELECTOR, "input[type=search]")
+    search.send_keys("naive 8x8")
+    rows = [row for row in shown[0].find_elements(By.CSS_SELECTOR, "tbody tr") if row.is_displayed()]
+    assert 1 <= len(rows) < 5, f"{len(rows)} rows after filtering"
+
+
+def check_lightbox(driver):
+    button = driver.find_element(By.CSS_SELECTOR, ".enlarge")
+    bring(driver, button)
+    button.click()
+    box = driver.find_element(By.ID, "lightbox")
+    assert box.is_displayed() and box.find_element(By.TAG_NAME, "img").size["width"] > 300
+    first = box.find_element(By.TAG_NAME, "figcaption").text
+    ActionChains(driver).send_keys(Keys.ARROW_RIGHT).perform()
+    assert box.find_element(By.TAG_NAME, "figcaption").text != first, "the arrow key does not go on"
+    driver.save_screenshot(os.environ.get("SHOTS", "/tmp") + "/lightbox.png")
+    ActionChains(driver).send_keys(Keys.ESCAPE).perform()
+    assert not box.is_displayed(), "Escape does not close the picture"
+
+
+def screenshots(page, stem):
+    folder = Path(os.environ.get("SHOTS", page.parent))
+    looks = {"light": (1280, 900, False), "dark": (1280, 900, True), "phone": (390, 844, False)}
+    for look, (width, height, dark) in looks.items():
+        driver = browser(width, height, dark)
+        try:
+            if look == "phone":
+                driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
+                                       {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": True})
+            load(driver, page)
+            check_clean(driver, page)
+            driver.save_screenshot(str(folder / f"{stem}-{look}.png"))
+            plots = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .plot, .claims")
+            if plots:
+                driver.execute_script("arguments[0].scrollIntoView({behavior: 'instant'})", plots[0])
+                driver.save_screenshot(str(folder / f"{stem}-{look}-plots.png"))
+        finally:
+            driver.quit()
+
+
+def main(synthetic, results, reproduction=None):
+    driver = browser()
+    try:
+        page = Path(synthetic) / "report.html"
+        seconds, size = load(driver, page), page.stat().st_size
+        print(f"2,000 points: {size / 1e6:.1f} MB, open after {seconds:.2f} s")
+        assert size < 15e6 and seconds < 2, f"{size} bytes, {seconds} s"
+        check_clean(driver, page)
+        assert "<script>window.injected=1</script>" in driver.find_element(By.ID, "answer").text
+        for check in (check_reasons, check_pointing, check_keyboard, check_controls):
+            check(driver)
+        check_clean(driver, page)
+        page = Path(results) / "report.html"
+        load(driver, page)
+        for check in (check_pointing, check_keyboard, check_lightbox, check_controls):
+            check(driver)
+        check_clean(driver, page)
+    finally:
+        driver.quit()
+    screenshots(Path(results) / "report.html", "report")
+    if reproduction:
+        screenshots(Path(reproduction) / "reproduction.html", "reproduction")
+    print("browser: all is well")
+
+
+main(*sys.argv[1:])

@@ -1,0 +1,184 @@
+//! The report from a reader's side: pages that stand alone, exports, comparisons and their exit codes.
+//! What a browser makes of the pages is looked at by `make test-browser`.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::{Value, json};
+
+fn raycl(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_raycl")).args(arguments).output().expect("it runs")
+}
+
+/// Runs it, expects this exit code, and gives standard output and standard error.
+fn outcome(arguments: &[&str], code: i32) -> (String, String) {
+    let output = raycl(arguments);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (said, complained) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}{complained}");
+    (said, complained)
+}
+
+const EVIL: &str = "<script>alert(1)</script>";
+
+/// A record of a measured point; its samples lie within 1% around `ms`.
+fn record(scene: &str, name: &str, side: u32, ms: f64) -> Value {
+    let samples: Vec<f64> = (0..10).map(|n| ms * (0.99 + 0.002 * f64::from(n))).collect();
+    json!({
+        "key": format!("{scene} {name} {side}"), "scene": scene, "device": "a gpu", "name": name, "preset": name,
+        "strategy": "traversal=exhaustive vectors=private", "local_size": [side, side], "image_size": [800, 500],
+        "triangles": 1026, "outcome": "measured", "median_ms": ms, "q1_ms": ms * 0.995, "q3_ms": ms * 1.005,
+        "ci95_ms": [ms * 0.996, ms * 1.004], "samples_ms": samples,
+    })
+}
+
+fn infeasible(scene: &str, name: &str, side: u32) -> Value {
+    let mut record = record(scene, name, side, 1.0);
+    record["outcome"] = "infeasible".into();
+    record["reason"] = format!("__local memory: 110592 B > 49152 B {EVIL}").into();
+    for absent in ["median_ms", "q1_ms", "q3_ms", "ci95_ms"] {
+        record[absent] = Value::Null;
+    }
+    record["samples_ms"] = json!([]);
+    record
+}
+
+fn write(folder: &Path, records: &[Value]) {
+    let lines: String = records.iter().map(|record| format!("{record}\n")).collect();
+    std::fs::write(folder.join("records.jsonl"), lines).expect("it writes");
+    let environment =
+        json!({"command_line": ["raycl", "run", EVIL], "config": format!("question = \"{EVIL}?\"")});
+    std::fs::write(folder.join("environment.json"), environment.to_string()).expect("it writes");
+}
+
+fn folder(records: &[Value]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), records);
+    folder
+}
+
+fn path(folder: &tempfile::TempDir) -> &str {
+    folder.path().to_str().expect("UTF-8")
+}
+
+#[test]
+fn a_page_stands_alone_and_names_stay_text() {
+    let results =
+        folder(&[record(EVIL, "naive", 8, 2.0), record(EVIL, "wide", 4, 1.0), infeasible(EVIL, "wide", 32)]);
+    outcome(&["report", path(&results)], 0);
+    let page = std::fs::read_to_string(results.path().join("report.html")).expect("a page");
+    assert!(!page.contains(EVIL), "a name became markup");
+    assert!(page.contains("alert(1)") && page.contains("110592 B"));
+    for outside in ["src=\"http", "href=\"http", "@import", "url(http", "<link"] {
+        assert!(!page.contains(outside), "the page refers to {outside}");
+    }
+    assert!(page.contains("2.00×"), "the speed-up over naive is missing");
+    for file in ["exports/t4-results.json", "exports/points.csv"] {
+        assert!(results.path().join(file).exists(), "{file}");
+    }
+    let plots: Vec<_> = std::fs::read_dir(results.path().join("plots")).expect("plots").flatten().collect();
+    let ending = |ending: &str| {
+        plots.iter().filter(|plot| plot.path().extension().is_some_and(|e| e == ending)).count()
+    };
+    assert!(ending("svg") >= 4 && ending("svg") == ending("png"));
+    for plot in &plots {
+        let bytes = std::fs::read(plot.path()).expect("a plot");
+        assert!(bytes.starts_with(b"<svg ") || bytes.starts_with(b"\x89PNG"), "{plot:?}");
+    }
+}
+
+#[test]
+fn two_thousand_points_make_a_page_of_a_few_megabytes() {
+    let points = |scene: &str| -> Vec<Value> {
+        let strategy = |n: u32| (1..=20).map(move |side| (n, side));
+        (0..20)
+            .flat_map(strategy)
+            .map(|(n, side)| record(scene, &format!("s{n}"), side, f64::from(n + side)))
+            .collect()
+    };
+    let records: Vec<Value> = ["a", "b", "c", "d", "e"].iter().flat_map(|scene| points(scene)).collect();
+    assert_eq!(records.len(), 2000);
+    let results = folder(&records);
+    let out = tempfile::tempdir().expect("a folder");
+    let (said, _) = outcome(&["report", path(&results), "--out", path(&out), "--json"], 0);
+    let said: Value = serde_json::from_str(&said).expect("JSON");
+    let page = std::fs::metadata(said["report"].as_str().expect("a path")).expect("a page");
+    assert!(page.len() < 15_000_000, "{} bytes", page.len());
+    assert!(!results.path().join("report.html").exists(), "it was to be written elsewhere");
+}
+
+#[test]
+fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
+    let before = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
+    let after = folder(&[record("teapot", "naive", 8, 12.0), record("teapot", "wide", 4, 0.5)]);
+    let (said, _) = outcome(&["compare", path(&before), path(&after)], 0);
+    assert!(said.contains("1 faster, 1 slower, 0 same, 0 unclear"), "{said}");
+    let (_, complaint) = outcome(&["compare", path(&before), path(&after), "--fail-on-regression", "5"], 1);
+    assert!(complaint.contains("naive 8x8 is 20.0% slower"), "{complaint}");
+    outcome(&["compare", path(&before), path(&after), "--fail-on-regression", "25%", "--quiet"], 0);
+    outcome(&["compare", path(&before), path(&before), "--fail-on-regression", "0", "--quiet"], 0);
+    let (markdown, _) = outcome(&["compare", path(&before), path(&after), "--markdown"], 0);
+    assert!(markdown.contains("| -50.0% | faster |"), "{markdown}");
+    let out = tempfile::tempdir().expect("a folder");
+    outcome(&["compare", path(&before), path(&after), "--out", path(&out), "--quiet"], 0);
+    assert!(out.path().join("compare.html").exists() && out.path().join("plots/compare.png").exists());
+}
+
+#[test]
+fn pictures_are_compared_and_told_apart() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let place = |name: &str| folder.path().join(name).display().to_string();
+    let mut picture = image::RgbImage::from_pixel(40, 30, image::Rgb([100; 3]));
+    picture.save(place("a.png")).expect("it saves");
+    picture.put_pixel(12, 7, image::Rgb([100, 200, 100]));
+    picture.save(place("b.png")).expect("it saves");
+    let (said, _) = outcome(&["compare-images", &place("a.png"), &place("a.png"), "--fail-below", "99"], 0);
+    assert!(said.contains("equal in all 1200 pixels"), "{said}");
+    let command = ["compare-images", &place("a.png"), &place("b.png"), "--output", &place("d.png"), "--json"];
+    let (said, _) = outcome(&command, 0);
+    let said: Value = serde_json::from_str(&said).expect("JSON");
+    assert_eq!(said["largest_error_at"], json!([12, 7]));
+    assert!((said["psnr_db"].as_f64().expect("a number") - 43.69).abs() < 0.01, "{said}");
+    assert!(Path::new(&place("d.png")).exists());
+    outcome(&["compare-images", &place("a.png"), &place("b.png"), "--fail-below", "50"], 1);
+    let (_, complaint) = outcome(&["compare-images", &place("a.png"), &place("none.png")], 2);
+    assert!(complaint.contains("none.png"), "{complaint}");
+}
+
+#[test]
+fn mistakes_name_the_folder_and_the_remedy() {
+    let empty = tempfile::tempdir().expect("a folder");
+    let (_, complaint) = outcome(&["report", path(&empty)], 2);
+    assert!(complaint.contains("records.jsonl") && complaint.contains("raycl run"), "{complaint}");
+    let (one, other) = (folder(&[record("a", "naive", 8, 1.0)]), folder(&[record("b", "naive", 8, 1.0)]));
+    let (_, complaint) = outcome(&["compare", path(&one), path(&other)], 2);
+    assert!(complaint.contains("no measured point in common"), "{complaint}");
+    let (_, complaint) = outcome(&["reproduce", "--page-only", "--out", path(&empty)], 2);
+    assert!(complaint.contains("--page-only"), "{complaint}");
+}
+
+#[test]
+fn the_reproduction_page_is_made_of_records_alone() {
+    let out = tempfile::tempdir().expect("a folder");
+    let figure = out.path().join("figure-8");
+    std::fs::create_dir(&figure).expect("a folder");
+    let points = [("naive", 17.4), ("local-vectors", 11.3), ("local-triangles", 25.7)];
+    let records: Vec<_> = points.iter().map(|(name, ms)| record("still-life", name, 8, *ms)).collect();
+    write(&figure, &records);
+    outcome(&["reproduce", "--page-only", "--out", path(&out)], 0);
+    let page = std::fs::read_to_string(out.path().join("reproduction.html")).expect("a page");
+    assert!(
+        page.contains("held on this device") && page.contains("1.54 times as fast"),
+        "the claim on optimisation 1"
+    );
+    assert!(page.contains("1133 against 1738 ms"));
+    assert!(out.path().join("plots/figure-8-shapes.svg").exists());
+}
+
+#[test]
+fn shells_can_complete() {
+    for shell in ["bash", "zsh", "fish"] {
+        let (script, _) = outcome(&["completions", shell], 0);
+        assert!(script.contains("compare-images") && script.contains("fail-on-regression"), "{shell}");
+    }
+}
