@@ -4,10 +4,10 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test lint bench test-browser
+.PHONY: help setup setup-tests build demo test test-intel test-browser fuzz lint bench
 
 help: ## list these targets
-	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 14
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
 
 setup: ## install what is missing: a C linker, the OpenCL loader, PoCL (Debian-like; root or sudo)
 	@.ci/setup
@@ -16,20 +16,26 @@ build: setup ## build target/release/raycl
 	cargo build --release --locked
 
 demo: build ## build, cast the paper's scenes in a few strategies, say where pictures and table lie
-	$(RAYCL) run configs/quick.toml --out $(QUICK)
-	@echo
-	@echo "Pictures: $(QUICK)/images/"
-	@echo "Table:    $(QUICK)/summary.md (also summary.csv; every point: records.jsonl)"
+	$(RAYCL) run configs/quick.toml --out $(QUICK) --resume
 
-test: setup ## run the tests
+setup-tests:
+	@.ci/setup --test
+
+test: setup-tests ## run the tests
 	cargo test --locked
+
+test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
+	@.ci/test-intel
+
+fuzz: ## fuzz every reader of files, MINUTES (10) each; needs cargo-fuzz
+	@.ci/fuzz
 
 lint: setup ## check format and lints, as CI does
 	cargo fmt --check
 	cargo clippy --all-targets --locked -- -D warnings
 
 bench: build ## measure the fast strategies
-	$(RAYCL) run configs/beyond.toml --out results/beyond
+	$(RAYCL) run configs/beyond.toml --out results/beyond --resume
 
 BROWSER = target/browser
 

@@ -25,6 +25,15 @@ pub enum Error {
         #[help]
         help: Option<String>,
     },
+    /// The user ended it: exit code 130, as shells say of SIGINT.
+    #[error("interrupted: {message}")]
+    Interrupted {
+        /// How far it came.
+        message: String,
+        /// How to go on.
+        #[help]
+        help: Option<String>,
+    },
 }
 
 /// A mistake in what the user gave: a file, a line in it, or an argument.
@@ -68,7 +77,7 @@ impl Error {
     ) -> Self {
         Self::Input(Box::new(InputError {
             message: message.into(),
-            source_code: Some(NamedSource::new(name, text.into())),
+            source_code: Some(NamedSource::new(name, printable(text.into()))),
             span: Some(span.into()),
             label: label.into(),
             help: None,
@@ -85,7 +94,7 @@ impl Error {
     pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
         match &mut self {
             Self::Input(error) => error.help = Some(remedy.into()),
-            Self::Run { help, .. } => *help = Some(remedy.into()),
+            Self::Run { help, .. } | Self::Interrupted { help, .. } => *help = Some(remedy.into()),
         }
         self
     }
@@ -95,8 +104,19 @@ impl Error {
         match self {
             Self::Input(_) => 2,
             Self::Run { .. } => 1,
+            Self::Interrupted { .. } => 130,
         }
     }
+}
+
+/// The text with question marks for what would steer a terminal; every other byte stays at its place.
+fn printable(text: String) -> String {
+    let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
+    if !text.contains(steers) {
+        return text;
+    }
+    let shown = |c: char| if steers(c) { "?".repeat(c.len_utf8()) } else { c.to_string() };
+    text.chars().map(shown).collect()
 }
 
 /// The candidate most like `word`, if any is like enough to be what was meant.
@@ -124,6 +144,15 @@ pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_files_control_characters_stay_out_of_the_terminal() {
+        let text = "# \u{1b}]0;title\u{7}\n\u{9b}2Jv x\n";
+        let error = Error::in_file("a.obj", text, 0..1, "no number", "here");
+        let Error::Input(input) = error else { panic!("not an input error") };
+        let shown = input.source_code.as_ref().unwrap().inner();
+        assert_eq!((shown.as_str(), shown.len()), ("# ?]0;title?\n??2Jv x\n", text.len()));
+    }
 
     #[test]
     fn nearest_finds_a_misspelt_name_and_refuses_a_strange_one() {

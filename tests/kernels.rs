@@ -3,9 +3,9 @@
 
 mod common;
 
+use common::cover::pairwise_cover;
 use common::{Stand, scene};
-use raycl::strategy::{AXES, PRESETS, Strategy, preset};
-use std::collections::HashSet;
+use raycl::strategy::{PRESETS, Strategy, preset};
 
 /// The paper's local sizes and some that divide nothing.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
@@ -63,50 +63,6 @@ fn every_preset_at_middling_local_sizes() {
 #[test]
 fn every_preset_at_large_and_odd_local_sizes() {
     presets_agree_at(&LOCAL_SIZES[8..]);
-}
-
-/// A pair of axis values that some strategy must have.
-type Pair = ((&'static str, &'static str), (&'static str, &'static str));
-
-fn pairs(strategy: &Strategy) -> HashSet<Pair> {
-    let axes = strategy.axes();
-    let pair = |i: usize| axes[i + 1..].iter().map(move |&other| (i, other));
-    (0..axes.len()).flat_map(pair).map(|(i, other)| (axes[i], other)).collect()
-}
-
-/// Every strategy that is one or two values away from a preset and makes sense.
-fn candidates() -> Vec<Strategy> {
-    let mut all: HashSet<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
-    for _ in 0..2 {
-        for strategy in all.clone() {
-            for axis in AXES {
-                for (value, _) in axis.values {
-                    let mut changed = strategy;
-                    changed.set(axis.name, value).expect("a value of an axis");
-                    if changed.contradiction().is_none() {
-                        all.insert(changed);
-                    }
-                }
-            }
-        }
-    }
-    let mut sorted: Vec<Strategy> = all.into_iter().collect();
-    sorted.sort_by_key(|strategy| strategy.to_string());
-    sorted
-}
-
-/// Strategies that together have every pair of values that any candidate has: greedily the one with most new pairs.
-fn pairwise_cover() -> Vec<Strategy> {
-    let candidates: Vec<_> = candidates().into_iter().map(|strategy| (strategy, pairs(&strategy))).collect();
-    let mut open: HashSet<Pair> = candidates.iter().flat_map(|(_, pairs)| pairs.iter().copied()).collect();
-    let mut cover = Vec::new();
-    while !open.is_empty() {
-        let most = |(_, pairs): &&(Strategy, HashSet<Pair>)| pairs.intersection(&open).count();
-        let Some((strategy, pairs)) = candidates.iter().max_by_key(most) else { break };
-        cover.push(*strategy);
-        open.retain(|pair| !pairs.contains(pair));
-    }
-    cover
 }
 
 #[test]

@@ -55,6 +55,9 @@ enum Command {
     Devices(devices::Args),
     /// List every axis of the strategy space, and the presets
     Strategies(strategies::Args),
+    /// Run the points of one device for `run`, which starts it
+    #[command(hide = true)]
+    Worker,
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -73,6 +76,7 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
+            Command::Worker => crate::experiment::serve(),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

@@ -29,6 +29,11 @@ impl Observer for Bar {
         self.bar.enable_steady_tick(Duration::from_millis(100));
     }
 
+    fn resumes(&mut self, done: usize) {
+        self.bar.set_position(done as u64);
+        self.bar.reset_eta();
+    }
+
     fn works_on(&mut self, what: &str) {
         self.bar.set_message(what.to_owned());
     }
@@ -55,6 +60,13 @@ pub struct Lines {
 impl Observer for Lines {
     fn begins(&mut self, points: usize) {
         self.points = points;
+    }
+
+    fn resumes(&mut self, done: usize) {
+        self.done = done;
+        if done > 0 {
+            let _ = writeln!(std::io::stderr(), "{done} of {} points were done before", self.points);
+        }
     }
 
     fn works_on(&mut self, _what: &str) {}

@@ -5,11 +5,22 @@ use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
-use crate::experiment::{Forecast, Results, Run, dry_run};
+use crate::experiment::{Fault, Forecast, Processes, Results, Run, dry_run};
 use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Record, summary_terminal};
 use crate::strategy::Requirements;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// What a process ended by Ctrl-C exits with.
+const INTERRUPTED: i32 = 130;
+
+/// The longest that one step of a point may take unless told.
+const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 /// Arguments of `raycl run`.
 #[derive(Debug, clap::Args)]
@@ -30,6 +41,15 @@ pub struct Args {
     /// A word of a device's name, platform or vendor, or cpu, gpu or all; replaces the config's devices
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
+    /// Go on with a run that was ended: what it measured stays, what is missing is measured
+    #[arg(long)]
+    resume: bool,
+    /// With --resume, measure points again that failed before
+    #[arg(long, requires = "resume")]
+    retry_failed: bool,
+    /// The longest that one step of a point may take (a build with its first image; a frame), in seconds
+    #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
+    hang_limit: Duration,
     /// Print the points and what each needs, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -48,6 +68,9 @@ pub struct Args {
     /// Use the kernels of this folder instead of those built in
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
+    /// For tests: let a worker process fail, such as segv@cast:3
+    #[arg(long, hide = true)]
+    fault: Option<Fault>,
 }
 
 impl Args {
@@ -60,34 +83,123 @@ impl Args {
         quiet: bool,
     ) -> Self {
         let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
-        Self { config, out, device, dry_run: false, set, json: false, quiet, verbose: false, cl_dir: None }
+        Self {
+            config,
+            out,
+            device,
+            resume: false,
+            retry_failed: false,
+            hang_limit: HANG_LIMIT,
+            dry_run: false,
+            set,
+            json: false,
+            quiet,
+            verbose: false,
+            cl_dir: None,
+            fault: None,
+        }
     }
 }
 
 /// Runs an experiment.
 pub fn run(args: Args) -> Result<()> {
     let experiment = config::load(&args.config, &args.set)?;
+    // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
+    let interrupted = if args.dry_run { Arc::default() } else { interrupt_flag()? };
     let devices = discover()?;
     let patterns = if args.device.is_empty() { &experiment.devices } else { &args.device };
     let devices = select(&devices, patterns)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = Run { experiment: &experiment, devices: &devices, sources: &sources };
+    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
+    let run = Run {
+        experiment: &experiment,
+        overrides: &args.set,
+        devices: &infos,
+        sources: &sources,
+        limit: args.hang_limit,
+        retry_failed: args.retry_failed,
+    };
     if args.dry_run {
         return forecast(&dry_run(&run)?, args.json);
     }
-    let out = args.out.clone().unwrap_or_else(|| free_folder(&experiment.name));
-    let mut results = Results::create(&out, &environment(&experiment, &devices))?;
-    let records = run.execute(&mut results, observer(args.quiet, args.verbose).as_mut())?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    let open = if args.resume { Results::resume } else { Results::create };
+    let mut results = open(&out, &environment(&experiment, &devices))?;
+    let mut workers = Processes::new(run.jobs(&out, args.fault))?;
+    let records = run
+        .execute(&mut results, observer(args.quiet, args.verbose).as_mut(), &mut workers, &interrupted)
+        .map_err(|error| say_how_to_resume(error, &args, &out))?;
     report(&args, &out, &records)
+}
+
+/// A positive number of seconds.
+fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
+    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
+}
+
+/// A flag that the first SIGINT or SIGTERM sets; a second ends the process at once.
+fn interrupt_flag() -> Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // The order counts: the flag is looked at before it is set.
+        flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
+            .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
+            .map_err(|error| Error::run(format!("cannot listen for Ctrl-C: {error}")))?;
+    }
+    Ok(interrupted)
+}
+
+/// Nothing measured is lost: says how to go on.
+fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
+    let command = format!("to go on from here: {}", resuming(args, out));
+    match &error {
+        Error::Run { help: Some(help), .. } => {
+            let help = format!("{help}\n{command}");
+            error.with_help(help)
+        }
+        Error::Input(_) => error,
+        _ => error.with_help(command),
+    }
+}
+
+/// The command that goes on with a run.
+fn resuming(args: &Args, out: &Path) -> String {
+    let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
+    words.extend(["--out".to_owned(), out.display().to_string()]);
+    words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
+    words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
+    words.extend(args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]));
+    words.push("--resume".to_owned());
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+}
+
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:".contains(c);
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
+
+/// The latest folder of this name to go on with, or a free one.
+fn default_folder(name: &str, resume: bool) -> PathBuf {
+    let free = free_folder(name);
+    let latest =
+        (1..).map(|number| numbered_folder(name, number)).take_while(|folder| *folder != free).last();
+    latest.filter(|_| resume).unwrap_or(free)
 }
 
 /// `results/NAME`, or the first of `results/NAME-2`, ... that is free.
 fn free_folder(name: &str) -> PathBuf {
-    let folder = |number: u32| match number {
+    let folder = |number| numbered_folder(name, number);
+    (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(1))
+}
+
+fn numbered_folder(name: &str, number: u32) -> PathBuf {
+    match number {
         1 => Path::new("results").join(name),
         _ => Path::new("results").join(format!("{name}-{number}")),
-    };
-    (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(1))
+    }
 }
 
 fn environment(experiment: &Experiment, devices: &[&Device]) -> Environment {

@@ -24,6 +24,11 @@ use document::Document;
 /// Any mistake is an input error that names the file, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let text = std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))?;
+    parse(path, text, overrides)
+}
+
+/// The experiment that a config's `text` describes; `path` names it and is what its scenes are relative to.
+pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
     let document = Document::new(path.display().to_string(), text, overrides)?;
     validate::experiment(document.read()?, path, &document)
 }

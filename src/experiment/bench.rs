@@ -5,10 +5,11 @@ use crate::device::{Device, DeviceLimits};
 use crate::error::Result;
 use crate::image::Radiance;
 use crate::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
-use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::program::{BuiltProgram, ProgramSpec};
 use crate::record::{Outcome, Record};
 use crate::scene::Scene;
 use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload};
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
@@ -16,8 +17,6 @@ use std::collections::hash_map::Entry;
 pub struct Bench {
     queue: Queue,
     limits: DeviceLimits,
-    reduce_builtin: bool,
-    sources: Sources,
     /// The scene at hand, by its number, in the layouts uploaded so far.
     scene: usize,
     layouts: HashMap<Layout, DeviceScene>,
@@ -32,7 +31,7 @@ fn tree_kind(strategy: &Strategy) -> TreeKind {
 }
 
 /// Why a point cannot be timed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Refusal {
     /// What to record.
     pub outcome: Outcome,
@@ -41,7 +40,8 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
+    /// An outcome and its reason.
+    pub fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reason: reason.into() }
     }
 
@@ -75,21 +75,14 @@ impl From<LaunchError> for Refusal {
 
 impl Bench {
     /// Opens `device`, imitating a smaller one where `limits` says so.
-    pub fn open(device: &Device, limits: &LimitOverrides, sources: &Sources) -> Result<Self> {
+    pub fn open(device: &Device, limits: &LimitOverrides) -> Result<Self> {
         Ok(Self {
             queue: Queue::open(device.platform, device.device)?,
             limits: limits.apply(device.info.limits),
-            reduce_builtin: device.info.supports_reduce_builtin(),
-            sources: sources.clone(),
             scene: usize::MAX,
             layouts: HashMap::new(),
             trees: HashMap::new(),
         })
-    }
-
-    /// The program of a strategy at a workload.
-    pub fn spec(&self, named: &NamedStrategy, workload: &Workload) -> Result<ProgramSpec> {
-        ProgramSpec::new(&self.sources, &named.strategy, workload, self.reduce_builtin)
     }
 
     /// Everything up to the first frame: whether the device can hold the point, build, upload, buffers.

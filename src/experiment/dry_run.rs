@@ -27,7 +27,7 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
             return Forecast { label, device: HOST.to_owned(), needs: None, refused: None };
         };
-        let info = &run.devices[device].info;
+        let info = run.devices[device];
         let strategy = &run.experiment.strategies[strategy].strategy;
         let workload = Workload::of(&scenes[point.scene], point.image_size, local_size);
         let limits = run.experiment.limits.apply(info.limits);

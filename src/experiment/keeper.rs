@@ -1,8 +1,9 @@
-//! Where finished records go: the results' folder, the observer, the caller.
+//! Where what is found goes: the results' folder, the observer, the caller.
 
 use super::{Observer, Results};
 use crate::error::Result;
-use crate::record::Record;
+use crate::launch::FrameTimes;
+use crate::record::{Record, Sample};
 
 /// Keeps what a run finds as soon as it is found.
 pub struct Keeper<'a> {
@@ -22,5 +23,17 @@ impl Keeper<'_> {
         self.observer.finished(&record);
         self.done.push(record);
         Ok(())
+    }
+
+    /// Keeps a sample of a point.
+    pub fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()> {
+        self.results.sample(&Sample {
+            key: key.to_owned(),
+            round,
+            ms: times.frame_ms,
+            primary_ms: times.primary_ms,
+            shadow_ms: times.shadow_ms,
+            host_ms: Some(times.host_ms),
+        })
     }
 }

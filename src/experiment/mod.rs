@@ -1,23 +1,43 @@
 //! Running an experiment: the plan, what each point needs before it can be timed, the rounds of
 //! measurement, and the folder of results.
+//!
+//! A [`Run`] holds the plan, the journal and the progress; its points run in worker processes, one a device.
+//! [`Run::execute`] asks a worker to check a point or to cast a frame of it, and the worker answers with a record
+//! or a sample; what becomes of a worker that dies or hangs is the supervisor's to decide.
 
 mod bench;
 mod check;
 mod complete;
+mod draft;
 mod dry_run;
+mod fault;
+mod group;
+mod hands;
 mod host;
 mod keeper;
+mod lock;
 mod observer;
 mod oracle;
 mod pictures;
 mod plan;
+mod process;
+mod protocol;
 mod results;
 mod rounds;
 mod run;
-mod session;
+mod supervisor;
+mod views;
+mod worker;
 
+pub use bench::Refusal;
 pub use dry_run::{Forecast, dry_run};
+pub use fault::Fault;
 pub use observer::Observer;
+pub use pictures::Pictures;
 pub use plan::{KeyParts, Plan, Point, Work, key};
-pub use results::Results;
+pub use process::Processes;
+pub use protocol::{Job, Reply, Request};
+pub use results::{Past, Results};
 pub use run::Run;
+pub use supervisor::{Death, Spawner, Wait, Worker};
+pub use worker::serve;

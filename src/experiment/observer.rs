@@ -6,6 +6,8 @@ use crate::record::Record;
 pub trait Observer {
     /// The run begins: it has this many points.
     fn begins(&mut self, points: usize);
+    /// An earlier run has finished this many of them.
+    fn resumes(&mut self, _done: usize) {}
     /// What is being done now, in a few words.
     fn works_on(&mut self, what: &str);
     /// A point has stopped.

@@ -1,114 +1,102 @@
-//! The pictures a run keeps of each image: what was cast, what it ought to be, where that is certain, where they
-//! differ, and what each pixel costs.
+//! The pictures of a run, under `images/`.
 
-use super::Results;
-use crate::accel::{Bvh, WideBvh};
 use crate::error::Result;
-use crate::image::{COUNT_SCALE_HEIGHT, Radiance, difference_image, draw_count_scale, to_rgb8, viridis};
-use crate::record::Record;
-use crate::reference::Reference;
-use crate::reference::intersect::moller_trumbore;
-use crate::reference::ray::Frame;
-use crate::scene::{Display, Scene};
-use crate::strategy::Culling;
-use ::image::{Rgb, RgbImage};
-use rayon::prelude::*;
+use crate::image::{Radiance, save, save_rgb8, to_rgb8};
+use crate::scene::Display;
+use image::RgbImage;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
-/// What marks uncertain pixels: a colour that shows on any grey, for any eye.
-const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Triangles a leaf of the tree that costs are counted in.
-const LEAF: usize = 4;
-
-/// Saves an image's pictures, unless an equal one has them already, and names them in its record.
-pub fn keep(
-    results: &mut Results,
-    record: &mut Record,
-    image: &Radiance,
-    expected: &Reference,
-    scene: &Scene,
-    culling: Culling,
-) -> Result<()> {
-    let [width, height] = record.image_size;
-    let place = format!("{}-{width}x{height}", scene.name);
-    let sides = if culling == Culling::None { "" } else { "-culled" };
-    let reference = format!("{place}-reference{sides}");
-    record.reference_image = Some(results.picture(&reference, &expected.radiance, scene.display)?);
-    let name = format!("{place}-{}-{}", record.device, record.name);
-    let path = results.picture(&name, image, scene.display)?;
-    let stem = path.trim_start_matches("images/").trim_end_matches(".png").to_owned();
-    record.image = Some(path);
-    let certainty = || certainty(expected, scene.display);
-    record.certainty_image = Some(results.picture_once(&format!("{place}-certain{sides}"), certainty)?);
-    if let Some(tree) = tree(scene) {
-        let cost = || cost(scene, &tree, record.image_size, culling);
-        record.cost_image = Some(results.picture_once(&format!("{place}-cost{sides}"), cost)?);
-    }
-    let difference = || difference_image(image, &expected.radiance);
-    record.difference_image = Some(results.picture_once(&format!("{stem}-difference{sides}"), difference)?);
-    Ok(())
+/// Saves pictures under a folder of results. None replaces another.
+pub struct Pictures {
+    folder: PathBuf,
+    /// Pictures saved, by what they show, so that points which agree to the last bit share one.
+    saved: HashMap<blake3::Hash, String>,
 }
 
-/// The reference in grey with its uncertain pixels marked.
-fn certainty(expected: &Reference, display: Display) -> RgbImage {
-    let mut picture = to_rgb8(&expected.radiance, display);
-    for (pixel, certain) in picture.pixels_mut().zip(&expected.certain) {
-        let grey = pixel.0.iter().map(|channel| u32::from(*channel)).sum::<u32>() / 3;
-        // Half as bright, so that the marks stand out.
-        *pixel = Rgb(if *certain { [(grey / 2) as u8; 3] } else { UNCERTAIN });
+impl Pictures {
+    /// Pictures of the results in `folder`.
+    pub fn of(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), saved: HashMap::new() }
     }
-    picture
+
+    /// Saves a picture under the first of `names` that no other picture has, else under its hash, and returns
+    /// its path relative to the folder.
+    pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
+        let hash = hash(image);
+        if let Some(path) = self.saved.get(&hash) {
+            return Ok(path.clone());
+        }
+        let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
+        let paths = names.iter().copied().chain([by_hash.as_str()]).map(path_of);
+        let shown = to_rgb8(image, display);
+        let free = |path: &String| match image::open(self.folder.join(path)) {
+            // What cannot be read is no picture.
+            Err(_) => true,
+            Ok(there) => there.to_rgb8() == shown,
+        };
+        let path = paths.clone().find(free).or_else(|| paths.clone().next_back()).unwrap_or_default();
+        save(image, display, &self.folder.join(&path))?;
+        self.saved.insert(hash, path.clone());
+        Ok(path)
+    }
+
+    /// Saves the picture that `make` makes, unless one of that name is there, and returns its path.
+    pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
+        let path = path_of(name);
+        let file = self.folder.join(&path);
+        if !file.exists() {
+            save_rgb8(&make(), &file)?;
+        }
+        Ok(path)
+    }
 }
 
-/// A binary tree over the scene's triangles; none of an empty scene, or of one too large for it.
-fn tree(scene: &Scene) -> Option<WideBvh> {
-    if scene.mesh.triangles.is_empty() {
-        return None;
-    }
-    WideBvh::new(&Bvh::build(&scene.mesh, LEAF), 2, LEAF).ok()
+fn path_of(name: &str) -> String {
+    format!("images/{}.png", file_name(name))
 }
 
-/// Nodes and triangles that each pixel's primary ray tests in a tree, dark for few, over a scale.
-fn cost(scene: &Scene, tree: &WideBvh, [width, height]: [u32; 2], culling: Culling) -> RgbImage {
-    let frame = Frame::<f64>::new(&scene.camera.pixel_frame(width, height));
-    let count = |pixel: u32| {
-        let ray = frame.primary(f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
-        let walk = tree.closest_hit(ray.origin, ray.direction, ray.far, |triangle, reach| {
-            let corners = scene.mesh.corners(&scene.mesh.triangles[triangle as usize]).map(|c| c.as_dvec3());
-            let (t, _) = moller_trumbore(&ray, corners, culling)?;
-            (t < reach).then_some(t)
-        });
-        walk.nodes + walk.triangles
-    };
-    let counts: Vec<u32> = (0..width * height).into_par_iter().map(count).collect();
-    let most = counts.iter().copied().max().unwrap_or(0).max(1);
-    let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);
-    for (pixel, count) in picture.pixels_mut().zip(&counts) {
-        *pixel = Rgb(viridis(f64::from(*count) / f64::from(most)));
+fn hash(image: &Radiance) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    for pixel in &image.pixels {
+        for channel in pixel {
+            hasher.update(&channel.to_le_bytes());
+        }
     }
-    draw_count_scale(&mut picture, height, most);
-    picture
+    hasher.finalize()
+}
+
+/// A name that is one file in one folder on any system.
+fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::reference;
-    use crate::scene::load_scene;
-    use std::path::Path;
 
     #[test]
-    fn costs_and_doubts_are_drawn_where_they_are() {
-        let scene = load_scene(Path::new("scenes/still-life.toml")).expect("it loads").scene;
-        let size = [64, 40];
-        let tree = tree(&scene).expect("it has triangles");
-        let picture = cost(&scene, &tree, size, Culling::None);
-        let different = |row: u32| {
-            picture.rows().nth(row as usize).expect("a row").any(|p| p.0 != picture.get_pixel(0, row).0)
-        };
-        assert!((0..40).any(different), "all rays cost the same");
-        let expected = reference(&scene, size, Culling::None);
-        let marked =
-            certainty(&expected, scene.display).pixels().filter(|pixel| pixel.0 == UNCERTAIN).count();
-        assert_eq!(marked, expected.doubts.len());
+    fn no_name_leaves_the_folder() {
+        assert_eq!(file_name("../../etc/passwd"), "..-..-etc-passwd");
+        assert_eq!(file_name("a b/c\\d<e>"), "a-b-c-d-e-");
+    }
+
+    #[test]
+    fn equal_pictures_share_a_file_and_others_never_do() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let black = Radiance::new(3, 2);
+        let white = Radiance { pixels: vec![[1.0; 3]; 6], ..black.clone() };
+        let grey = Radiance { pixels: vec![[0.01; 3]; 6], ..black.clone() };
+        for _ in 0..2 {
+            // The second time is a fresh worker: it remembers nothing.
+            let mut pictures = Pictures::of(folder.path());
+            let mut save = |image| pictures.picture(&["a", "a-8x8"], image, Display::default()).unwrap();
+            assert_eq!(save(&black), "images/a.png");
+            assert_eq!(save(&black), "images/a.png");
+            assert_eq!(save(&white), "images/a-8x8.png");
+            assert!(save(&grey).starts_with("images/a-8x8-"));
+        }
+        assert_eq!(std::fs::read_dir(folder.path().join("images")).unwrap().count(), 3);
     }
 }

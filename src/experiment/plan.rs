@@ -62,7 +62,7 @@ impl Plan {
     /// Points that are compared with each other and measured in interleaved rounds: those of one
     /// scene, image size and device.
     pub fn groups(&self) -> impl Iterator<Item = &[Point]> {
-        self.points.chunk_by(|one, other| one.group() == other.group())
+        self.points.chunk_by(|one, other| one.compares_with(other))
     }
 }
 
@@ -81,6 +81,11 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 }
 
 impl Point {
+    /// Whether both are measured in the same rounds.
+    pub fn compares_with(&self, other: &Self) -> bool {
+        self.group() == other.group()
+    }
+
     fn group(&self) -> (usize, [u32; 2], Option<usize>) {
         (self.scene, self.image_size, self.device)
     }

@@ -1,10 +1,14 @@
 //! The folder a run writes its results to.
 
+use super::lock::Lock;
 use crate::error::{Error, Result};
-use crate::image::{Radiance, save, save_rgb8};
-use crate::record::{Environment, JsonLines, Record, Sample, summary_csv, summary_markdown};
-use crate::scene::Display;
-use std::collections::{HashMap, HashSet};
+use crate::launch::FrameTimes;
+use crate::record::{
+    Environment, JsonLines, Record, Sample, TEMPORARY_PREFIX, read_lines, summary_csv, summary_markdown,
+    sync_folder, write_whole,
+};
+use std::collections::HashMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// A folder of results: `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
@@ -13,30 +17,65 @@ pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,
     samples: JsonLines<Sample>,
-    /// Pictures saved, by what they show, so that points which agree to the last bit share one.
-    pictures: HashMap<blake3::Hash, String>,
-    /// Every picture's path.
-    made: HashSet<String>,
+    past: Past,
+    _lock: Lock,
+}
+
+/// What a folder of results holds before a run goes on with it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Past {
+    /// Finished points, in the order of their last records.
+    pub records: Vec<Record>,
+    /// The samples of every point, in the order taken, by key, and the round after the last.
+    pub samples: HashMap<String, (Vec<FrameTimes>, u32)>,
 }
 
 impl Results {
     /// Makes the folder. One that holds records already is refused: nothing measured is ever overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
-        let records = folder.join("records.jsonl");
-        if records.exists() {
+        if folder.join("records.jsonl").exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
-            return Err(error.with_help("name another folder with --out, or remove this one"));
+            return Err(error.with_help("--resume goes on with them; or name another folder with --out"));
         }
+        Self::open(folder, environment)
+    }
+
+    /// Goes on with the folder, or makes it where the run before did not come that far.
+    pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
+        Self::open(folder, environment)
+    }
+
+    fn open(folder: &Path, environment: &Environment) -> Result<Self> {
+        let failed = |error: std::io::Error| {
+            let message = format!("cannot make {}: {error}", folder.display());
+            match error.kind() {
+                ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename => {
+                    Error::input(message)
+                }
+                _ => Error::run(message),
+            }
+        };
         std::fs::create_dir_all(folder.join("images"))
-            .map_err(|error| Error::input(format!("cannot make {}: {error}", folder.display())))?;
-        environment.write(&folder.join("environment.json"))?;
-        Ok(Self {
+            .map_err(failed)
+            .map_err(|error| error.with_help("choose another folder with --out DIR"))?;
+        let lock = Lock::take(folder)?;
+        let [records, samples] = ["records.jsonl", "samples.jsonl"].map(|name| folder.join(name));
+        remove_left_overs(folder);
+        keep_environment(folder, environment)?;
+        let results = Self {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
-            samples: JsonLines::append_to(&folder.join("samples.jsonl"))?,
-            pictures: HashMap::new(),
-            made: HashSet::new(),
-        })
+            samples: JsonLines::append_to(&samples)?,
+            past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
+            _lock: lock,
+        };
+        sync_folder(folder).map_err(failed)?;
+        Ok(results)
+    }
+
+    /// What was there when it was opened.
+    pub fn past(&self) -> &Past {
+        &self.past
     }
 
     /// Keeps a record.
@@ -49,79 +88,99 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Saves a picture under `images/` and returns its path relative to the folder. A picture equal to one
-    /// saved before shares its file.
-    pub fn picture(&mut self, name: &str, image: &Radiance, display: Display) -> Result<String> {
-        let mut hasher = blake3::Hasher::new();
-        for pixel in &image.pixels {
-            for channel in pixel {
-                hasher.update(&channel.to_le_bytes());
-            }
-        }
-        let hash = hasher.finalize();
-        if let Some(path) = self.pictures.get(&hash) {
-            return Ok(path.clone());
-        }
-        let path = self.free_path(name);
-        save(image, display, &self.folder.join(&path))?;
-        self.pictures.insert(hash, path.clone());
-        Ok(path)
-    }
-
-    /// A path that no other picture has: points of one strategy may differ in their last bits.
-    fn free_path(&mut self, name: &str) -> String {
-        let path = |number: u32| match number {
-            1 => format!("images/{}.png", file_name(name)),
-            _ => format!("images/{}-{number}.png", file_name(name)),
-        };
-        let free = (1..).map(path).find(|path| !self.made.contains(path)).unwrap_or_else(|| path(1));
-        self.made.insert(free.clone());
-        free
-    }
-
-    /// Makes and saves the picture of this name, unless it was saved before, and returns its path.
-    pub fn picture_once(&mut self, name: &str, make: impl FnOnce() -> ::image::RgbImage) -> Result<String> {
-        let path = format!("images/{}.png", file_name(name));
-        if self.made.insert(path.clone()) {
-            save_rgb8(&make(), &self.folder.join(&path))?;
-        }
-        Ok(path)
-    }
-
     /// Writes the summaries.
     pub fn summarise(&self, records: &[Record], question: &str, expectation: &str) -> Result<()> {
-        let write = |name: &str, bytes: &[u8]| {
-            let path = self.folder.join(name);
-            std::fs::write(&path, bytes)
-                .map_err(|error| Error::run(format!("cannot write {}: {error}", path.display())))
-        };
-        write("summary.md", summary_markdown(records, question, expectation).as_bytes())?;
-        write("summary.csv", &summary_csv(records)?)
+        let markdown = summary_markdown(records, question, expectation);
+        write_whole(&self.folder.join("summary.md"), markdown.as_bytes())?;
+        write_whole(&self.folder.join("summary.csv"), &summary_csv(records)?)
     }
 }
 
-/// A name that is one file in one folder on any system.
-fn file_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
+impl Past {
+    fn of(lines: Vec<Record>, samples: Vec<Sample>) -> Self {
+        let mut past = Self::default();
+        let last: HashMap<String, usize> =
+            lines.iter().enumerate().map(|(at, record)| (record.key.clone(), at)).collect();
+        past.records = lines
+            .into_iter()
+            .enumerate()
+            .filter(|(at, r)| last.get(&r.key) == Some(at))
+            .map(|(_, r)| r)
+            .collect();
+        for sample in samples {
+            let times = FrameTimes {
+                frame_ms: sample.ms,
+                primary_ms: sample.primary_ms,
+                shadow_ms: sample.shadow_ms,
+                host_ms: sample.host_ms.unwrap_or(sample.ms),
+            };
+            let (frames, round) = past.samples.entry(sample.key).or_default();
+            frames.push(times);
+            *round = (*round).max(sample.round.saturating_add(1));
+        }
+        past
+    }
+}
+
+/// Writes the environment; that of the run before keeps a name of its own.
+fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
+    let path = folder.join("environment.json");
+    if path.exists() {
+        let earlier = |number: u32| folder.join(format!("environment-{number}.json"));
+        let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
+        std::fs::rename(&path, &free)
+            .map_err(|error| Error::run(format!("cannot rename {}: {error}", path.display())))?;
+    }
+    environment.write(&path)
+}
+
+/// Removes what a killed run was writing. What cannot be removed does no harm.
+fn remove_left_overs(folder: &Path) {
+    for folder in [folder.to_owned(), folder.join("images")] {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(TEMPORARY_PREFIX) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::Outcome;
 
-    #[test]
-    fn no_name_leaves_the_folder() {
-        assert_eq!(file_name("../../etc/passwd"), "..-..-etc-passwd");
-        assert_eq!(file_name("a b/c\\d<e>"), "a-b-c-d-e-");
+    fn record(key: &str, outcome: Outcome) -> Record {
+        Record { key: key.into(), outcome, ..Record::default() }
     }
 
     #[test]
-    fn results_are_never_overwritten() -> Result<()> {
-        let folder = tempfile::tempdir().map_err(|error| Error::run(error.to_string()))?;
-        let mut first = Results::create(folder.path(), &Environment::default())?;
-        first.record(&Record::default())?;
-        let second = Results::create(folder.path(), &Environment::default()).err();
-        assert!(second.is_some_and(|error| error.exit_code() == 2));
-        Ok(())
+    fn results_are_never_overwritten_and_go_on_where_asked() {
+        let folder = tempfile::tempdir().unwrap();
+        let environment = Environment::default();
+        let mut first = Results::create(folder.path(), &environment).unwrap();
+        first.record(&record("a", Outcome::Crashed)).unwrap();
+        first.record(&record("b", Outcome::Measured)).unwrap();
+        first.record(&record("a", Outcome::Measured)).unwrap();
+        for round in [0, 1] {
+            first.sample(&Sample { key: "c".into(), round, ms: 1.5, ..Sample::default() }).unwrap();
+        }
+        assert_eq!(
+            Results::resume(folder.path(), &environment).err().unwrap().exit_code(),
+            2,
+            "it is locked"
+        );
+        drop(first);
+        std::fs::write(folder.path().join("images/.raycl-abc"), "half a picture").unwrap();
+        assert_eq!(Results::create(folder.path(), &environment).err().unwrap().exit_code(), 2);
+
+        let second = Results::resume(folder.path(), &environment).unwrap();
+        let past = second.past();
+        let found: Vec<_> = past.records.iter().map(|r| (r.key.as_str(), r.outcome)).collect();
+        assert_eq!(found, [("b", Outcome::Measured), ("a", Outcome::Measured)]);
+        let (frames, next_round) = &past.samples["c"];
+        assert_eq!((frames.len(), *next_round, frames[0].host_ms), (2, 2, 1.5));
+        assert!(folder.path().join("environment-1.json").exists());
+        assert!(!folder.path().join("images/.raycl-abc").exists());
     }
 }

@@ -15,11 +15,23 @@ pub trait Rounds {
     fn stopped(&mut self, point: usize, frames: Vec<FrameTimes>, reason: StopReason) -> Result<()>;
 }
 
-/// Times `points` points until each has stopped or failed.
-pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<()> {
-    let mut frames: Vec<Option<Vec<FrameTimes>>> = vec![Some(Vec::new()); points];
-    for round in 0.. {
-        let active: Vec<usize> = (0..points).filter(|&point| frames[point].is_some()).collect();
+/// Where measuring starts: at nothing, or where an earlier run left off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Start {
+    /// The samples that each point has already.
+    pub frames: Vec<Vec<FrameTimes>>,
+    /// The first round.
+    pub round: u32,
+}
+
+/// Times points until each has stopped or failed.
+pub fn measure(start: Start, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<()> {
+    let mut frames = Vec::with_capacity(start.frames.len());
+    for (point, before) in start.frames.into_iter().enumerate() {
+        frames.push(judge(point, before, rule, rounds)?);
+    }
+    for round in start.round.. {
+        let active: Vec<usize> = (0..frames.len()).filter(|&point| frames[point].is_some()).collect();
         if active.is_empty() {
             break;
         }
@@ -43,9 +55,19 @@ fn sample(
     let Some(times) = rounds.cast(point)? else { return Ok(None) };
     rounds.sampled(point, round, &times)?;
     frames.push(times);
+    judge(point, frames, rule, rounds)
+}
+
+/// Whether a point has been sampled enough; if so there is nothing left of it.
+fn judge(
+    point: usize,
+    frames: Vec<FrameTimes>,
+    rule: &StoppingRule,
+    rounds: &mut impl Rounds,
+) -> Result<Option<Vec<FrameTimes>>> {
     let samples_ms: Vec<f64> = frames.iter().map(|frame| frame.frame_ms).collect();
     let elapsed_ms = frames.iter().map(|frame| frame.host_ms).sum();
-    match rule.stop(&samples_ms, elapsed_ms) {
+    match rule.stop(&samples_ms, elapsed_ms).filter(|_| !frames.is_empty()) {
         None => Ok(Some(frames)),
         Some(reason) => rounds.stopped(point, frames, reason).map(|()| None),
     }
@@ -85,10 +107,27 @@ mod tests {
     const RULE: StoppingRule =
         StoppingRule { min_samples: 4, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
 
+    fn fresh(points: usize) -> Start {
+        Start { frames: vec![Vec::new(); points], round: 0 }
+    }
+
+    #[test]
+    fn an_earlier_runs_samples_count() -> Result<()> {
+        let times = FrameTimes { frame_ms: 1.0, primary_ms: None, shadow_ms: None, host_ms: 1.0 };
+        let before =
+            |samples: usize| (0..samples).map(|i| FrameTimes { frame_ms: i as f64 + 1.0, ..times }).collect();
+        let mut fake = Fake::default();
+        measure(Start { frames: vec![before(7), before(2), before(0)], round: 2 }, &RULE, 1, &mut fake)?;
+        assert_eq!(fake.stopped[0], (0, 7), "it had all its samples");
+        let casts = |point| fake.order.iter().filter(|&&cast| cast == point).count();
+        assert_eq!([casts(0), casts(1), casts(2)], [0, 5, 7]);
+        Ok(())
+    }
+
     #[test]
     fn each_round_takes_one_sample_of_every_point() -> Result<()> {
         let mut fake = Fake::default();
-        measure(3, &RULE, 1, &mut fake)?;
+        measure(fresh(3), &RULE, 1, &mut fake)?;
         for round in fake.order.chunks(3) {
             let mut points = round.to_vec();
             points.sort_unstable();
@@ -103,7 +142,7 @@ mod tests {
     #[test]
     fn a_failing_point_is_not_cast_again_and_costs_the_others_nothing() -> Result<()> {
         let mut fake = Fake { failing: Some(1), ..Fake::default() };
-        measure(3, &RULE, 1, &mut fake)?;
+        measure(fresh(3), &RULE, 1, &mut fake)?;
         assert_eq!(fake.order.iter().filter(|&&point| point == 1).count(), 3);
         assert_eq!(fake.stopped.len(), 2);
         Ok(())

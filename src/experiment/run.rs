@@ -1,26 +1,36 @@
 //! Running a plan: every group of comparable points in turn.
 
-use super::check::Checker;
+use super::draft::{Drafter, Hashed};
+use super::group::{Open, measure_group};
 use super::keeper::Keeper;
-use super::rounds::measure;
-use super::session::Session;
-use super::{Observer, Plan, Point, Results};
+use super::protocol::Job;
+use super::supervisor::{Spawner, Supervisor};
+use super::{Fault, Observer, Plan, Results};
 use crate::config::Experiment;
-use crate::device::Device;
-use crate::error::Result;
-use crate::measure::StoppingRule;
+use crate::device::DeviceInfo;
+use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Record;
 use crate::scene::{Scene, load_scene};
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 /// What a run needs besides its observer.
 pub struct Run<'a> {
     /// What is measured.
     pub experiment: &'a Experiment,
+    /// The values that were laid over its config.
+    pub overrides: &'a [(String, String)],
     /// On which devices.
-    pub devices: &'a [&'a Device],
+    pub devices: &'a [&'a DeviceInfo],
     /// Where kernels come from.
     pub sources: &'a Sources,
+    /// The longest that one step of a point may take: a build with its first image, or a frame.
+    pub limit: Duration,
+    /// Whether failed points of an earlier run are tried again.
+    pub retry_failed: bool,
 }
 
 impl Run<'_> {
@@ -34,51 +44,116 @@ impl Run<'_> {
         self.experiment.scenes.iter().map(|path| load_scene(path).map(|loaded| loaded.scene)).collect()
     }
 
-    /// Measures every point and returns their records, which are on disk by then. When it fails, everything
-    /// finished before is on disk too.
-    pub fn execute(&self, results: &mut Results, observer: &mut dyn Observer) -> Result<Vec<Record>> {
-        let plan = self.plan();
-        let scenes = self.load_scenes()?;
-        let mut checker = Checker::open(self)?;
-        observer.begins(plan.points.len());
-        let mut keeper = Keeper { results, observer, done: Vec::new() };
-        for group in plan.groups() {
-            self.measure_group(group, &scenes, &mut checker, &mut keeper)?;
+    /// The jobs of its workers, one a device; without devices one for the host.
+    pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
+        let job = |device| Job {
+            config: self.experiment.path.clone(),
+            text: self.experiment.source.clone(),
+            overrides: self.overrides.to_vec(),
+            device_count: self.devices.len(),
+            device,
+            cl_dir: match self.sources {
+                Sources::Embedded => None,
+                Sources::Folder(folder) => Some(folder.clone()),
+            },
+            folder: folder.to_owned(),
+            fault,
+        };
+        match self.devices {
+            [] => vec![job(None)],
+            devices => devices.iter().map(|device| job(Some(device.identity()))).collect(),
         }
-        keeper.observer.ends();
-        let done = keeper.done;
-        results.summarise(&done, &self.experiment.question, &self.experiment.expectation)?;
-        Ok(done)
     }
 
-    /// Verifies the points of one scene, size and device, then times those that passed together.
-    fn measure_group(
+    /// Measures every point that the results lack, and returns the records of all, which are on disk by then.
+    /// When it fails or is interrupted, everything finished before is on disk too.
+    pub fn execute(
         &self,
-        group: &[Point],
-        scenes: &[Scene],
-        checker: &mut Checker<'_>,
-        keeper: &mut Keeper<'_>,
-    ) -> Result<()> {
-        let Some(scene) = group.first().map(|point| &scenes[point.scene]) else { return Ok(()) };
-        let mut session = Session::new(scene);
-        for point in group {
-            let label = point.label(self.experiment);
-            keeper.observer.works_on(&format!("checking {label}"));
-            let mut record = checker.draft(point, scene);
-            match checker.check(point, scene, keeper.results, &mut record)? {
-                Ok(ready) => session.add(record, ready, label),
-                Err(refusal) => keeper.keep(refusal.write_into(record))?,
+        results: &mut Results,
+        observer: &mut dyn Observer,
+        spawner: &mut dyn Spawner,
+        interrupted: &AtomicBool,
+    ) -> Result<Vec<Record>> {
+        let plan = self.plan();
+        let groups = self.open_points(&plan)?;
+        let keys: HashSet<&str> = groups.iter().flatten().map(|open| open.record.key.as_str()).collect();
+        let count = keys.len();
+        let counts = |record: &&Record| keys.contains(record.key.as_str()) && self.is_done(record);
+        let done: Vec<Record> = results.past().records.iter().filter(counts).cloned().collect();
+        observer.begins(count);
+        observer.resumes(done.len());
+        let mut missing = Missing::without(&done);
+        let mut keeper = Keeper { results, observer, done };
+        let mut supervisor = Supervisor::new(spawner, interrupted, self.limit);
+        let mut end = Ok(());
+        for group in groups {
+            end = measure_group(missing.of(group), &self.experiment.timing, &mut supervisor, &mut keeper);
+            if end.is_err() {
+                break;
             }
         }
-        let timing = &self.experiment.timing;
-        let rule = StoppingRule {
-            min_samples: timing.min_samples as usize,
-            max_samples: timing.max_samples as usize,
-            relative_sigma: timing.relative_sigma,
-            time_limit_ms: timing.time_limit_ms,
-        };
-        session.warm_up(timing.warmup, timing.time_limit_ms);
-        let points = session.len();
-        measure(points, &rule, timing.seed, &mut session.with(keeper))
+        drop(supervisor);
+        keeper.observer.ends();
+        let done = keeper.done;
+        let summary = results.summarise(&done, &self.experiment.question, &self.experiment.expectation);
+        end.map_err(|error| say_how_far(error, done.len(), count))?;
+        summary.map(|()| done)
+    }
+
+    fn is_done(&self, record: &Record) -> bool {
+        !self.retry_failed || record.outcome.is_fine()
+    }
+
+    /// Every point of the plan with what is known of it, by groups. Scenes are loaded one at a time.
+    fn open_points(&self, plan: &Plan) -> Result<Vec<Vec<Open>>> {
+        let drafter = Drafter { experiment: self.experiment, sources: self.sources };
+        let mut groups = Vec::new();
+        let mut number = 0;
+        let mut held: Option<(usize, Hashed)> = None;
+        for group in plan.groups() {
+            let mut open = Vec::new();
+            for point in group {
+                let at = match held.take() {
+                    Some((scene, at)) if scene == point.scene => at,
+                    _ => load_scene(&self.experiment.scenes[point.scene])?.scene.into(),
+                };
+                let device = point.device.map(|device| self.devices[device]);
+                open.push(Open {
+                    point: number,
+                    // Casters on the host have no device: any worker will do.
+                    device: point.device.unwrap_or(0),
+                    label: point.label(self.experiment),
+                    record: drafter.draft(point, device, &at)?,
+                });
+                held = Some((point.scene, at));
+                number += 1;
+            }
+            groups.push(open);
+        }
+        Ok(groups)
+    }
+}
+
+/// Points that have no record yet. Where a plan has the same measurement twice, it is made once.
+struct Missing {
+    taken: HashSet<String>,
+}
+
+impl Missing {
+    fn without(done: &[Record]) -> Self {
+        Self { taken: done.iter().map(|record| record.key.clone()).collect() }
+    }
+
+    fn of(&mut self, group: Vec<Open>) -> Vec<Open> {
+        group.into_iter().filter(|open| self.taken.insert(open.record.key.clone())).collect()
+    }
+}
+
+fn say_how_far(error: Error, done: usize, count: usize) -> Error {
+    match error {
+        Error::Interrupted { help, .. } => {
+            Error::Interrupted { message: format!("{done} of {count} points are done"), help }
+        }
+        error => error,
     }
 }

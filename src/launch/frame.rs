@@ -2,6 +2,7 @@
 
 use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
+use serde::{Deserialize, Serialize};
 
 /// What a step of a frame is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +16,7 @@ pub enum Phase {
 }
 
 /// The times of one frame, in milliseconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameTimes {
     /// Device time: the sum over its commands of their end less their start.
     pub frame_ms: f64,

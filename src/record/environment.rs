@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::whole::write_whole;
 use crate::error::{Error, Result};
 
 /// All that a result may depend on besides its record.
@@ -80,7 +81,7 @@ impl Environment {
             |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
         let mut text = serde_json::to_string_pretty(self).map_err(|error| fail(&error))?;
         text.push('\n');
-        std::fs::write(path, text).map_err(|error| fail(&error))
+        write_whole(path, text.as_bytes())
     }
 }
 

@@ -54,18 +54,19 @@ pub struct Lines<T> {
     pub torn: bool,
 }
 
-/// Reads a file of JSON lines. A last line without its end that is no JSON is left out; any other
-/// bad line is an input error at its place.
+/// Reads a file of JSON lines. A last line without its end is left out; any other bad line is an input
+/// error at its place.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())))?;
     let (mut lines, mut start) = (Vec::new(), 0);
     for line in bytes.split_inclusive(|&byte| byte == b'\n') {
-        let ended = line.ends_with(b"\n");
+        if !line.ends_with(b"\n") {
+            return Ok(Lines { lines, torn: true });
+        }
         match serde_json::from_slice(line) {
             Ok(value) => lines.push(value),
             Err(_) if line.trim_ascii().is_empty() => {}
-            Err(_) if !ended => return Ok(Lines { lines, torn: true }),
             Err(error) => {
                 let text = String::from_utf8_lossy(&bytes).into_owned();
                 let place = start..start + line.trim_ascii_end().len().min(1);

@@ -12,6 +12,7 @@ mod summary;
 mod t4;
 mod terminal;
 mod types;
+mod whole;
 
 pub use environment::{DeviceEnvironment, Environment, Host};
 pub use journal::{JsonLines, Lines, read_lines};
@@ -27,3 +28,4 @@ pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::word;
 pub use types::{HOST, Outcome, Record, Sample};
+pub use whole::{TEMPORARY_PREFIX, sync_folder, write_whole};

@@ -1,6 +1,8 @@
 //! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod cover;
+
 use raycl::device::{Device, discover, select};
 use raycl::image::Radiance;
 use raycl::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};

@@ -1,0 +1,92 @@
+//! What is known of a point before anything is tried: its record's first half, and its key.
+
+use super::{KeyParts, Point, Work, key};
+use crate::config::{Experiment, NamedStrategy};
+use crate::device::DeviceInfo;
+use crate::error::Result;
+use crate::program::{ProgramSpec, Sources};
+use crate::record::{HOST, Record};
+use crate::scene::Scene;
+use crate::strategy::Workload;
+
+/// What drafts are made from.
+#[derive(Clone, Copy)]
+pub struct Drafter<'a> {
+    /// The experiment.
+    pub experiment: &'a Experiment,
+    /// Where kernels come from.
+    pub sources: &'a Sources,
+}
+
+/// A scene with its hash, which takes a while to compute.
+pub struct Hashed {
+    /// The scene.
+    pub scene: Scene,
+    /// [`Scene::content_hash`].
+    pub hash: String,
+}
+
+impl From<Scene> for Hashed {
+    fn from(scene: Scene) -> Self {
+        Self { hash: scene.content_hash(), scene }
+    }
+}
+
+impl Drafter<'_> {
+    /// The record of a point on `device` before it is tried. Equal keys mean that the same is measured in the same way.
+    pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
+        let Self { experiment, .. } = self;
+        let mut record = Record {
+            scene: at.scene.name.clone(),
+            image_size: point.image_size,
+            triangles: Some(at.scene.mesh.triangles.len() as u64),
+            lights: Some(at.scene.lights.len() as u64),
+            seed: Some(experiment.timing.seed),
+            device: device.map_or(HOST, |device| &device.label).to_owned(),
+            ..Record::default()
+        };
+        match point.work {
+            Work::Host(baseline) => {
+                record.name = baseline.name().to_owned();
+                record.strategy = baseline.strategy().to_owned();
+            }
+            Work::Kernel { strategy, local_size } => {
+                let named = &experiment.strategies[strategy];
+                record.name = named.name.clone();
+                record.preset = named.preset.clone();
+                record.strategy = named.strategy.to_string();
+                record.local_size = Some(local_size);
+                let workload = Workload::of(&at.scene, point.image_size, local_size);
+                let reduce_builtin = device.is_some_and(DeviceInfo::supports_reduce_builtin);
+                // Before its tree is built, whose depth follows from scene and strategy: a key costs no tree.
+                record.program_hash = Some(self.spec(named, &workload, reduce_builtin)?.hash());
+            }
+        }
+        record.key = self.key(device, at, &record);
+        Ok(record)
+    }
+
+    /// The program of a strategy at a workload.
+    pub fn spec(
+        &self,
+        named: &NamedStrategy,
+        workload: &Workload,
+        reduce_builtin: bool,
+    ) -> Result<ProgramSpec> {
+        ProgramSpec::new(self.sources, &named.strategy, workload, reduce_builtin)
+    }
+
+    fn key(&self, device: Option<&DeviceInfo>, at: &Hashed, record: &Record) -> String {
+        let by = |[x, y]: [u32; 2]| format!("{x}x{y}");
+        key(&KeyParts {
+            scene_hash: &at.hash,
+            device: &device.map_or(HOST.to_owned(), DeviceInfo::identity),
+            limits: &self.experiment.limits.to_string(),
+            strategy: &record.strategy,
+            local_size: &record.local_size.map_or(String::new(), by),
+            image_size: &by(record.image_size),
+            program_hash: record.program_hash.as_deref().unwrap_or(env!("CARGO_PKG_VERSION")),
+            timing: &self.experiment.timing.to_string(),
+        })
+    }
+}

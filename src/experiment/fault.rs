@@ -1,0 +1,122 @@
+//! Faults on purpose, for the tests of isolation: `raycl run --fault`, which help does not list.
+
+use super::protocol::Request;
+use serde::{Deserialize, Serialize};
+use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
+use std::path::Path;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// What a hanging worker leaves.
+const HANGS: &str = ".hangs";
+
+/// How a worker is to fail, and when: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault {
+    kind: Kind,
+    step: Step,
+    point: usize,
+    /// Only the run's first worker fails.
+    pub once: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Kind {
+    Abort,
+    Segv,
+    Kill,
+    Exit,
+    Panic,
+    Hang,
+    Garbage,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Step {
+    Check,
+    Cast,
+}
+
+const KINDS: [(&str, Kind); 7] = [
+    ("abort", Kind::Abort),
+    ("segv", Kind::Segv),
+    ("kill", Kind::Kill),
+    ("exit", Kind::Exit),
+    ("panic", Kind::Panic),
+    ("hang", Kind::Hang),
+    ("garbage", Kind::Garbage),
+];
+
+impl FromStr for Fault {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("'{text}' is no fault; expected such as abort@check:3 or segv@cast:0:once");
+        let (kind, place) = text.split_once('@').ok_or_else(wrong)?;
+        let (_, kind) = KINDS.into_iter().find(|(name, _)| *name == kind).ok_or_else(wrong)?;
+        let mut words = place.split(':');
+        let step = match words.next() {
+            Some("check") => Step::Check,
+            Some("cast") => Step::Cast,
+            _ => return Err(wrong()),
+        };
+        let point = words.next().and_then(|word| word.parse().ok()).ok_or_else(wrong)?;
+        match (words.next(), words.next()) {
+            (None, None) => Ok(Self { kind, step, point, once: false }),
+            (Some("once"), None) => Ok(Self { kind, step, point, once: true }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl Fault {
+    /// Fails if this request is the one. A hang leaves a file in the folder of results, for who waits for it.
+    pub fn strike(&self, request: &Request, folder: &Path) {
+        let (step, point) = match request {
+            Request::Check { point, .. } => (Step::Check, *point),
+            Request::Cast { point } => (Step::Cast, *point),
+        };
+        if (step, point) == (self.step, self.point) {
+            self.kind.happen(folder);
+        }
+    }
+}
+
+impl Kind {
+    #[allow(clippy::panic, reason = "a panic is one of the faults")]
+    fn happen(self, folder: &Path) {
+        // A signal that could not be raised would be a test that fails.
+        let raise = |signal| drop(signal_hook::low_level::emulate_default_handler(signal));
+        match self {
+            Self::Abort => raise(SIGABRT),
+            Self::Segv => raise(SIGSEGV),
+            Self::Kill => drop(signal_hook::low_level::raise(SIGKILL)),
+            Self::Exit => signal_hook::low_level::exit(7),
+            Self::Panic => panic!("a fault on purpose"),
+            Self::Hang => {
+                drop(std::fs::write(folder.join(HANGS), ""));
+                loop {
+                    std::thread::sleep(Duration::from_secs(3600));
+                }
+            }
+            // Drivers write to standard output as they please.
+            Self::Garbage => drop(crate::cli::print("{\"Started\": a driver's words\n\n[1, 2")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_spelled_kind_at_step_and_point() {
+        let fault: Fault = "segv@cast:3:once".parse().unwrap();
+        assert_eq!(fault, Fault { kind: Kind::Segv, step: Step::Cast, point: 3, once: true });
+        for wrong in
+            ["", "segv", "segv@cast", "segv@cast:x", "boom@cast:1", "segv@cast:1:twice", "segv@cast:1:once:x"]
+        {
+            assert!(wrong.parse::<Fault>().is_err(), "{wrong}");
+        }
+    }
+}

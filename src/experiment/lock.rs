@@ -1,0 +1,59 @@
+//! One run a folder.
+
+use crate::error::{Error, Result};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read as _, Write as _};
+use std::path::Path;
+
+/// Holds a folder until dropped. The operating system lets go of it however the process ends.
+pub struct Lock {
+    _file: File,
+}
+
+impl Lock {
+    /// Takes a folder, or says which process has it.
+    pub fn take(folder: &Path) -> Result<Self> {
+        let path = folder.join(".lock");
+        let failed = |error: std::io::Error| Error::run(format!("cannot write {}: {error}", path.display()));
+        let mut file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .read(true)
+            .write(true)
+            .open(&path)
+            .map_err(failed)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(taken(folder, file)),
+            // Some network file systems know no locks: they must do without.
+            Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(failed)?;
+        Ok(Self { _file: file })
+    }
+}
+
+fn taken(folder: &Path, mut file: File) -> Error {
+    let mut holder = String::new();
+    let _ = file.read_to_string(&mut holder);
+    let who = if holder.is_empty() { String::new() } else { format!(" (process {})", holder.trim()) };
+    Error::input(format!("another run{who} is writing to {}", folder.display()))
+        .with_help("wait for it, or name another folder with --out")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_taken_once_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Lock::take(folder.path()).unwrap();
+        let refused = Lock::take(folder.path()).err().unwrap();
+        assert_eq!(refused.exit_code(), 2);
+        assert!(refused.to_string().contains(&format!("process {}", std::process::id())), "{refused}");
+        drop(first);
+        assert!(Lock::take(folder.path()).is_ok());
+    }
+}

@@ -1,0 +1,174 @@
+//! Workers as processes.
+
+use super::protocol::{Job, Reply, Request};
+use super::supervisor::{Death, Spawner, Wait, Worker};
+use crate::error::{Error, Result};
+use serde::Serialize;
+use std::io::{BufRead as _, BufReader, Read, Write as _};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// What is kept of a worker's standard error: its end.
+const LAST_WORDS_BYTES: usize = 2000;
+/// How long a worker that is no longer needed may take to end.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Starts workers as processes of this program.
+pub struct Processes {
+    program: PathBuf,
+    jobs: Vec<Job>,
+}
+
+impl Processes {
+    /// `jobs[i]` is the job of the worker for device `i`.
+    pub fn new(jobs: Vec<Job>) -> Result<Self> {
+        Ok(Self { program: this_program()?, jobs })
+    }
+}
+
+/// This program, even where its file has been replaced since it started.
+fn this_program() -> Result<PathBuf> {
+    let running = PathBuf::from("/proc/self/exe");
+    if running.exists() {
+        return Ok(running);
+    }
+    std::env::current_exe().map_err(|error| Error::run(format!("cannot find raycl's own program: {error}")))
+}
+
+impl Spawner for Processes {
+    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
+        let failed = |error: std::io::Error| Error::run(format!("cannot start a worker process: {error}"));
+        let mut command = Command::new(&self.program);
+        command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // What it says last goes into records: a message is enough.
+        command.env("RUST_BACKTRACE", "0");
+        let mut child = command.spawn().map_err(failed)?;
+        let mut worker = WorkerProcess {
+            requests: child.stdin.take(),
+            replies: child.stdout.take().map_or_else(|| channel().1, read_replies),
+            last_words: child.stderr.take().map(read_last_words),
+            child,
+        };
+        if let Some(job) = self.jobs.get_mut(device) {
+            worker.write(job);
+            if job.fault.is_some_and(|fault| fault.once) {
+                job.fault = None;
+            }
+        }
+        Ok(Box::new(worker))
+    }
+}
+
+/// A worker's process and its pipes.
+struct WorkerProcess {
+    child: Child,
+    requests: Option<ChildStdin>,
+    replies: Receiver<Reply>,
+    last_words: Option<JoinHandle<String>>,
+}
+
+/// Reads replies until the worker closes its standard output, and passes over what drivers write there.
+fn read_replies(out: impl Read + Send + 'static) -> Receiver<Reply> {
+    let (sender, replies) = channel();
+    std::thread::spawn(move || {
+        for line in BufReader::new(out).split(b'\n').map_while(std::result::Result::ok) {
+            if let Ok(reply) = serde_json::from_slice(&line)
+                && sender.send(reply).is_err()
+            {
+                break;
+            }
+        }
+    });
+    replies
+}
+
+fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
+    std::thread::spawn(move || {
+        let (mut words, mut piece) = (Vec::new(), [0; 4096]);
+        while let Ok(length @ 1..) = err.read(&mut piece) {
+            words.extend_from_slice(&piece[..length]);
+            words.drain(..words.len().saturating_sub(LAST_WORDS_BYTES));
+        }
+        String::from_utf8_lossy(&words).trim().to_owned()
+    })
+}
+
+impl WorkerProcess {
+    /// Writes a line. A worker that is gone is noticed when its reply is waited for.
+    fn write(&mut self, line: &impl Serialize) {
+        let Ok(mut text) = serde_json::to_vec(line) else { return };
+        text.push(b'\n');
+        if let Some(requests) = &mut self.requests {
+            let _ = requests.write_all(&text).and_then(|()| requests.flush());
+        }
+    }
+
+    /// Waits for the end of a process that has closed its standard output.
+    fn death(&mut self) -> Death {
+        if !self.ends_within(FAREWELL) {
+            let _ = self.child.kill();
+        }
+        let cause = match self.child.wait() {
+            Ok(status) => cause(status),
+            Err(error) => format!("was lost ({error})"),
+        };
+        let last_words = self.last_words.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        Death { cause, last_words }
+    }
+
+    fn ends_within(&mut self, limit: Duration) -> bool {
+        let start = Instant::now();
+        while start.elapsed() < limit {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                return true;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        false
+    }
+}
+
+impl Worker for WorkerProcess {
+    fn send(&mut self, request: &Request) {
+        self.write(request);
+    }
+
+    fn wait(&mut self, limit: Duration) -> Wait {
+        match self.replies.recv_timeout(limit) {
+            Ok(reply) => Wait::Reply(reply),
+            Err(RecvTimeoutError::Timeout) => Wait::Silence,
+            Err(RecvTimeoutError::Disconnected) => Wait::Dead(self.death()),
+        }
+    }
+}
+
+/// A worker that works is killed; an idle one is let go.
+impl Drop for WorkerProcess {
+    fn drop(&mut self) {
+        self.requests = None;
+        if !self.ends_within(FAREWELL) {
+            let _ = self.child.kill();
+        }
+        let _ = self.child.wait();
+    }
+}
+
+#[cfg(unix)]
+fn cause(status: std::process::ExitStatus) -> String {
+    use std::os::unix::process::ExitStatusExt as _;
+    match status.signal() {
+        Some(signal) => match signal_hook::low_level::signal_name(signal) {
+            Some(name) => format!("was killed by {name}"),
+            None => format!("was killed by signal {signal}"),
+        },
+        None => format!("ended with {status}"),
+    }
+}
+
+#[cfg(not(unix))]
+fn cause(status: std::process::ExitStatus) -> String {
+    format!("ended with {status}")
+}

@@ -1,0 +1,93 @@
+//! What passes between a run and its workers: JSON lines over pipes.
+
+use super::bench::Refusal;
+use super::fault::Fault;
+use crate::launch::FrameTimes;
+use crate::record::Record;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The first line to a worker: what it works on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Job {
+    /// The config's path.
+    pub config: PathBuf,
+    /// Its text, which the file may no longer have.
+    pub text: String,
+    /// The values laid over it.
+    pub overrides: Vec<(String, String)>,
+    /// How many devices the run has: the plan depends on it.
+    pub device_count: usize,
+    /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; none where the run has baselines only.
+    pub device: Option<String>,
+    /// The folder of kernels that replaces those built in.
+    pub cl_dir: Option<PathBuf>,
+    /// The folder of results, for pictures.
+    pub folder: PathBuf,
+    /// For tests: how the worker is to fail.
+    pub fault: Option<Fault>,
+}
+
+/// What a worker is asked; numbers are places in the plan.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Request {
+    /// Cast a point once and compare its image with the reference.
+    Check {
+        /// Which.
+        point: usize,
+        /// The key it must have.
+        key: String,
+    },
+    /// Cast one frame of a point that passed; the first time after its warm-up.
+    Cast {
+        /// Which.
+        point: usize,
+    },
+}
+
+/// What a worker answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reply {
+    /// To the job: the device is open.
+    Started,
+    /// To a check.
+    Checked {
+        /// What was found.
+        record: Box<Record>,
+        /// Whether the point can be cast; if not, the record says why.
+        ready: bool,
+    },
+    /// To a cast.
+    Sample(FrameTimes),
+    /// To a cast that failed.
+    Refused(Refusal),
+    /// To anything: what ends the run.
+    Failed {
+        /// What happened.
+        message: String,
+        /// What to do about it.
+        help: Option<String>,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_sent_arrives() {
+        let times = FrameTimes { frame_ms: 0.1, primary_ms: Some(0.07), shadow_ms: None, host_ms: 1.0 / 3.0 };
+        for reply in
+            [Reply::Started, Reply::Sample(times), Reply::Checked { record: Box::default(), ready: true }]
+        {
+            let line = serde_json::to_string(&reply).unwrap();
+            assert!(!line.contains('\n'));
+            assert_eq!(serde_json::from_str::<Reply>(&line).unwrap(), reply);
+        }
+        let request = Request::Check { point: 7, key: "k".into() };
+        let line = serde_json::to_string(&request).unwrap();
+        assert_eq!(serde_json::from_str::<Request>(&line).unwrap(), request);
+    }
+}

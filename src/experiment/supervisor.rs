@@ -1,0 +1,231 @@
+//! Keeps a run going whatever becomes of its workers: one that dies or hangs costs at most the point it was
+//! at, and the next request goes to a fresh one.
+
+use super::bench::Refusal;
+use super::protocol::{Reply, Request};
+use crate::error::{Error, Result};
+use crate::launch::FrameTimes;
+use crate::record::{Outcome, Record};
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often a wait looks up, to see whether the user wants an end.
+const LOOK_UP: Duration = Duration::from_millis(100);
+/// Workers that a point may kill before it is given up. The first may have been somebody else's doing.
+const ATTEMPTS: u32 = 2;
+/// Points given up after which no other is tried twice.
+const PATIENCE: usize = 3;
+
+/// Starts workers.
+pub trait Spawner {
+    /// A worker for the device numbered `device`; its first reply is [`Reply::Started`].
+    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>>;
+}
+
+/// Answers requests one after another, until it dies. Dropping it ends it.
+pub trait Worker {
+    /// Sends a request. A worker that is dead says so when it is waited for.
+    fn send(&mut self, request: &Request);
+    /// Waits for the reply.
+    fn wait(&mut self, limit: Duration) -> Wait;
+}
+
+/// What a wait brought.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wait {
+    /// The reply.
+    Reply(Reply),
+    /// Nothing yet.
+    Silence,
+    /// There will be none.
+    Dead(Death),
+}
+
+/// How a worker died.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Death {
+    /// "was killed by SIGSEGV", "ended with exit status: 1".
+    pub cause: String,
+    /// The end of what it wrote to standard error.
+    pub last_words: String,
+}
+
+/// Why there was no reply.
+enum Loss {
+    Died(Death),
+    HungFor(Duration),
+}
+
+/// A point, as requests name it.
+#[derive(Clone, Copy, Debug)]
+pub struct Task<'a> {
+    /// Its place in the plan.
+    pub point: usize,
+    /// The device whose worker runs it.
+    pub device: usize,
+    /// Its key.
+    pub key: &'a str,
+}
+
+/// A living worker, and the points it can cast.
+struct Post {
+    worker: Box<dyn Worker>,
+    ready: HashSet<usize>,
+}
+
+/// What a check found; with `false` the record says why the point cannot be cast.
+pub type Checked = (Box<Record>, bool);
+
+/// Asks workers, and replaces those that are lost.
+pub struct Supervisor<'a> {
+    spawner: &'a mut dyn Spawner,
+    interrupted: &'a AtomicBool,
+    /// The longest that one step of a point may take.
+    limit: Duration,
+    posts: HashMap<usize, Post>,
+    deaths: HashMap<usize, u32>,
+    given_up: usize,
+}
+
+impl<'a> Supervisor<'a> {
+    /// A supervisor without workers yet.
+    pub fn new(spawner: &'a mut dyn Spawner, interrupted: &'a AtomicBool, limit: Duration) -> Self {
+        Self { spawner, interrupted, limit, posts: HashMap::new(), deaths: HashMap::new(), given_up: 0 }
+    }
+
+    /// Casts a point once and compares its image with the reference.
+    pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, Refusal>> {
+        let request = Request::Check { point: task.point, key: task.key.to_owned() };
+        loop {
+            match self.ask(task.device, &request)? {
+                Ok(Reply::Checked { record, ready }) => {
+                    if let Some(post) = self.posts.get_mut(&task.device).filter(|_| ready) {
+                        post.ready.insert(task.point);
+                    }
+                    return Ok(Ok((record, ready)));
+                }
+                Ok(reply) => return Err(unexpected(reply)),
+                Err(loss) => {
+                    if let Some(refusal) = self.refusal(task.point, loss) {
+                        return Ok(Err(refusal));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Casts one frame of a point that passed its check; a fresh worker checks it again first.
+    pub fn cast(&mut self, task: Task<'_>) -> Result<std::result::Result<FrameTimes, Refusal>> {
+        loop {
+            if !self.posts.get(&task.device).is_some_and(|post| post.ready.contains(&task.point)) {
+                match self.check(task)? {
+                    Ok((_, true)) => {}
+                    Ok((record, false)) => {
+                        return Ok(Err(Refusal::new(record.outcome, record.reason.unwrap_or_default())));
+                    }
+                    Err(refusal) => return Ok(Err(refusal)),
+                }
+            }
+            match self.ask(task.device, &Request::Cast { point: task.point })? {
+                Ok(Reply::Sample(times)) => return Ok(Ok(times)),
+                Ok(Reply::Refused(refusal)) => return Ok(Err(refusal)),
+                Ok(reply) => return Err(unexpected(reply)),
+                Err(loss) => {
+                    if let Some(refusal) = self.refusal(task.point, loss) {
+                        return Ok(Err(refusal));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Asks a device's worker, starting it if need be. A worker that gave no reply is gone.
+    fn ask(&mut self, device: usize, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
+        self.stop_if_interrupted()?;
+        let mut post = match self.posts.remove(&device) {
+            Some(post) => post,
+            None => self.start(device)?,
+        };
+        post.worker.send(request);
+        // A sample is worth waiting for; a check is done again.
+        let patient = matches!(request, Request::Cast { .. });
+        let answer = self.wait(post.worker.as_mut(), patient)?;
+        if answer.is_ok() {
+            self.posts.insert(device, post);
+        }
+        Ok(answer)
+    }
+
+    /// A worker that has opened its device. One that cannot ends the run: its points are not lost, they are yet
+    /// to be measured.
+    fn start(&mut self, device: usize) -> Result<Post> {
+        let mut worker = self.spawner.spawn(device)?;
+        let why = match self.wait(worker.as_mut(), false)? {
+            Ok(Reply::Started) => return Ok(Post { worker, ready: HashSet::new() }),
+            Ok(reply) => return Err(unexpected(reply)),
+            Err(Loss::Died(death)) => death.describe(),
+            Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
+        };
+        Err(Error::run(format!("a worker process could not start: it {why}")))
+    }
+
+    fn wait(&self, worker: &mut dyn Worker, patient: bool) -> Result<std::result::Result<Reply, Loss>> {
+        let start = Instant::now();
+        loop {
+            match worker.wait(LOOK_UP.min(self.limit)) {
+                Wait::Reply(reply) => return Ok(Ok(reply)),
+                Wait::Dead(death) => return Ok(Err(Loss::Died(death))),
+                Wait::Silence if start.elapsed() >= self.limit => return Ok(Err(Loss::HungFor(self.limit))),
+                Wait::Silence if !patient => self.stop_if_interrupted()?,
+                Wait::Silence => {}
+            }
+        }
+    }
+
+    fn stop_if_interrupted(&self) -> Result<()> {
+        match self.interrupted.load(Ordering::Relaxed) {
+            true => Err(Error::Interrupted { message: "the run was ended".to_owned(), help: None }),
+            false => Ok(()),
+        }
+    }
+
+    /// What a loss means for the point: none to try again.
+    fn refusal(&mut self, point: usize, loss: Loss) -> Option<Refusal> {
+        let death = match loss {
+            Loss::HungFor(limit) => {
+                let reason =
+                    format!("it gave no answer in {} s, and its process was ended", limit.as_secs_f64());
+                return Some(Refusal::new(Outcome::TimedOut, reason));
+            }
+            Loss::Died(death) => death,
+        };
+        let deaths = self.deaths.entry(point).or_default();
+        *deaths += 1;
+        if *deaths < ATTEMPTS && self.given_up < PATIENCE {
+            return None;
+        }
+        self.given_up += 1;
+        let twice = if *deaths > 1 { "twice its process" } else { "its process" };
+        let reason = format!("{twice} {}", death.describe());
+        Some(Refusal::new(Outcome::Crashed, reason))
+    }
+}
+
+impl Death {
+    fn describe(&self) -> String {
+        match self.last_words.as_str() {
+            "" => self.cause.clone(),
+            words => format!("{} and said: {words}", self.cause),
+        }
+    }
+}
+
+/// A reply that is no answer to its request: the worker's own failure, as a rule.
+fn unexpected(reply: Reply) -> Error {
+    match reply {
+        Reply::Failed { message, help: Some(help) } => Error::run(message).with_help(help),
+        Reply::Failed { message, help: None } => Error::run(message),
+        _ => Error::run("a worker answered what it was not asked"),
+    }
+}

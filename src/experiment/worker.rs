@@ -1,0 +1,95 @@
+//! A worker: the process that one device's points run in, so that a driver which aborts, faults or hangs takes
+//! down this process and not the run. Requests come in on standard input, replies go out on standard output.
+
+use super::check::Checker;
+use super::draft::Drafter;
+use super::hands::Hands;
+use super::protocol::{Job, Reply, Request};
+use super::{Pictures, Plan};
+use crate::config;
+use crate::device::{Device, discover};
+use crate::error::{Error, Result};
+use crate::program::Sources;
+use serde::de::DeserializeOwned;
+use std::io::{BufRead as _, Write as _};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, channel};
+
+/// Serves until standard input ends.
+pub fn serve() -> Result<()> {
+    ignore_interrupts()?;
+    let lines = input_lines();
+    let Ok(line) = lines.recv() else { return Ok(()) };
+    let job: Job = parse(&line)?;
+    match work(&job, &lines) {
+        Ok(()) => Ok(()),
+        Err(error) => reply(&failed(&error)),
+    }
+}
+
+/// Opens the job's device and answers requests.
+fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
+    let experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
+    let device = job.device.as_deref().map(find).transpose()?;
+    let sources = job.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let drafter = Drafter { experiment: &experiment, sources: &sources };
+    let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
+    let mut hands = Hands::new(drafter, Plan::new(&experiment, job.device_count), checker);
+    reply(&Reply::Started)?;
+    while let Ok(line) = lines.recv() {
+        let request: Request = parse(&line)?;
+        if let Some(fault) = &job.fault {
+            fault.strike(&request, &job.folder);
+        }
+        reply(&hands.answer(&request).unwrap_or_else(|error| failed(&error)))?;
+    }
+    Ok(())
+}
+
+/// Ctrl-C in a terminal goes to every process; it is the run that decides what becomes of its workers.
+fn ignore_interrupts() -> Result<()> {
+    signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::new(AtomicBool::new(false)))
+        .map(|_| ())
+        .map_err(|error| Error::run(format!("cannot ignore SIGINT: {error}")))
+}
+
+/// Standard input by lines. When it ends the run is gone, and a worker that hangs in a driver would stay
+/// for ever: the process ends at once, whatever it does.
+fn input_lines() -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(std::result::Result::ok) {
+            if sender.send(line).is_err() {
+                break;
+            }
+        }
+        signal_hook::low_level::exit(0);
+    });
+    lines
+}
+
+fn find(identity: &str) -> Result<Device> {
+    let gone = || Error::run("the device is gone: its driver no longer lists it");
+    discover()?.into_iter().find(|device| device.info.identity() == identity).ok_or_else(gone)
+}
+
+fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
+    serde_json::from_str(line).map_err(|error| Error::run(format!("no request for a worker: {error}")))
+}
+
+/// Writes a reply on a line of its own, whatever a driver has left on the line before.
+fn reply(reply: &Reply) -> Result<()> {
+    let unwritable =
+        |error: &dyn std::fmt::Display| Error::run(format!("a reply could not be sent: {error}"));
+    let line = serde_json::to_string(reply).map_err(|error| unwritable(&error))?;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| unwritable(&error))
+}
+
+fn failed(error: &Error) -> Reply {
+    Reply::Failed {
+        message: error.to_string(),
+        help: miette::Diagnostic::help(error).map(|help| help.to_string()),
+    }
+}

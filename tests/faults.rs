@@ -1,0 +1,339 @@
+//! Real runs, real worker processes, real faults: what a run loses is what the fault took, and no more.
+#![cfg(unix)]
+#![allow(missing_docs, reason = "a test binary has no documentation")]
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use raycl::record::{Outcome, Record, Sample, read_lines};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// One baseline and four kernels at two sizes.
+const POINTS: usize = 10;
+
+/// A folder with a config, and the runs in it.
+struct Ground {
+    folder: TempDir,
+    config: PathBuf,
+    out: PathBuf,
+}
+
+impl Ground {
+    fn new(samples: u32) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let text = format!(
+            "question = \"?\"\nexpectation = \"!\"\nscenes = [{scene:?}]\nimage_sizes = [[40, 25], [24, 15]]\n\
+             local_sizes = [2, 4]\nstrategies = [\"naive\", \"deferred\"]\nbaselines = [\"serial\"]\n\
+             [timing]\nwarmup = 1\nmin_samples = {samples}\nmax_samples = {samples}\n"
+        );
+        let config = folder.path().join("test.toml");
+        std::fs::write(&config, text).expect("a config");
+        Self { config, out: folder.path().join("out"), folder }
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let device =
+            std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
+        let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+        command.arg("run").arg(&self.config).arg("--out").arg(&self.out);
+        command.args(["--quiet", "--device", &device]).args(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("it runs")
+    }
+
+    fn start(&self, arguments: &[&str]) -> Child {
+        self.command(arguments).spawn().expect("it starts")
+    }
+
+    fn records(&self) -> Vec<Record> {
+        read_lines(&self.out.join("records.jsonl")).map(|read| read.lines).unwrap_or_default()
+    }
+
+    fn count(&self, outcome: Outcome) -> usize {
+        self.records().iter().filter(|record| record.outcome == outcome).count()
+    }
+
+    /// Every point is measured, none twice, and no sample was taken twice.
+    fn all_measured_once(&self) {
+        assert_eq!((self.count(Outcome::Measured), self.records().len()), (POINTS, POINTS));
+        let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
+        assert_eq!(keys.len(), POINTS);
+        let samples = read_lines::<Sample>(&self.out.join("samples.jsonl")).expect("samples").lines;
+        let rounds: HashSet<_> = samples.iter().map(|sample| (&sample.key, sample.round)).collect();
+        assert_eq!(rounds.len(), samples.len());
+    }
+
+    fn resume(&self) {
+        let output = self.run(&["--resume"]);
+        assert!(output.status.success(), "{}", said(&output));
+        self.all_measured_once();
+    }
+
+    /// Waits until something is so.
+    fn until(&self, what: &str, so: impl Fn() -> bool) {
+        let start = Instant::now();
+        while !so() {
+            assert!(start.elapsed() < Duration::from_secs(60), "waited in vain until {what}");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Waits until the worker hangs, as it is told to.
+    fn until_it_hangs(&self) {
+        self.until("it hangs", || self.out.join(".hangs").exists());
+    }
+}
+
+fn said(output: &Output) -> String {
+    // Lines are broken to fit a terminal; a test looks for words.
+    let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn signal(name: &str, process: u32) {
+    assert!(try_signal(name, process), "kill -{name} {process}");
+}
+
+/// Whether the process was still there.
+fn try_signal(name: &str, process: u32) -> bool {
+    let status =
+        Command::new("kill").args([format!("-{name}"), process.to_string()]).stderr(Stdio::null()).status();
+    status.is_ok_and(|status| status.success())
+}
+
+/// The process ids of a process's children.
+fn children(process: u32) -> Vec<u32> {
+    let list =
+        std::fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap_or_default();
+    list.split_whitespace().filter_map(|word| word.parse().ok()).collect()
+}
+
+fn is_alive(process: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    !status.is_empty() && !status.contains(") Z ")
+}
+
+#[test]
+fn every_way_to_die_costs_its_point_only() {
+    let faults = [
+        ("abort@cast:2", Outcome::Crashed, "SIGABRT"),
+        ("segv@check:1", Outcome::Crashed, "SIGSEGV"),
+        ("kill@cast:4", Outcome::Crashed, "SIGKILL"),
+        ("exit@check:3", Outcome::Crashed, "exit status: 7"),
+        ("panic@cast:7", Outcome::Crashed, "a fault on purpose"),
+        ("hang@cast:6", Outcome::TimedOut, "no answer in 5 s"),
+    ];
+    for (fault, outcome, reason) in faults {
+        let ground = Ground::new(3);
+        let limit = if outcome == Outcome::TimedOut { "5" } else { "600" };
+        let output = ground.run(&["--fault", fault, "--hang-limit", limit]);
+        assert_eq!(output.status.code(), Some(1), "{fault}: {}", said(&output));
+        assert_eq!((ground.count(Outcome::Measured), ground.count(outcome)), (POINTS - 1, 1), "{fault}");
+        let lost = ground.records().into_iter().find(|record| record.outcome == outcome);
+        let why = lost.and_then(|record| record.reason).unwrap_or_default();
+        assert!(why.contains(reason), "{fault}: {why}");
+        // A resumed run leaves it at that; asked to, it tries again and measures that point and no other.
+        assert_eq!(ground.run(&["--resume"]).status.code(), Some(1));
+        assert_eq!(ground.records().len(), POINTS);
+        assert!(ground.run(&["--resume", "--retry-failed"]).status.success());
+        assert_eq!((ground.records().len(), ground.count(Outcome::Measured)), (POINTS + 1, POINTS));
+    }
+}
+
+#[test]
+fn what_happens_once_and_what_drivers_print_cost_nothing() {
+    for fault in ["segv@cast:2:once", "abort@check:0:once", "garbage@check:3", "garbage@cast:1"] {
+        let ground = Ground::new(3);
+        let output = ground.run(&["--fault", fault]);
+        assert!(output.status.success(), "{fault}: {}", said(&output));
+        ground.all_measured_once();
+    }
+}
+
+/// How often a test kills: RAYCL_KILLS, or a few.
+fn kills() -> usize {
+    std::env::var("RAYCL_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(8)
+}
+
+#[test]
+fn runs_killed_at_random_moments_lose_and_repeat_nothing() {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let (mut killed, mut finished) = (0, 0);
+    while killed < kills() {
+        let ground = Ground::new(12);
+        loop {
+            let mut run = ground.start(&["--resume"]);
+            std::thread::sleep(Duration::from_millis(rng.random_range(20..400)));
+            if run.try_wait().expect("a process").is_some() {
+                break;
+            }
+            let workers = children(run.id());
+            run.kill().expect("a kill");
+            run.wait().expect("a process");
+            killed += 1;
+            ground.until("its workers are gone", || !workers.iter().any(|&worker| is_alive(worker)));
+            if killed >= kills() {
+                break;
+            }
+        }
+        ground.resume();
+        finished += 1;
+    }
+    eprintln!("killed {killed} times over {finished} runs; points lost: 0, measured twice: 0");
+}
+
+#[test]
+fn workers_killed_at_random_moments_cost_nothing() {
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let mut killed = 0;
+    while killed < kills() {
+        let ground = Ground::new(12);
+        let run = ground.start(&[]);
+        std::thread::sleep(Duration::from_millis(rng.random_range(50..600)));
+        // One death a run: two at one point would be that point's own.
+        if children(run.id()).first().is_some_and(|&worker| try_signal("KILL", worker)) {
+            killed += 1;
+        }
+        let output = run.wait_with_output().expect("it ends");
+        assert!(output.status.success() || said(&output).contains("could not start"), "{}", said(&output));
+        ground.resume();
+    }
+    eprintln!("killed {killed} workers; points lost: 0, measured twice: 0");
+}
+
+#[test]
+fn ctrl_c_ends_after_the_sample_says_how_to_resume_and_exits_with_130() {
+    for name in ["INT", "TERM"] {
+        let ground = Ground::new(60);
+        let run = ground.start(&[]);
+        ground.until("samples come", || {
+            ground.out.join("samples.jsonl").exists() && !ground.records().is_empty()
+        });
+        signal(name, run.id());
+        let output = run.wait_with_output().expect("it ends");
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(130), "{said}");
+        assert!(said.contains("interrupted") && said.contains("--resume"), "{said}");
+        let before = ground.records().len();
+        assert!((1..POINTS).contains(&before), "{before}");
+        assert!(ground.out.join("summary.md").exists());
+        ground.resume();
+    }
+}
+
+#[test]
+fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
+    let ground = Ground::new(3);
+    let run = ground.start(&["--fault", "hang@cast:7"]);
+    ground.until_it_hangs();
+    let workers = children(run.id());
+    assert_eq!(workers.len(), 1);
+    let start = Instant::now();
+    signal("INT", run.id());
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(is_alive(run.id()), "the first waits for the sample");
+    signal("INT", run.id());
+    let output = run.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130));
+    assert!(start.elapsed() < Duration::from_secs(5));
+    ground.until("the worker is gone", || !is_alive(workers[0]));
+    ground.resume();
+}
+
+#[test]
+fn a_second_run_into_the_same_folder_is_refused() {
+    let ground = Ground::new(3);
+    let mut first = ground.start(&["--fault", "hang@cast:7"]);
+    ground.until_it_hangs();
+    let second = ground.run(&["--resume"]);
+    assert_eq!(second.status.code(), Some(2));
+    assert!(said(&second).contains(&format!("another run (process {})", first.id())), "{}", said(&second));
+    first.kill().expect("a kill");
+    first.wait().expect("a process");
+    let third = ground.run(&[]);
+    assert_eq!(third.status.code(), Some(2));
+    assert!(said(&third).contains("--resume"), "{}", said(&third));
+    ground.resume();
+}
+
+#[test]
+fn a_driver_that_is_gone_ends_the_run_and_loses_no_point() {
+    // The loader of Debian reads the folder that this names.
+    let vendors = tempfile::tempdir().expect("a folder");
+    let list = std::env::var_os("OCL_ICD_VENDORS").map_or("/etc/OpenCL/vendors".into(), PathBuf::from);
+    for entry in std::fs::read_dir(list).into_iter().flatten().flatten() {
+        std::fs::copy(entry.path(), vendors.path().join(entry.file_name())).expect("a copy");
+    }
+    let ground = Ground::new(3);
+    let run = ground
+        .command(&["--fault", "hang@cast:7"])
+        .env("OCL_ICD_VENDORS", vendors.path())
+        .spawn()
+        .expect("it starts");
+    ground.until_it_hangs();
+    vendors.close().expect("an empty place");
+    signal("KILL", children(run.id())[0]);
+    let output = run.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        said(&output).contains("no OpenCL platform") && said(&output).contains("--resume"),
+        "{}",
+        said(&output)
+    );
+    assert_eq!(ground.records().len(), ground.count(Outcome::Measured));
+    ground.resume();
+}
+
+#[test]
+fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
+    let ground = Ground::new(60);
+    let run = ground.command(&[]);
+    let mut bash = Command::new("bash");
+    bash.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash"]).arg(run.get_program()).args(run.get_args());
+    let run = bash.stderr(Stdio::piped()).spawn().expect("it starts");
+    ground.until("a point is done", || !ground.records().is_empty());
+    // From now on no file of the run's own process grows; its worker, and the driver's cache, may.
+    let limit = Command::new("prlimit").args(["--fsize=1000:1000", "--pid", &run.id().to_string()]).status();
+    assert!(limit.is_ok_and(|status| status.success()), "prlimit");
+    let output = run.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(
+        said(&output).contains("cannot write") && said(&output).contains("--resume"),
+        "{}",
+        said(&output)
+    );
+    assert!((1..POINTS).contains(&ground.records().len()));
+    ground.resume();
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
+    let mut ground = Ground::new(3);
+    // Not even root makes folders there.
+    let mut places = vec![PathBuf::from("/sys/raycl")];
+    let closed = ground.folder.path().join("closed");
+    std::fs::create_dir(&closed).expect("a folder");
+    Command::new("chmod").arg("555").arg(&closed).status().expect("chmod");
+    // Root writes elsewhere where it likes.
+    if std::fs::write(closed.join("probe"), "").is_err() {
+        places.push(closed.join("out"));
+    }
+    for place in places {
+        ground.out = place;
+        let output = ground.run(&[]);
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert!(
+            said(&output).contains("cannot make") && said(&output).contains("--out"),
+            "{}",
+            said(&output)
+        );
+    }
+}

@@ -1,0 +1,12 @@
+//! Files for what reads files: in memory, one folder a process.
+
+use std::path::PathBuf;
+
+/// Writes a file and returns its path.
+pub fn write(name: &str, bytes: &[u8]) -> PathBuf {
+    let folder = PathBuf::from(format!("/dev/shm/raycl-fuzz-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).expect("a file");
+    path
+}

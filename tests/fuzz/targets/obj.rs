@@ -1,0 +1,16 @@
+//! An OBJ file, and after a line of `====` its material file: read as a bare mesh.
+#![no_main]
+
+mod folder;
+
+use libfuzzer_sys::fuzz_target;
+use raycl::scene::load_scene;
+
+fuzz_target!(|bytes: &[u8]| {
+    let cut = bytes.windows(5).position(|window| window == b"====\n");
+    let (obj, mtl) = cut.map_or((bytes, &b""[..]), |at| (&bytes[..at], &bytes[at + 5..]));
+    folder::write("m.mtl", mtl);
+    if let Ok(loaded) = load_scene(&folder::write("mesh.obj", obj)) {
+        loaded.scene.validate().expect("a loaded scene is valid");
+    }
+});
