@@ -9,8 +9,8 @@ use raycl::strategy::{PRESETS, Strategy, Traversal, Width};
 use std::path::Path;
 use std::process::Command;
 
-/// Oclgrind 21.10 does not know an intrinsic of optimised code, nor that of prefetches.
-const OPTIONS: &str = "-cl-opt-disable -D__builtin_prefetch(...)=(void)0";
+/// Oclgrind 21.10 does not know an intrinsic of optimised code.
+const OPTIONS: &str = "-cl-opt-disable";
 /// What Oclgrind looks for besides accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";

@@ -41,12 +41,12 @@ int reduce_or4(int4 m) { return (m.x | m.y) | (m.z | m.w); }
 #define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 
-#ifdef __has_builtin
-#if __has_builtin(__builtin_prefetch)
+#ifndef PREFETCH
+#error "PREFETCH: 1 where the compiler has __builtin_prefetch for global memory, else 0"
+#endif
+#if PREFETCH
 #define FETCH(pointer) __builtin_prefetch((const void *)(size_t)(pointer), 0, 3)
-#endif
-#endif
-#ifndef FETCH
+#else
 #define FETCH(pointer)
 #endif
 // The four cache lines that a node of eight children or the first triangles of a leaf fill.

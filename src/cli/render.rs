@@ -203,7 +203,7 @@ fn cast(
         DeviceTree::build(&queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
     workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
     let build_start = Instant::now();
-    let spec = ProgramSpec::new(sources, strategy, workload, device.info.supports_reduce_builtin())?;
+    let spec = ProgramSpec::new(sources, strategy, workload, device.info.builtins())?;
     let program = BuiltProgram::build(&queue.context, queue.device, &spec)
         .map_err(|error| failed("the build", &error))?;
     let mut build_ms = open_ms + ms_since(build_start);

@@ -52,6 +52,15 @@ impl DeviceKind {
     }
 }
 
+/// Compiler built-ins beyond OpenCL C that kernels use where a device's compiler takes them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Builtins {
+    /// `__builtin_reduce_or` on vectors.
+    pub reduce: bool,
+    /// `__builtin_prefetch` of global memory.
+    pub prefetch: bool,
+}
+
 /// What a device and its driver say about themselves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DeviceInfo {
@@ -113,9 +122,11 @@ impl DeviceInfo {
         format!("{platform} | {platform_version} | {name} | {driver}{twin}")
     }
 
-    /// Whether its compiler takes `__builtin_reduce_or` where it says that it has it: Oclgrind's aborts on it.
-    pub fn supports_reduce_builtin(&self) -> bool {
-        !self.platform.to_lowercase().contains("oclgrind")
+    /// What its compiler takes where it says that it has it.
+    pub fn builtins(&self) -> Builtins {
+        // Oclgrind's aborts on both; NVIDIA's refuses a prefetch of global memory.
+        let simulated = self.platform.to_lowercase().contains("oclgrind");
+        Builtins { reduce: !simulated, prefetch: !simulated && self.kind == DeviceKind::Cpu }
     }
 
     /// Whether its extensions include `name`.

@@ -77,7 +77,7 @@ impl<'a> Checker<'a> {
         if let Err(refusal) = bench.grow(named, point.scene, scene, &mut workload) {
             return Ok(Err(refusal));
         }
-        let spec = self.drafter.spec(named, &workload, device.info.supports_reduce_builtin())?;
+        let spec = self.drafter.spec(named, &workload, device.info.builtins())?;
         record.program_hash = Some(spec.hash());
         let cast = bench.prepare(named, &workload, point.scene, scene, &spec, record).and_then(|caster| {
             let (image, hits) = first_image(&caster)?;

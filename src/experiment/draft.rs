@@ -2,7 +2,7 @@
 
 use super::{KeyParts, Point, Work, key};
 use crate::config::{Experiment, NamedStrategy};
-use crate::device::DeviceInfo;
+use crate::device::{Builtins, DeviceInfo};
 use crate::error::Result;
 use crate::program::{ProgramSpec, Sources};
 use crate::record::{HOST, Record};
@@ -57,9 +57,9 @@ impl Drafter<'_> {
                 record.strategy = named.strategy.to_string();
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
-                let reduce_builtin = device.is_some_and(DeviceInfo::supports_reduce_builtin);
+                let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
                 // Before its tree is built, whose depth follows from scene and strategy: a key costs no tree.
-                record.program_hash = Some(self.spec(named, &workload, reduce_builtin)?.hash());
+                record.program_hash = Some(self.spec(named, &workload, builtins)?.hash());
             }
         }
         record.key = self.key(device, at, &record);
@@ -71,9 +71,9 @@ impl Drafter<'_> {
         &self,
         named: &NamedStrategy,
         workload: &Workload,
-        reduce_builtin: bool,
+        builtins: Builtins,
     ) -> Result<ProgramSpec> {
-        ProgramSpec::new(self.sources, &named.strategy, workload, reduce_builtin)
+        ProgramSpec::new(self.sources, &named.strategy, workload, builtins)
     }
 
     fn key(&self, device: Option<&DeviceInfo>, at: &Hashed, record: &Record) -> String {

@@ -1,6 +1,7 @@
 //! What is compiled for a point: source text and defines, and their hash.
 
 use super::Sources;
+use crate::device::Builtins;
 use crate::error::Result;
 use crate::strategy::{
     Culling, Epsilons, Layout, Math, Strategy, TILE_TRIANGLES, Traversal, Triangles, Workload,
@@ -22,9 +23,9 @@ impl ProgramSpec {
         sources: &Sources,
         strategy: &Strategy,
         workload: &Workload,
-        reduce_builtin: bool,
+        builtins: Builtins,
     ) -> Result<Self> {
-        let mut options: Vec<String> = defines(strategy, workload, reduce_builtin)
+        let mut options: Vec<String> = defines(strategy, workload, builtins)
             .into_iter()
             .map(|(name, value)| format!("-D {name}={value}"))
             .collect();
@@ -44,7 +45,7 @@ impl ProgramSpec {
 }
 
 /// Every define, its name and value.
-fn defines(strategy: &Strategy, workload: &Workload, reduce_builtin: bool) -> Vec<(&'static str, u64)> {
+fn defines(strategy: &Strategy, workload: &Workload, builtins: Builtins) -> Vec<(&'static str, u64)> {
     let staged =
         matches!(strategy.triangles, Triangles::Local | Triangles::SplitVertices | Triangles::SplitNormals);
     let if_staged = |count: usize| if staged { count as u64 } else { 0 };
@@ -58,7 +59,8 @@ fn defines(strategy: &Strategy, workload: &Workload, reduce_builtin: bool) -> Ve
         ("RASTER", u64::from(strategy.traversal == Traversal::Raster)),
         ("TREE", u64::from(strategy.needs_tree())),
         ("TILES", u64::from(strategy.traversal == Traversal::Tile)),
-        ("REDUCE_BUILTIN", u64::from(reduce_builtin)),
+        ("REDUCE_BUILTIN", u64::from(builtins.reduce)),
+        ("PREFETCH", u64::from(builtins.prefetch)),
         ("TRIANGLES", if_staged(workload.triangles)),
     ];
     if strategy.triangles == Triangles::Tiled {

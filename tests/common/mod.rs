@@ -60,7 +60,8 @@ impl Stand {
             .map_err(|refused| refused.reason)?;
         let tree = DeviceTree::build(&self.queue, &self.scene.mesh, strategy).expect("a tree");
         workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-        let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, true).expect("a program");
+        let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, self.device.info.builtins())
+            .expect("a program");
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
         let program = program.unwrap_or_else(|error| panic!("{strategy}: {error}"));
         let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy.layout).expect("an upload");
