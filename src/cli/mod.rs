@@ -57,7 +57,11 @@ enum Command {
     Strategies(strategies::Args),
     /// Run the points of one device for `run`, which starts it
     #[command(hide = true)]
-    Worker,
+    Worker {
+        /// List the devices instead
+        #[arg(long)]
+        list: bool,
+    },
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -76,7 +80,8 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
-            Command::Worker => crate::experiment::serve(),
+            Command::Worker { list: true } => crate::experiment::list_devices(),
+            Command::Worker { list: false } => crate::experiment::serve(),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

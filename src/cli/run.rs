@@ -3,9 +3,9 @@
 use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
-use crate::device::{Device, discover, select};
+use crate::device::{DeviceInfo, select_infos};
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Forecast, Processes, Results, Run, dry_run};
+use crate::experiment::{Fault, Forecast, Processes, Results, Run, dry_run, find_devices};
 use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Record, summary_terminal};
 use crate::strategy::Requirements;
@@ -106,11 +106,10 @@ pub fn run(args: Args) -> Result<()> {
     let experiment = config::load(&args.config, &args.set)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
     let interrupted = if args.dry_run { Arc::default() } else { interrupt_flag()? };
-    let devices = discover()?;
+    let devices = find_devices()?;
     let patterns = if args.device.is_empty() { &experiment.devices } else { &args.device };
-    let devices = select(&devices, patterns)?;
+    let infos = select_infos(&devices, patterns)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let run = Run {
         experiment: &experiment,
         overrides: &args.set,
@@ -124,7 +123,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
-    let mut results = open(&out, &environment(&experiment, &devices))?;
+    let mut results = open(&out, &environment(&experiment, &infos))?;
     let mut workers = Processes::new(run.jobs(&out, args.fault))?;
     let records = run
         .execute(&mut results, observer(args.quiet, args.verbose).as_mut(), &mut workers, &interrupted)
@@ -202,9 +201,9 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
     }
 }
 
-fn environment(experiment: &Experiment, devices: &[&Device]) -> Environment {
-    let device = |device: &&Device| {
-        let info = device.info.clone();
+fn environment(experiment: &Experiment, devices: &[&DeviceInfo]) -> Environment {
+    let device = |device: &&DeviceInfo| {
+        let info = (*device).clone();
         DeviceEnvironment {
             device: info.label,
             platform: info.platform,

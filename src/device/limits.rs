@@ -1,9 +1,9 @@
 //! What a device can hold.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a device can hold and how it is shaped, as its driver reports it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
     /// `__local` bytes a work-group may use. Never exceed it: PoCL 3.1 aborts the process.
     pub local_bytes: u64,

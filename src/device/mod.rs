@@ -7,12 +7,12 @@ mod select;
 
 pub use discover::{Survey, discover, survey};
 pub use limits::DeviceLimits;
-pub use select::{pick_default, select};
+pub use select::{pick_default, select, select_infos};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a device calls itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
     /// A host's processors.
@@ -62,7 +62,7 @@ pub struct Builtins {
 }
 
 /// What a device and its driver say about themselves.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// Platform name.
     pub platform: String,

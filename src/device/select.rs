@@ -13,6 +13,12 @@ pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a 
     Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
 }
 
+/// The same for devices that another process found.
+pub fn select_infos<'a>(infos: &'a [DeviceInfo], patterns: &[String]) -> Result<Vec<&'a DeviceInfo>> {
+    let all: Vec<_> = infos.iter().collect();
+    Ok(selected(&all, patterns)?.into_iter().map(|place| &infos[place]).collect())
+}
+
 /// The usable device to cast on when none is named: a GPU before an accelerator before a CPU,
 /// then the one with the most compute units, then the first.
 pub fn pick_default(devices: &[Device]) -> Option<&Device> {

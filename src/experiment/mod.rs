@@ -6,6 +6,7 @@
 //! or a sample; what becomes of a worker that dies or hangs is the supervisor's to decide.
 
 mod bench;
+mod census;
 mod check;
 mod complete;
 mod draft;
@@ -30,6 +31,7 @@ mod views;
 mod worker;
 
 pub use bench::Refusal;
+pub use census::{find_devices, list_devices};
 pub use dry_run::{Forecast, dry_run};
 pub use fault::Fault;
 pub use observer::Observer;

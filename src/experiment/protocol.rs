@@ -2,6 +2,8 @@
 
 use super::bench::Refusal;
 use super::fault::Fault;
+use crate::device::DeviceInfo;
+use crate::error::Error;
 use crate::launch::FrameTimes;
 use crate::record::Record;
 use serde::{Deserialize, Serialize};
@@ -26,6 +28,21 @@ pub struct Job {
     pub folder: PathBuf,
     /// For tests: how the worker is to fail.
     pub fault: Option<Fault>,
+}
+
+/// What a process that lists devices answers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Census {
+    /// Every device there is.
+    Devices(Vec<DeviceInfo>),
+    /// There is none, or no way to ask.
+    Failed {
+        /// Why.
+        message: String,
+        /// The remedy.
+        help: Option<String>,
+    },
 }
 
 /// What a worker is asked; numbers are places in the plan.
@@ -70,6 +87,14 @@ pub enum Reply {
         /// What to do about it.
         help: Option<String>,
     },
+}
+
+impl Reply {
+    /// An error that ends the run, with its remedy.
+    pub fn of_error(error: &Error) -> Self {
+        let help = miette::Diagnostic::help(error).map(|help| help.to_string());
+        Self::Failed { message: error.to_string(), help }
+    }
 }
 
 #[cfg(test)]

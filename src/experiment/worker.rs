@@ -24,7 +24,7 @@ pub fn serve() -> Result<()> {
     let job: Job = parse(&line)?;
     match work(&job, &lines) {
         Ok(()) => Ok(()),
-        Err(error) => reply(&failed(&error)),
+        Err(error) => reply(&Reply::of_error(&error)),
     }
 }
 
@@ -42,7 +42,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
         if let Some(fault) = &job.fault {
             fault.strike(&request, &job.folder);
         }
-        reply(&hands.answer(&request).unwrap_or_else(|error| failed(&error)))?;
+        reply(&hands.answer(&request).unwrap_or_else(|error| Reply::of_error(&error)))?;
     }
     Ok(())
 }
@@ -85,11 +85,4 @@ fn reply(reply: &Reply) -> Result<()> {
     let line = serde_json::to_string(reply).map_err(|error| unwritable(&error))?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| unwritable(&error))
-}
-
-fn failed(error: &Error) -> Reply {
-    Reply::Failed {
-        message: error.to_string(),
-        help: miette::Diagnostic::help(error).map(|help| help.to_string()),
-    }
 }
