@@ -47,7 +47,7 @@ int reduce_or4(int4 m) { return (m.x | m.y) | (m.z | m.w); }
 #if PREFETCH
 #define FETCH(pointer) __builtin_prefetch((const void *)(size_t)(pointer), 0, 3)
 #else
-#define FETCH(pointer)
+#define FETCH(pointer) (void)0
 #endif
 // The four cache lines that a node of eight children or the first triangles of a leaf fill.
 #define FETCH_LINES(pointer) FETCH(pointer), FETCH((pointer) + 16), FETCH((pointer) + 32), FETCH((pointer) + 48)
