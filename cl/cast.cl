@@ -105,6 +105,28 @@ void store_radiance(__global float4 *image, int2 image_size, float4 background, 
                 (float4)(red.each[lane], green.each[lane], blue.each[lane], hit.each[lane]);
 }
 
+// What a pass leaves for the next: a number a pixel, its nearest triangle or that one's place in leaf order.
+void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
+    IntLanes x, y, inside, number;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    number.all = numbers;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = number.each[lane];
+}
+
+varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pixels) {
+    IntLanes x, y, inside, number;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++)
+        number.each[lane] =
+            inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
+    return number.all;
+}
+
 // A whole frame: primary rays, shading, shadow rays.
 __kernel GROUP_SHAPE void cast_frame(SCENE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
                                      const float4 background, __global float4 *restrict image WORKING_PARAMETERS) {
@@ -136,14 +158,7 @@ __kernel GROUP_SHAPE void cast_primary(SCENE_PARAMETERS, CAMERA_PARAMETERS, cons
     const varying t_min = begin_rays(&working, eye, corner, step_x, step_y, pixels);
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
-    IntLanes x, y, inside, triangle;
-    x.all = pixels.x;
-    y.all = pixels.y;
-    inside.all = pixels.inside;
-    triangle.all = nearest.triangle;
-    for (int lane = 0; lane < WIDTH; lane++)
-        if (inside.each[lane])
-            nearest_triangle[(size_t)y.each[lane] * image_size.x + x.each[lane]] = triangle.each[lane];
+    store_nearest(nearest_triangle, image_size, pixels, nearest.triangle);
 }
 
 // Shades the nearest triangle of every pixel, whoever found it.
@@ -158,16 +173,9 @@ __kernel GROUP_SHAPE void shade_nearest(SCENE_PARAMETERS, CAMERA_PARAMETERS, con
     BIND_WORKING(working)
     const Pixels pixels = own_pixels(image_size);
     begin_rays(&working, eye, corner, step_x, step_y, pixels);
-    IntLanes x, y, inside, triangle;
-    x.all = pixels.x;
-    y.all = pixels.y;
-    inside.all = pixels.inside;
-    for (int lane = 0; lane < WIDTH; lane++)
-        triangle.each[lane] =
-            inside.each[lane] ? nearest_triangle[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
     Nearest nearest;
     nearest.t = (varying)(FAR);
-    nearest.triangle = triangle.all;
+    nearest.triangle = load_nearest(nearest_triangle, image_size, pixels);
     const Mask hits = nearest.triangle != NO_HIT;
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);

@@ -10,29 +10,6 @@ Pixels tile_pixels(int vector, int2 image_size) {
     return pixels;
 }
 
-// The first of a tile's blocks of pixels that lies outside an image has its rows and columns there too, so a vector
-// is stored row by row.
-void store_places(__global int *nearest, int2 image_size, Pixels pixels, varying_int places) {
-    IntLanes x, y, inside, place;
-    x.all = pixels.x;
-    y.all = pixels.y;
-    inside.all = pixels.inside;
-    place.all = places;
-    for (int lane = 0; lane < WIDTH; lane++)
-        if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = place.each[lane];
-}
-
-varying_int load_places(const __global int *nearest, int2 image_size, Pixels pixels) {
-    IntLanes x, y, inside, place;
-    x.all = pixels.x;
-    y.all = pixels.y;
-    inside.all = pixels.inside;
-    for (int lane = 0; lane < WIDTH; lane++)
-        place.each[lane] =
-            inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
-    return place.all;
-}
-
 void make_camera_rays(Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     for (int vector = 0; vector < VECTORS; vector++) {
         const Pixels pixels = tile_pixels(vector, image_size);
@@ -68,7 +45,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PARAMETERS, CAMERA_PARAMETERS, const
     stack[0].live = ALL_VECTORS;
     walk(&bundle, &slices, &cone, &tree, stack, 1, ALL_VECTORS, 0);
     for (int vector = 0; vector < VECTORS; vector++)
-        store_places(nearest, image_size, tile_pixels(vector, image_size), bundle.place[vector]);
+        store_nearest(nearest, image_size, tile_pixels(vector, image_size), bundle.place[vector]);
 }
 
 // Each lane's row of three float4, as 12 columns: a load of 16 bytes a lane and quad, transposed in registers.
@@ -162,7 +139,7 @@ __kernel GROUP_SHAPE void tile_shade(TILE_PARAMETERS, CAMERA_PARAMETERS, const i
         uint open = 0;
         for (int vector = 0; vector < VECTORS; vector++) {
             const Pixels pixels = tile_pixels(vector, image_size);
-            const varying_int place = load_places(nearest, image_size, pixels);
+            const varying_int place = load_nearest(nearest, image_size, pixels);
             const Mask hits = place != NO_HIT;
             bundle.reach[vector] = (varying)(-1.0f);
             if (!ANY(hits)) continue;
@@ -202,7 +179,7 @@ __kernel GROUP_SHAPE void tile_shade(TILE_PARAMETERS, CAMERA_PARAMETERS, const i
     }
     for (int vector = 0; vector < VECTORS; vector++) {
         const Pixels pixels = tile_pixels(vector, image_size);
-        const Mask hits = load_places(nearest, image_size, pixels) != NO_HIT;
+        const Mask hits = load_nearest(nearest, image_size, pixels) != NO_HIT;
         store_radiance(image, image_size, background, sum[vector], pixels, hits);
     }
 }

@@ -124,7 +124,7 @@ pub struct Timing {
     pub max_samples: u32,
     /// Time a point may spend on its samples.
     pub time_limit_ms: f64,
-    /// The seed of the order of rounds and of the bootstrap.
+    /// The seed of the order of rounds.
     pub seed: u64,
     /// A point stops when the standard deviation over the mean is below this.
     pub relative_sigma: f64,

@@ -134,7 +134,7 @@ pub struct Record {
     pub cost_image: Option<String>,
     /// The hash of source, defines and build options.
     pub program_hash: Option<String>,
-    /// The seed of the order of rounds and of the bootstrap.
+    /// The seed of the order of rounds.
     pub seed: Option<u64>,
 }
 
