@@ -3,6 +3,7 @@
 // dot products. prepare_origins makes them once a frame, for the eye and for each light.
 
 #define PLANES_OF_ORIGIN 1
+#define ROUNDED_PLANES 1
 
 typedef struct {
     varying t_min;

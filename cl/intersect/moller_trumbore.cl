@@ -2,6 +2,7 @@
 // Weights stay multiplied by |a| until a ray is known to hit, so that a miss costs no division.
 
 #define PLANES_OF_ORIGIN 0
+#define ROUNDED_PLANES 1 // rays of a common origin may share planes, as rounding is allowed for
 
 typedef struct {
     varying t_min;

@@ -9,6 +9,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 #define PLANES_OF_ORIGIN 0
+#define ROUNDED_PLANES 0
 
 // The rows of the shear. Any fixed function of ray and corner keeps the test watertight; as rows, lanes whose
 // dominant axes differ need no permutation.

@@ -57,7 +57,7 @@ impl DeviceKind {
 pub struct Builtins {
     /// `__builtin_reduce_or` on vectors.
     pub reduce: bool,
-    /// `__builtin_prefetch` of global memory.
+    /// `__builtin_prefetch` and `__builtin_nontemporal_store` of global memory.
     pub prefetch: bool,
 }
 

@@ -138,7 +138,7 @@ impl Caster {
                 steps.push((Phase::Whole, Step::Run(parts.cast_frame(&image)?)));
             }
             Passes::Separate => {
-                let nearest = allocate::<i32>(queue, pixels)?;
+                let nearest = allocate::<i32>(queue, workload.nearest_count(strategy))?;
                 match strategy.traversal {
                     Traversal::Raster => steps.extend(parts.rasterise(&nearest, pixels)?),
                     _ => {
@@ -291,7 +291,8 @@ impl<'a> Parts<'a> {
     }
 
     fn cast_frame(&self, image: &'a Buffer<Float4>) -> Result<Kernel, LaunchError> {
-        self.pixel_kernel("cast_frame", |kernel| {
+        let name = if self.strategy.traversal == Traversal::Tile { "tile_frame" } else { "cast_frame" };
+        self.pixel_kernel(name, |kernel| {
             kernel.arg(self.background).arg(image);
         })
     }

@@ -148,16 +148,12 @@ impl Strategy {
                 "traversal = bvh and tile prepare what rays of a common origin share themselves: another intersector",
             ),
             (
-                tile && (eager || self.passes == Passes::Fused || self.vectors != Vectors::Private),
-                "traversal = tile keeps a tile's rays in private memory and shades them once: vectors = private, shading = deferred, passes = separate",
+                tile && (eager || self.vectors != Vectors::Private),
+                "traversal = tile keeps a tile's rays in private memory and shades them once: vectors = private, shading = deferred",
             ),
             (
                 tile && self.epsilons == Epsilons::Paper,
                 "traversal = tile has edge functions of its own: epsilons = relative",
-            ),
-            (
-                tile && self.intersector != Intersector::MollerTrumbore,
-                "traversal = tile prepares Moeller and Trumbore's test for a whole tile; watertight rays walk alone, with traversal = bvh",
             ),
             (tile && self.width != Width::W16, "traversal = tile casts vectors of 16 rays: width = 16"),
             (

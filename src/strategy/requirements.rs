@@ -16,8 +16,8 @@ const POINT_BYTES: u64 = 3 * 4;
 /// Triangles of a tile where triangles are streamed through `__local` memory.
 pub const TILE_TRIANGLES: u64 = 128;
 
-/// A ray of a tile: direction, its reciprocals, reach, place; and while it is shaded what arrives and the sum so far.
-const TILE_RAY_BYTES: u64 = (8 + 6) * 4;
+/// A ray of a tile: direction, nearness, place; and while it is shaded what arrives and the sum so far.
+const TILE_RAY_BYTES: u64 = (5 + 6) * 4;
 
 /// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
 /// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
@@ -59,6 +59,16 @@ impl Workload {
             across(self.image_size[0], block.0, self.local_size[0]),
             across(self.image_size[1], block.1, self.local_size[1]),
         ]
+    }
+
+    /// Numbers that separate passes hand on: one a pixel, or whole tiles of them.
+    pub fn nearest_count(&self, strategy: &Strategy) -> usize {
+        if strategy.traversal == Traversal::Tile {
+            let (across, down) = strategy.tile.pixels();
+            self.global_size(strategy).iter().product::<usize>() * across * down
+        } else {
+            self.image_size[0] as usize * self.image_size[1] as usize
+        }
     }
 
     fn work_group_items(&self) -> u64 {
@@ -275,7 +285,7 @@ fn global(strategy: &Strategy, w: &Workload) -> Sum {
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
     if strategy.passes == super::Passes::Separate {
-        sum.add("nearest triangles", &[(4, " B"), (pixels, " pixels")]);
+        sum.add("nearest triangles", &[(4, " B"), (w.nearest_count(strategy) as u64, " pixels")]);
     }
     if strategy.traversal == Traversal::Raster {
         sum.add("depth", &[(4, " B"), (pixels, " pixels")]);

@@ -1,0 +1,20 @@
+// Masks as bits of a word: lane i is bit i.
+
+#if REDUCE_BUILTIN && defined(__AVX512DQ__) && defined(__AVX512VL__)
+// One instruction where vectors of the hardware have mask registers; the compiler does not find it by itself.
+typedef int Hardware8 __attribute__((__vector_size__(32)));
+typedef int Hardware16 __attribute__((__vector_size__(64)));
+#define LANE_BITS8(mask) ((uint)(uchar)__builtin_ia32_cvtd2mask256(__builtin_astype(mask, Hardware8)))
+#define LANE_BITS16(mask) ((uint)(ushort)__builtin_ia32_cvtd2mask512(__builtin_astype(mask, Hardware16)))
+#else
+#ifdef HAS_REDUCE_OR
+#define ANY8(mask) __builtin_reduce_or(mask)
+#else
+#define ANY8(mask) any8(mask)
+#endif
+#define LANE_BITS8(mask) ((uint)ANY8((mask) & (int8)(1, 2, 4, 8, 16, 32, 64, 128)))
+#define LANE_BITS16(mask) \
+    ((uint)ANY((mask) & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)))
+#endif
+
+#define LOWEST_BIT(bits) ((int)popcount(~(bits) & ((bits) - 1))) // compilers see trailing zeros

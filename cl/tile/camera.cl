@@ -1,0 +1,64 @@
+// A tile of the camera's rays.
+
+#define BLOCKS_ACROSS (TILE_X / BLOCK_X)
+
+// The pixels of a vector of a tile.
+Pixels tile_pixels(int vector, int2 image_size) {
+    Pixels pixels;
+    pixels.x = (int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X;
+    pixels.y = (int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y;
+    pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
+    return pixels;
+}
+
+// The interval of corner + x step_x + y step_y over each vector's block of pixels, widened by its rounding. x and y
+// are the first pixel's.
+void slice_axis(float corner, float step_x, float step_y, float16 x, float16 y, float16 *low, float16 *high) {
+    const float16 from_x = x * step_x, from_y = y * step_y;
+    const float across = (BLOCK_X - 1) * step_x, down = (BLOCK_Y - 1) * step_y;
+    const float16 base = corner + from_x + from_y;
+    const float16 rounding =
+        5e-7f * (fabs(from_x) + fabs(from_y) + (float16)(fabs(corner) + fabs(across) + fabs(down)));
+    *low = base + (min(across, 0.0f) + min(down, 0.0f)) - rounding;
+    *high = base + (max(across, 0.0f) + max(down, 0.0f)) + rounding;
+}
+
+// Where the tile's directions lie, without making any ray; returns their largest component.
+float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
+    float16 longest = (float16)(0.0f);
+    for (int part = 0; part < PARTS; part++) {
+        const int16 vector = LANES + 16 * part;
+        const int16 px = (int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X;
+        const int16 py = (int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y;
+        const float16 x = convert_float16(px) + 0.5f, y = convert_float16(py) + 0.5f;
+        slice_axis(corner.x, step_x.x, step_y.x, x, y, &slices->low[0][part], &slices->high[0][part]);
+        slice_axis(corner.y, step_x.y, step_y.y, x, y, &slices->low[1][part], &slices->high[1][part]);
+        slice_axis(corner.z, step_x.z, step_y.z, x, y, &slices->low[2][part], &slices->high[2][part]);
+        for (int axis = 0; axis < 3; axis++)
+            longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
+#if VECTORS < 16
+        for (int axis = 0; axis < 3; axis++) {
+            slices->low[axis][part] = SELECT(vector < VECTORS, slices->low[axis][part], (float16)(FAR));
+            slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
+        }
+#endif
+        slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
+    }
+    return most_lane(longest);
+}
+
+// Returns the vectors with a ray inside the image.
+uint make_camera_rays(Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
+    uint inside = 0;
+    for (int vector = 0; vector < VECTORS; vector++) {
+        const Pixels pixels = tile_pixels(vector, image_size);
+        const varying x = TO_FLOAT(pixels.x) + 0.5f, y = TO_FLOAT(pixels.y) + 0.5f;
+        bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
+        bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
+        bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;
+        bundle->nearness[vector] = SELECT(pixels.inside, (varying)(LEAST_NEARNESS), (varying)(FAR));
+        bundle->place[vector] = (varying_int)(NO_HIT);
+        inside |= ANY(pixels.inside) ? 1u << vector : 0;
+    }
+    return inside;
+}

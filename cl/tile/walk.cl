@@ -1,0 +1,63 @@
+// The way of a tile down the tree.
+
+typedef struct {
+    uint word;
+    float entry;
+    uint live;
+} WaitingTile;
+
+// The four cache lines that the bounds of eight children or the first triangles of a leaf fill.
+void fetch_child(const Tree *tree, uint word) {
+    const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
+                                             : tree->nodes + NODE_STRIDE * (size_t)word;
+    FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
+}
+
+// Puts the children of a node that vectors of `live` meet on the stack, the nearest last.
+int push_children(Uniform3 origin, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word, uint live,
+                  const int any, WaitingTile *stack, int waiting) {
+    const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
+    Boxes boxes;
+    uint vectors[NODE_WIDTH], kept = 0;
+    for (uint met = children_meet(cone, origin, node, any ? 1.0f : furthest(slices), &boxes); met; met &= met - 1) {
+        const int child = LOWEST_BIT(met);
+        vectors[child] = live & slices_meet(slices, cone, &boxes, child);
+        if (!vectors[child]) continue;
+        fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
+        kept |= 1u << child;
+    }
+    for (uint left = kept; left; left &= left - 1) {
+        const int child = LOWEST_BIT(left);
+        const uint before = kept & ((1u << child) - 1);
+        const float entry = ((const float *)&boxes.entry)[child];
+        // Any hit will do: in any order.
+        const uint below =
+            any ? before : (kept & CHILD_BITS(boxes.entry > entry)) | (before & CHILD_BITS(boxes.entry == entry));
+        WaitingTile *place = stack + waiting + popcount(below);
+        place->word = as_uint(node[CHILD_ROW + child]);
+        place->entry = entry;
+        place->live = vectors[child];
+    }
+    return waiting + popcount(kept);
+}
+
+// Walks the tree with a bundle's rays. With `any`, until every ray is done or has met nothing.
+void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
+    WaitingTile stack[STACK_SIZE];
+    stack[0].word = 0;
+    stack[0].entry = 0.0f;
+    stack[0].live = open;
+    int waiting = 1;
+    while (waiting && open) {
+        const WaitingTile next = stack[--waiting];
+        const uint live = next.live & (any ? open : reaching(slices, next.entry));
+        if (!live) continue;
+        if (!IS_LEAF(next.word)) {
+            waiting = push_children(bundle->origin, slices, cone, tree, next.word, live, any, stack, waiting);
+            continue;
+        }
+        const uint changed = test_leaf(bundle, tree, next.word, live, any);
+        if (any) open &= ~changed;
+        else update_reach(bundle, slices, changed);
+    }
+}
