@@ -70,6 +70,15 @@ impl Stand {
 
     /// The image of a strategy.
     pub fn cast(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Radiance, String> {
+        Ok(self.cast_and_count(strategy, local_size)?.0)
+    }
+
+    /// The same, and how many pixels hit something.
+    pub fn cast_and_count(
+        &self,
+        strategy: &Strategy,
+        local_size: [u32; 2],
+    ) -> Result<(Radiance, usize), String> {
         let built = self.build(strategy, local_size)?;
         let Built { workload, program, scene, tree } = &built;
         let caster =
@@ -78,7 +87,7 @@ impl Stand {
                 other => other.unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}")),
             };
         caster.cast().unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
-        Ok(caster.read().expect("an image").0)
+        Ok(caster.read().expect("an image"))
     }
 
     /// How a strategy's image compares with the reference; an error where the device cannot hold it.
