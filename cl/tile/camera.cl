@@ -58,6 +58,7 @@ uint make_camera_rays(Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;
         bundle->nearness[vector] = SELECT(pixels.inside, (varying)(LEAST_NEARNESS), (varying)(FAR));
         bundle->place[vector] = (varying_int)(NO_HIT);
+        prepare_rays(bundle, vector, pixels.inside);
         inside |= ANY(pixels.inside) ? 1u << vector : 0;
     }
     return inside;

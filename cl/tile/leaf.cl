@@ -3,7 +3,7 @@
 #if ROUNDED_PLANES
 #include "tile/planes.cl"
 #else
-#include "tile/single.cl"
+#include "tile/sheared.cl"
 #endif
 
 // Those of `vectors` whose rays are all done.

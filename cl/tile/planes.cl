@@ -9,6 +9,9 @@ typedef struct {
     float per_height;     // 1 / t = a per_height
 } Planes;
 
+// Planes ask for nothing but directions.
+void prepare_rays(Bundle *bundle, int vector, Mask rays) {}
+
 // Makes a triangle's planes; 0 where no ray can hit it.
 __attribute__((always_inline)) int prepare_triangle(const Bundle *bundle, const Tree *tree, int place, const int any,
                                                     Planes *planes) {

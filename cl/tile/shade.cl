@@ -105,6 +105,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }
+    prepare_rays(bundle, vector, lit);
     return lit;
 }
 

@@ -3,7 +3,7 @@
 //
 // No ray is tested against a box. A node's children are tested at once against the interval of the tile's directions,
 // then child by child against the intervals of its vectors, at once too (slices.cl). A leaf's triangles meet the rays
-// of the vectors that are left (planes.cl, or leaf.cl alone).
+// of the vectors that are left (planes.cl, or sheared.cl).
 
 #define VECTORS (TILE_X * TILE_Y / WIDTH)
 #if WIDTH != 16 || VECTORS > 32
@@ -22,6 +22,13 @@
 #define FETCH(pointer) (void)0
 #endif
 
+// What the rays of a vector have in common for the watertight test (sheared.cl).
+typedef struct {
+    varying x[VECTORS], y[VECTORS]; // -d_(k+1) / d_k, mirrored against the axis, and -d_(k+2) / d_k, for the axis k
+    int axis[VECTORS];
+    float forward[VECTORS]; // 1, or -1 where the rays run against their axis
+} Shears;
+
 // Rays of a tile. Distances are kept as 1 / t: a t is the same for all rays that meet a triangle, so that this needs no
 // division, and what is far away is zero.
 typedef struct {
@@ -31,6 +38,9 @@ typedef struct {
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
     varying nearness[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
     varying_int place[VECTORS]; // the nearest triangle so far, in leaf order
+#if !ROUNDED_PLANES
+    Shears shears;
+#endif
 } Bundle;
 
 // A tree, and what shading wants of its triangles.
