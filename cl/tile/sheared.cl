@@ -63,25 +63,37 @@ Mask meet_single(const Bundle *bundle, int vector, Row row, varying *nearness) {
     return hits & (bundle->nearness[vector] < FAR);
 }
 
-// Tests a leaf's triangle with the rays of the live vectors. With `any`, a ray that hits it is done; otherwise
-// the nearest hit is kept. Returns the vectors in which something changed.
-uint test_triangle(Bundle *bundle, const Tree *tree, int place, uint live, const int any) {
-    Row row = leaf_corners(tree, place);
+// A triangle's corners seen from the origin, which is all there is to prepare.
+#define PREPARED 1
+typedef struct {
+    Row row;
+    float a[3], b[3], c[3];
+} Prepared;
+
+uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
+    Row row = leaf_corners(tree, first);
     if (any) { // rays come from the light, and meet the backs of what faces it
         const Uniform3 b = row.b;
         row.b = row.c;
         row.c = b;
     }
     const Uniform3 o = bundle->origin;
-    const float a[3] = {row.a.x - o.x, row.a.y - o.y, row.a.z - o.z};
-    const float b[3] = {row.b.x - o.x, row.b.y - o.y, row.b.z - o.z};
-    const float c[3] = {row.c.x - o.x, row.c.y - o.y, row.c.z - o.z};
+    prepared->row = row;
+    prepared->a[0] = row.a.x - o.x, prepared->a[1] = row.a.y - o.y, prepared->a[2] = row.a.z - o.z;
+    prepared->b[0] = row.b.x - o.x, prepared->b[1] = row.b.y - o.y, prepared->b[2] = row.b.z - o.z;
+    prepared->c[0] = row.c.x - o.x, prepared->c[1] = row.c.y - o.y, prepared->c[2] = row.c.z - o.z;
+    return 1;
+}
+
+// Tests the triangle with the rays of the live vectors, as planes.cl does.
+uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
     uint changed = 0;
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         varying nearness;
-        const Mask hits = bundle->shears.axis[vector] == NO_AXIS ? meet_single(bundle, vector, row, &nearness)
-                                                          : meet_sheared(bundle, vector, a, b, c, &nearness);
+        const Mask hits = bundle->shears.axis[vector] == NO_AXIS
+                              ? meet_single(bundle, vector, prepared->row, &nearness)
+                              : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &nearness);
         if (!ANY(hits)) continue;
         bundle->nearness[vector] = SELECT(hits, any ? (varying)(FAR) : nearness, bundle->nearness[vector]);
         if (!any) bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);

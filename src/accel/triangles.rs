@@ -6,6 +6,10 @@ use rayon::prelude::*;
 /// Words a triangle in [`triangle_rows`]: three float4, 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
+/// Rows of zeros after the last triangle, for kernels that load as many at once as they prepare (PREPARED in
+/// cl/tile/planes.cl).
+pub const PADDING_ROWS: usize = 8;
+
 /// What a triangle's three float4 hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TriangleForm {
@@ -15,7 +19,7 @@ pub enum TriangleForm {
     Edges,
 }
 
-/// The triangles of `order` one after another, 12 words each.
+/// The triangles of `order` one after another, 12 words each, and [`PADDING_ROWS`].
 ///
 /// | words | content |
 /// |---|---|
@@ -34,8 +38,9 @@ pub fn triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm) -> Vec<f32>
         let (number, material) = (f32::from_bits(number), f32::from_bits(triangle.material));
         [a.x, a.y, a.z, number, b.x, b.y, b.z, material, c.x, c.y, c.z, 0.0]
     };
-    let mut rows: Vec<[f32; TRIANGLE_WORDS]> = Vec::new();
+    let mut rows = Vec::with_capacity(order.len() + PADDING_ROWS);
     order.par_iter().map(row).collect_into_vec(&mut rows);
+    rows.resize(order.len() + PADDING_ROWS, [0.0; TRIANGLE_WORDS]);
     rows.into_flattened()
 }
 

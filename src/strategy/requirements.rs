@@ -294,7 +294,8 @@ fn global(strategy: &Strategy, w: &Workload) -> Sum {
         let children = strategy.node_width.children() as u64;
         // Full nodes over full leaves, and half as many again for those that are not.
         let nodes = 3 * (w.triangles as u64) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
-        sum.add("leaves", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        let rows = w.triangles + crate::accel::PADDING_ROWS;
+        sum.add("leaves", &[(ROW_BYTES, " B"), (rows as u64, " triangles")]);
         sum.add("about", &[(8 * children * 4, " B"), (nodes, " nodes")]);
     }
     if strategy.intersector == super::Intersector::CommonOrigin {
