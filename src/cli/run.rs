@@ -7,7 +7,7 @@ use crate::device::{DeviceInfo, select_infos};
 use crate::error::{Error, Result};
 use crate::experiment::{Fault, Forecast, Processes, Results, Run, dry_run, find_devices};
 use crate::program::Sources;
-use crate::record::{DeviceEnvironment, Environment, Host, Record, summary_terminal};
+use crate::record::{DeviceEnvironment, Environment, Host, Record, Source, summary_terminal};
 use crate::strategy::Requirements;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -123,7 +123,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
-    let mut results = open(&out, &environment(&experiment, &infos))?;
+    let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
     let mut workers = Processes::new(run.jobs(&out, args.fault))?;
     let records = run
         .execute(&mut results, observer(args.quiet, args.verbose).as_mut(), &mut workers, &interrupted)
@@ -201,7 +201,7 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
     }
 }
 
-fn environment(experiment: &Experiment, devices: &[&DeviceInfo]) -> Environment {
+fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &Sources) -> Environment {
     let device = |device: &&DeviceInfo| {
         let info = (*device).clone();
         DeviceEnvironment {
@@ -212,6 +212,9 @@ fn environment(experiment: &Experiment, devices: &[&DeviceInfo]) -> Environment 
             vendor: info.vendor,
             driver: info.driver,
             kind: info.kind.name().to_owned(),
+            compute_units: Some(info.limits.compute_units),
+            max_clock_mhz: info.max_clock_mhz,
+            compute_capability: info.compute_capability,
         }
     };
     Environment {
@@ -226,7 +229,14 @@ fn environment(experiment: &Experiment, devices: &[&DeviceInfo]) -> Environment 
         config: experiment.source.clone(),
         config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
         overrides: experiment.overrides.clone(),
+        sources: files(experiment).chain([kernels.describe()]).collect(),
     }
+}
+
+/// The config and its scenes, as they are now.
+fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
+    let scenes = experiment.scenes.iter().map(|path| Source::file("scene", path));
+    std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
 }
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::numbers::{align_points, by, duration, ms, significant};
-use super::summary::{Group, groups, median};
+use super::summary::{Group, groups, median, scene_notes};
 use super::types::{HOST, Record};
 
 const HEADER: [&str; 9] = [
@@ -36,6 +36,11 @@ pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -
         }
         text.push_str(&table(group));
         text.push_str(&failures(group));
+    }
+    let notes = scene_notes(records);
+    if !notes.is_empty() {
+        text.push_str("\n## Notes on scenes\n\n");
+        text.extend(notes.iter().map(|(scene, note)| format!("- {scene}: {note}\n")));
     }
     text.push_str(
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \

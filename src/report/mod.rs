@@ -6,6 +6,7 @@ mod compare;
 mod environment;
 mod folder;
 mod gallery;
+mod growth;
 mod occupancy;
 mod overview;
 mod page;

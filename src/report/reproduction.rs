@@ -1,6 +1,6 @@
 //! The paper beside the measurement: its figures redrawn, its claims tested, its contradictions said.
 
-use super::claims::{Claim, claims};
+use super::claims::{Claim, Verdict, claims};
 use super::folder::{Folder, merged};
 use super::page::{SCRIPT, STYLE, nonce};
 use super::paper::{self, CURVES};
@@ -96,10 +96,8 @@ fn device(place: usize, name: &str, all: &[Group<'_>]) -> Device {
         own.iter().filter(|group| group.device == name).map(|group| by(group.image_size)).collect();
     sizes.sort();
     sizes.dedup();
-    let tally = ["held", "failed", "open"].map(|verdict| {
-        let words = [("held", "held"), ("failed", "did not hold"), ("open", "could not be told")];
-        let word = words.iter().find(|(known, _)| *known == verdict).map_or(verdict, |(_, word)| word);
-        (word, claims.iter().filter(|claim| claim.verdict.class() == verdict).count())
+    let tally = Verdict::ALL.map(|(verdict, word)| {
+        (word, claims.iter().filter(|claim| claim.verdict == verdict).count())
     });
     let suffix = if place == 0 { String::new() } else { format!("-{}", place + 1) };
     Device {

@@ -1,9 +1,10 @@
 //! The paper's claims, each tested on what was measured on one device.
 //!
 //! Only what does not depend on how fast a device is can be tested: which of two is faster, which block size is best,
-//! what fits. The published values are the paper's own device's, which it does not name.
+//! what fits. A comparison holds or does not only where the 95% intervals leave no doubt. The published values are the paper's own device's, which it does not name.
 
 mod found;
+mod sure;
 
 use crate::record::Group;
 use found::{
@@ -18,8 +19,10 @@ pub enum Verdict {
     Held,
     /// What was measured disagrees.
     DidNotHold,
-    /// Too close to tell, or nothing was measured that could tell.
-    Open,
+    /// The intervals overlap, or there are too few samples for so small a difference.
+    Unclear,
+    /// Nothing was measured that could tell.
+    Untested,
 }
 
 impl Verdict {
@@ -28,16 +31,26 @@ impl Verdict {
         match self {
             Self::Held => "held",
             Self::DidNotHold => "failed",
-            Self::Open => "open",
+            Self::Unclear => "unclear",
+            Self::Untested => "open",
         }
     }
+
+    /// Every verdict, and its name in a count.
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Held, "held"),
+        (Self::DidNotHold, "did not hold"),
+        (Self::Unclear, "unclear"),
+        (Self::Untested, "not measured"),
+    ];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Held => "held on this device",
             Self::DidNotHold => "did not hold on this device",
-            Self::Open => "could not be told",
+            Self::Unclear => "unclear on this device",
+            Self::Untested => "not measured here",
         }
     }
 }
@@ -182,7 +195,7 @@ mod tests {
 
     fn verdict(records: &[Record], claim: &str) -> Verdict {
         let claims = claims(&groups(records), "gpu");
-        claims.iter().find(|one| one.claim.contains(claim)).map_or(Verdict::Open, |one| one.verdict)
+        claims.iter().find(|one| one.claim.contains(claim)).map_or(Verdict::Untested, |one| one.verdict)
     }
 
     #[test]
@@ -195,7 +208,7 @@ mod tests {
         ];
         assert_eq!(verdict(&records, "1 x 1 to 4 x 4"), Verdict::Held);
         assert_eq!(verdict(&records, "cannot hold the large"), Verdict::Held);
-        assert_eq!(verdict(&records, "rasteriser"), Verdict::Open);
+        assert_eq!(verdict(&records, "rasteriser"), Verdict::Untested);
         let slower = [measured("gpu", "naive", 1, [1.0, 1.1]), measured("gpu", "naive", 4, [9.0, 11.0])];
         assert_eq!(verdict(&slower, "1 x 1 to 4 x 4"), Verdict::DidNotHold);
     }
@@ -208,7 +221,7 @@ mod tests {
             measured("gpu", "naive", 16, [19.5, 21.5]),
         ];
         let (text, verdict) = best_block(&Found { groups: &groups(&tie), device: "gpu" }, "teapot", 8);
-        assert_eq!(verdict, Verdict::Open);
+        assert_eq!(verdict, Verdict::Unclear);
         assert!(text.contains("tie"), "{text}");
     }
 }
