@@ -22,7 +22,8 @@ impl Clocks {
 
     /// Those of a machine whose files lie under `root`.
     fn under(root: &Path) -> Self {
-        let text = |path: &str| std::fs::read_to_string(root.join(path)).ok().map(|text| text.trim().to_owned());
+        let text =
+            |path: &str| std::fs::read_to_string(root.join(path)).ok().map(|text| text.trim().to_owned());
         let policy = |name: &str| text(&format!("sys/devices/system/cpu/cpu0/cpufreq/{name}"));
         let khz = |name: &str| policy(name)?.parse::<f64>().ok();
         Self {
@@ -37,8 +38,7 @@ impl Clocks {
 fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
     let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
     let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());
-    let [low, high] =
-        values.fold([f64::INFINITY, 0.0], |[low, high], mhz| [low.min(mhz), high.max(mhz)]);
+    let [low, high] = values.fold([f64::INFINITY, 0.0], |[low, high], mhz| [low.min(mhz), high.max(mhz)]);
     (low <= high).then_some([low, high])
 }
 

@@ -53,7 +53,11 @@ mod tests {
         assert_eq!(git_state(&file).as_deref(), Some("in no commit"));
         run(folder.path(), &["add", "a.toml"]);
         run(folder.path(), &["commit", "-q", "-m", "a"]);
-        assert!(git_state(&file).is_some_and(|state| state.ends_with(", unchanged")), "{:?}", git_state(&file));
+        assert!(
+            git_state(&file).is_some_and(|state| state.ends_with(", unchanged")),
+            "{:?}",
+            git_state(&file)
+        );
         assert!(git_state(folder.path()).is_some_and(|state| state.ends_with(", unchanged")));
         std::fs::write(&file, "two").expect("it writes");
         assert!(git_state(&file).is_some_and(|state| state.ends_with(", changed since")));

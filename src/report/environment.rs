@@ -67,12 +67,15 @@ pub fn view(folder: &Folder) -> EnvironmentView {
 /// What a run's program was built from.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
-    match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision)) {
+    match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
+    {
         Some((commit, revision)) if commit == revision => {
             format!("raycl {version}: git checkout {commit}, then make build")
         }
         Some((commit, _)) => {
-            format!("raycl {version}, commit {commit} with changes that are in no commit: it cannot be had again")
+            format!(
+                "raycl {version}, commit {commit} with changes that are in no commit: it cannot be had again"
+            )
         }
         None => format!("raycl {version}, built outside a git repository"),
     }
@@ -175,7 +178,10 @@ mod tests {
             ..Folder::default()
         };
         let view = view(&folder);
-        assert_eq!(view.program, "raycl 1, commit abc with changes that are in no commit: it cannot be had again");
+        assert_eq!(
+            view.program,
+            "raycl 1, commit abc with changes that are in no commit: it cannot be had again"
+        );
         let made_of = &view.sections.iter().find(|(name, _)| name == "made of").expect("files").1;
         assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123".into()));
         assert_eq!(made_of[1], ("kernels built in".into(), "hash 4567".into()));

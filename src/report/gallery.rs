@@ -117,7 +117,10 @@ impl<'a> Pictures<'a> {
 }
 
 fn order(kind: &str) -> usize {
-    ["reference", "certain pixels", "cost: triangles, every one tested", "cost: triangles", "cost: nodes"].iter().position(|known| kind.starts_with(known)).unwrap_or(9)
+    ["reference", "certain pixels", "cost: triangles, every one tested", "cost: triangles", "cost: nodes"]
+        .iter()
+        .position(|known| kind.starts_with(known))
+        .unwrap_or(9)
 }
 
 fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
@@ -141,7 +144,8 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
-            "Nodes of the tree that the pixel's rays visit, counted on the host: dark few, light many.".to_owned(),
+            "Nodes of the tree that the pixel's rays visit, counted on the host: dark few, light many."
+                .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
         (
@@ -166,7 +170,9 @@ fn tests_caption(record: &Record) -> String {
     } else {
         "only those in leaves that the rays reach"
     };
-    format!("Triangles that the pixel's rays are tested against, counted on the host: {how}. Dark few, light many.")
+    format!(
+        "Triangles that the pixel's rays are tested against, counted on the host where each pixel is shaded once: {how}. Dark few, light many."
+    )
 }
 
 fn data_address(kind: &str, bytes: &[u8]) -> String {

@@ -6,7 +6,7 @@ use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::palette::Look;
 use super::plot::scale::Kind;
 use super::words::Looks;
-use crate::record::{Group, by, significant};
+use crate::record::{Group, by};
 
 /// A plot for every device whose records span several triangle counts, and one where they span several image sizes.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
@@ -59,12 +59,7 @@ struct Labels {
     besides: &'static str,
 }
 
-fn plot(
-    groups: &[&Group<'_>],
-    looks: &Looks,
-    labels: Labels,
-    x: impl Fn(&Group<'_>) -> f64,
-) -> Option<Plot> {
+fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<'_>) -> f64) -> Option<Plot> {
     let columns: Vec<_> = groups.iter().map(|group| (group.scene, group.image_size)).collect();
     let mut series = best_of_each(groups, &columns, looks);
     for one in &mut series {
@@ -77,12 +72,19 @@ fn plot(
     if distinct(series.iter().flat_map(|one| &one.marks)) < 2 {
         return None;
     }
-    let fits: Vec<_> = series.iter().filter_map(|one| Some((one.name.clone(), Fit::of(&one.marks)?))).collect();
-    let lines: Vec<_> = series.iter().filter_map(|one| Fit::of(&one.marks).map(|fit| fit.line(one))).collect();
-    for one in &mut series {
-        one.joined = !lines.iter().any(|line| line.look.number == one.look.number);
+    let mut fits = Vec::new();
+    let mut drawn = Vec::new();
+    for mut one in series {
+        let fit = Fit::of(&one.marks);
+        let line = fit.map(|fit| fit.line(&one));
+        fits.extend(fit.map(|fit| (one.name.clone(), fit)));
+        one.joined = line.is_none();
+        if let Some(fit) = fit {
+            one.name = format!("{}: ^{:.2}", one.name, fit.exponent);
+        }
+        drawn.push(one);
+        drawn.extend(line);
     }
-    series.extend(lines);
     let chart = Chart {
         title: labels.title,
         x_label: labels.x.to_owned(),
@@ -90,7 +92,7 @@ fn plot(
         across: Across::Numbers(Kind::Log),
         up: Kind::Log,
         diagonal: false,
-        series,
+        series: drawn,
     };
     let caption = format!("{}{}", caption(&fits), labels.besides);
     Some(Plot { name: labels.file, caption, svg: chart.svg() })
@@ -106,7 +108,9 @@ fn caption(fits: &[(String, Fit)]) -> String {
             some.join(", ")
         ),
     };
-    format!("Each strategy at its own best local size; both axes are logarithmic, so a power is a straight line.{fitted}")
+    format!(
+        "Each strategy at its own best local size; both axes are logarithmic, so a power is a straight line.{fitted}"
+    )
 }
 
 /// How many different x there are.
@@ -130,8 +134,11 @@ struct Fit {
 impl Fit {
     /// The fit to marks at three places or more.
     fn of(marks: &[Mark]) -> Option<Self> {
-        let points: Vec<[f64; 2]> =
-            marks.iter().filter(|mark| mark.x > 0.0 && mark.y > 0.0).map(|mark| [mark.x.ln(), mark.y.ln()]).collect();
+        let points: Vec<[f64; 2]> = marks
+            .iter()
+            .filter(|mark| mark.x > 0.0 && mark.y > 0.0)
+            .map(|mark| [mark.x.ln(), mark.y.ln()])
+            .collect();
         if distinct(marks.iter()) < 3 || points.len() < 3 {
             return None;
         }
@@ -141,7 +148,8 @@ impl Fit {
         let spread: f64 = points.iter().map(|point| (point[0] - x).powi(2)).sum();
         let exponent = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum::<f64>() / spread;
         let offset = y - exponent * x;
-        let residual: f64 = points.iter().map(|point| (point[1] - offset - exponent * point[0]).powi(2)).sum();
+        let residual: f64 =
+            points.iter().map(|point| (point[1] - offset - exponent * point[0]).powi(2)).sum();
         let error = (residual / (n - 2.0) / spread).sqrt();
         Some(Self { exponent, offset, error, n: points.len() })
     }
@@ -151,23 +159,17 @@ impl Fit {
         format!("{:.2} ± {:.2} (n = {})", self.exponent, self.error, self.n)
     }
 
-    /// The fitted line under a series' own marks.
+    /// The fitted line from the first to the last of a series' own marks.
     fn line(&self, of: &Series) -> Series {
         let ends = [of.marks.first(), of.marks.last()];
         let at = |x: f64| Mark {
             x,
             y: (self.offset + self.exponent * x.ln()).exp(),
             interval: None,
-            tip: format!(
-                "{}: time grows as the power {}\nfitted: {} ms at {}",
-                of.name,
-                self.text(),
-                significant((self.offset + self.exponent * x.ln()).exp(), 3),
-                significant(x, 3)
-            ),
+            tip: String::new(),
         };
         Series {
-            name: format!("{}: ^{:.2}", of.name, self.exponent),
+            name: String::new(),
             look: Look { dashed: true, ..of.look },
             joined: true,
             marks: ends.into_iter().flatten().map(|mark| at(mark.x)).collect(),

@@ -18,6 +18,7 @@ mod words;
 
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Comparison, Pair};
+pub use environment::quote;
 pub use folder::Folder;
 pub use page::Page;
 pub use reproduction::Reproduction;

@@ -60,7 +60,11 @@ pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
 }
 
 /// Each strategy's fastest point of every group; a mark's x is its group's place among the columns.
-pub(super) fn best_of_each(groups: &[&Group<'_>], columns: &[(&str, [u32; 2])], looks: &Looks) -> Vec<Series> {
+pub(super) fn best_of_each(
+    groups: &[&Group<'_>],
+    columns: &[(&str, [u32; 2])],
+    looks: &Looks,
+) -> Vec<Series> {
     let mut series: Vec<Series> = Vec::new();
     for group in groups {
         let Some(x) = columns.iter().position(|column| *column == (group.scene, group.image_size)) else {

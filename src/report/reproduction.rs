@@ -22,7 +22,9 @@ pub struct Reproduction {
     nonce: String,
     version: &'static str,
     devices: Vec<Device>,
-    commands: Vec<(String, String)>,
+    commands: Vec<String>,
+    /// Names of the folders that have reports of their own, which lie beside the page.
+    reports: Vec<String>,
 }
 
 /// What came of the reproduction on one device.
@@ -64,14 +66,21 @@ impl Reproduction {
                 names.push(group.device);
             }
         }
-        let command = |folder: &Folder| (folder.label.clone(), super::environment::view(folder).command);
+        let mut commands: Vec<String> = Vec::new();
+        for command in folders.iter().map(|folder| super::environment::view(folder).command) {
+            if !command.is_empty() && !commands.contains(&command) {
+                commands.push(command);
+            }
+        }
+        let reports = folders.iter().filter(|folder| folder.path.join("report.html").is_file());
         Self {
             style: STYLE,
             script: SCRIPT,
             nonce: nonce(&records),
             version: env!("CARGO_PKG_VERSION"),
             devices: names.iter().enumerate().map(|(place, name)| device(place, name, &groups)).collect(),
-            commands: folders.iter().map(command).filter(|(_, command)| !command.is_empty()).collect(),
+            commands,
+            reports: reports.map(|folder| folder.label.clone()).collect(),
         }
     }
 
@@ -96,9 +105,8 @@ fn device(place: usize, name: &str, all: &[Group<'_>]) -> Device {
         own.iter().filter(|group| group.device == name).map(|group| by(group.image_size)).collect();
     sizes.sort();
     sizes.dedup();
-    let tally = Verdict::ALL.map(|(verdict, word)| {
-        (word, claims.iter().filter(|claim| claim.verdict == verdict).count())
-    });
+    let tally = Verdict::ALL
+        .map(|(verdict, word)| (word, claims.iter().filter(|claim| claim.verdict == verdict).count()));
     let suffix = if place == 0 { String::new() } else { format!("-{}", place + 1) };
     Device {
         name: name.to_owned(),

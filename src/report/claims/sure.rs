@@ -51,7 +51,8 @@ impl Ratio {
 
     /// "3.07 times (3.02 to 3.11, n = 12)".
     pub(super) fn text(&self) -> String {
-        let [middle, low, high] = [self.middle, self.ends[0], self.ends[1]].map(|ratio| significant(ratio, 3));
+        let [middle, low, high] =
+            [self.middle, self.ends[0], self.ends[1]].map(|ratio| significant(ratio, 3));
         let few = if self.n < FEW { ", few" } else { "" };
         format!("{middle} times ({low} to {high}, n = {}{few})", self.n)
     }
