@@ -73,6 +73,10 @@ impl Lines {
 }
 
 impl Observer for Lines {
+    fn enters(&mut self, stage: &str) {
+        let _ = writeln!(std::io::stderr(), "{stage}");
+    }
+
     fn begins(&mut self, points: usize) {
         self.points = points;
     }
@@ -116,6 +120,7 @@ impl Stages {
 
     /// The next run's name.
     pub fn enter(&mut self, stage: String) {
+        self.inner.enters(&stage);
         self.stage = stage;
     }
 

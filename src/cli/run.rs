@@ -319,6 +319,9 @@ fn forecast(points: &[Forecast], json: bool) -> Result<()> {
         table.add_row(cells);
     }
     super::print(table)?;
+    let mut notes: Vec<&String> = points.iter().flat_map(|point| &point.scene_notes).collect();
+    notes.dedup();
+    notes.into_iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     let refused = points.iter().filter(|point| point.refused.is_some()).count();
     super::print(format!(
         "{} points, {refused} of which do not fit. Nothing was compiled or measured.",

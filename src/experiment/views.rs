@@ -13,6 +13,8 @@ use std::cell::LazyCell;
 
 /// What marks uncertain pixels: a colour that shows on any grey, for any eye.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
+/// Larger images have no pictures of costs: they would tell no more, and take the host minutes.
+const COST_PIXELS: u64 = 4_000_000;
 
 /// Saves an image's pictures, unless an equal one has them already, and names them in its record.
 pub fn keep(
@@ -62,12 +64,16 @@ fn keep_costs(
     [place, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
+    if u64::from(size[0]) * u64::from(size[1]) > COST_PIXELS {
+        return Ok(());
+    }
     if record.tests_every_triangle() {
         let name = format!("{place}-tests-exhaustive{sides}");
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
-        // Counted once for two pictures, and not at all where both are there; a scene too large for a tree has no point that walks one.
+        // Counted once for two pictures, and not at all where both are there. A scene too large for a tree has no
+        // point that walks one.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&format!("{place}-tests-tree{sides}"), tests)?);

@@ -67,7 +67,7 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     });
     let baselines = host.map(|host| host.ranked()).unwrap_or_default();
     let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
-    for other in baselines.into_iter().chain(naive) {
+    for other in baselines.into_iter().chain(naive.filter(|naive| naive.key != best.key)) {
         let factor = median(other).unwrap_or_default() / best_ms;
         let _ = write!(text, " {} times as fast as {}.", significant(factor, 3), title(other));
     }

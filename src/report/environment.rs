@@ -139,7 +139,7 @@ fn plain(value: &Value) -> String {
 }
 
 fn words(key: &str) -> String {
-    key.replace('_', " ")
+    key.replace("_mhz", ", MHz").replace('_', " ")
 }
 
 /// Every program of the records, by name.
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(made_of[1], ("kernels built in".into(), "hash 4567".into()));
         assert_eq!(view.command, r"raycl run 'a b.toml' --set 'image_sizes=[[160,100]]' 'it'\''s'");
         let host = &view.sections.iter().find(|(name, _)| name == "host").expect("a host").1;
-        assert!(host.contains(&("clocks, now mhz".into(), "2450".into())), "{host:?}");
+        assert!(host.contains(&("clocks, now, MHz".into(), "2450".into())), "{host:?}");
         assert!(view.sections.iter().any(|(name, _)| name == "devices gpu"));
     }
 }
