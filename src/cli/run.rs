@@ -1,15 +1,19 @@
 //! `raycl run`: an experiment, from its TOML to a folder of results.
 
+mod environment;
+mod forecast;
+
 use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, select_infos};
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Forecast, Observer, Plan, Processes, Results, Run, dry_run, find_devices};
+use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, dry_run, find_devices};
 use crate::program::Sources;
-use crate::record::{DeviceEnvironment, Environment, Host, Record, Source, summary_terminal};
+use crate::record::{Record, summary_terminal};
 use crate::report::quote;
-use crate::strategy::Requirements;
+use environment::environment;
+use forecast::forecast;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::path::{Path, PathBuf};
@@ -234,44 +238,6 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
     }
 }
 
-fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &Sources) -> Environment {
-    let device = |device: &&DeviceInfo| {
-        let info = (*device).clone();
-        DeviceEnvironment {
-            device: info.label,
-            platform: info.platform,
-            platform_version: info.platform_version,
-            version: info.version,
-            vendor: info.vendor,
-            driver: info.driver,
-            kind: info.kind.name().to_owned(),
-            compute_units: Some(info.limits.compute_units),
-            max_clock_mhz: info.max_clock_mhz,
-            compute_capability: info.compute_capability,
-        }
-    };
-    Environment {
-        raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
-        git_revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
-        started: jiff::Timestamp::now().to_string(),
-        command_line: std::env::args().collect(),
-        host: Host::read(),
-        devices: devices.iter().map(device).collect(),
-        build_options: vec!["-cl-std=CL1.2".to_owned(), "-cl-kernel-arg-info".to_owned()],
-        config_path: experiment.path.display().to_string(),
-        config: experiment.source.clone(),
-        config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
-        overrides: experiment.overrides.clone(),
-        sources: files(experiment).chain([kernels.describe()]).collect(),
-    }
-}
-
-/// The config and its scenes, as they are now.
-fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
-    let scenes = experiment.scenes.iter().map(|path| Source::file("scene", path));
-    std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
-}
-
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.
 fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
     let written = crate::report::write(&[crate::report::Folder::read(out)?], out)?;
@@ -296,35 +262,4 @@ fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
     }
     let error = Error::run(format!("{failed} of {} points were not measured", records.len()));
     Err(error.with_help(format!("{} tells why of each", out.join("summary.md").display())))
-}
-
-/// What `--dry-run` prints.
-fn forecast(points: &[Forecast], json: bool) -> Result<()> {
-    if json {
-        return points.iter().try_for_each(super::print_json);
-    }
-    let mut table = super::table(&["point", "device", "fits", "__local B", "__constant B", "scratch B"], 3);
-    for point in points {
-        let bytes = |of: fn(&Requirements) -> u64| {
-            point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
-        };
-        let cells = [
-            point.label.clone(),
-            point.device.clone(),
-            point.refused.clone().unwrap_or_else(|| "yes".to_owned()),
-            bytes(|needs| needs.local_bytes),
-            bytes(|needs| needs.constant_bytes),
-            bytes(|needs| needs.scratch_bytes),
-        ];
-        table.add_row(cells);
-    }
-    super::print(table)?;
-    let mut notes: Vec<&String> = points.iter().flat_map(|point| &point.scene_notes).collect();
-    notes.dedup();
-    notes.into_iter().try_for_each(|note| super::print(format!("note: {note}")))?;
-    let refused = points.iter().filter(|point| point.refused.is_some()).count();
-    super::print(format!(
-        "{} points, {refused} of which do not fit. Nothing was compiled or measured.",
-        points.len()
-    ))
 }

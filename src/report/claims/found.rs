@@ -1,7 +1,7 @@
 //! What the claims are tested on, and the tests.
 
 use super::Verdict;
-use super::sure::Ratio;
+use super::sure::{Ratio, fastest};
 use crate::record::{Group, Outcome, Record, by, duration, median};
 
 /// What was measured on one device, and how to find it.
@@ -114,18 +114,6 @@ fn compare(fast: &Record, slow: &Record) -> Finding {
     let Some(ratio) = Ratio::of(slow, fast) else { return nothing() };
     let times = format!("{} {}, {} {}", what(fast), time(fast), what(slow), time(slow));
     (format!("{times}: {} as fast", ratio.text()), ratio.verdict_slower())
-}
-
-/// The fastest of some records, and all that are not surely slower, fastest first.
-fn fastest<'a>(records: &[&'a Record]) -> Vec<&'a Record> {
-    let mut ranked: Vec<_> = records.iter().copied().filter(|record| median(record).is_some()).collect();
-    ranked.sort_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
-    let Some(best) = ranked.first().copied() else { return ranked };
-    let level = |record: &&Record| {
-        Ratio::of(record, best).is_some_and(|ratio| ratio.verdict_slower() != Verdict::Held)
-    };
-    ranked.retain(|record| record.key == best.key || level(record));
-    ranked
 }
 
 /// What is claimed of the fastest: it holds where all that may be the fastest are so, and not where none is.

@@ -58,6 +58,18 @@ impl Ratio {
     }
 }
 
+/// The fastest of some records, and all that are not surely slower, fastest first.
+pub(super) fn fastest<'a>(records: &[&'a Record]) -> Vec<&'a Record> {
+    let mut ranked: Vec<_> = records.iter().copied().filter(|record| median(record).is_some()).collect();
+    ranked.sort_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
+    let Some(best) = ranked.first().copied() else { return ranked };
+    let level = |record: &&Record| {
+        Ratio::of(record, best).is_some_and(|ratio| ratio.verdict_slower() != Verdict::Held)
+    };
+    ranked.retain(|record| record.key == best.key || level(record));
+    ranked
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
