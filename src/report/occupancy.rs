@@ -49,7 +49,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
             "predicted occupancy of a multiprocessor, % (CC {}, {REGISTERS} registers)",
             sm.compute_capability
         ),
-        y_label: "measured speed (not occupancy), % of the strategy's best".into(),
+        y_label: "measured speed, % of the strategy's best".into(),
         across: Across::Numbers(Kind::Linear),
         up: Kind::Linear,
         diagonal: false,
