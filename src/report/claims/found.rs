@@ -13,7 +13,7 @@ pub(super) struct Found<'a> {
 /// What a test says: our values in words, and the verdict.
 pub(super) type Finding = (String, Verdict);
 
-fn nothing() -> Finding {
+pub(super) fn nothing() -> Finding {
     ("nothing measured that could tell".to_owned(), Verdict::Untested)
 }
 
