@@ -45,6 +45,8 @@ fn device() -> DeviceInfo {
         driver: "1".into(),
         kind: DeviceKind::Cpu,
         extensions: Vec::new(),
+        max_clock_mhz: None,
+        compute_capability: None,
         limits: DeviceLimits {
             local_bytes: 1 << 15,
             constant_bytes: 1 << 16,

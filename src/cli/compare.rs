@@ -78,14 +78,14 @@ fn print_table(comparison: &Comparison) -> Result<()> {
         super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
     changed.sort_by(|a, b| b.change_percent.total_cmp(&a.change_percent));
+    let several = comparison.has_several_devices();
     for pair in &changed {
         let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::record::ms);
-        let local = pair.before.local_size.map_or(String::new(), |[x, y]| format!(" {x}x{y}"));
         table.add_row([
-            format!("{} {}{local}", pair.before.scene, pair.before.name),
+            pair.point(several),
             time(pair.before.median_ms),
             time(pair.after.median_ms),
-            format!("{:+.1}%", pair.change_percent),
+            pair.change(),
             pair.verdict.name().to_owned(),
         ]);
     }

@@ -20,7 +20,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE.png")]
     output: Option<PathBuf>,
     /// Exit with 1 where the peak signal-to-noise ratio is lower than this
-    #[arg(long, value_name = "DB")]
+    #[arg(long, value_name = "DB", value_parser = decibels)]
     fail_below: Option<f64>,
     /// Print one JSON object
     #[arg(long)]
@@ -28,6 +28,13 @@ pub struct Args {
     /// Print nothing but errors
     #[arg(short, long, conflicts_with = "json")]
     quiet: bool,
+}
+
+fn decibels(text: &str) -> std::result::Result<f64, String> {
+    let number: Option<f64> = text.trim_end_matches("dB").trim().parse().ok();
+    number
+        .filter(|db| db.is_finite())
+        .ok_or_else(|| format!("'{text}' is not a number of decibels, such as 40"))
 }
 
 /// What was found; its fields are those of `--json`.

@@ -4,7 +4,7 @@ use crate::experiment::Observer;
 use crate::record::{Outcome, Record};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::io::{IsTerminal, Write as _};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A bar with what is running, done of total, and the time left.
 pub struct Bar {
@@ -55,26 +55,107 @@ impl Observer for Bar {
 pub struct Lines {
     points: usize,
     done: usize,
+    /// When the first of this run's points was begun, and how many were done by then.
+    since: Option<(Instant, usize)>,
+}
+
+impl Lines {
+    /// ", about 12 minutes left": by the points done since it began.
+    fn left(&self) -> String {
+        let Some((begun, before)) = self.since else { return String::new() };
+        let (now_done, missing) = (self.done.saturating_sub(before), self.points.saturating_sub(self.done));
+        if now_done == 0 || missing == 0 {
+            return String::new();
+        }
+        let left = begun.elapsed().mul_f64(missing as f64 / now_done as f64);
+        format!(", about {:#} left", HumanDuration(left))
+    }
 }
 
 impl Observer for Lines {
+    fn enters(&mut self, stage: &str) {
+        let _ = writeln!(std::io::stderr(), "{stage}");
+    }
+
     fn begins(&mut self, points: usize) {
         self.points = points;
     }
 
     fn resumes(&mut self, done: usize) {
         self.done = done;
+        self.since = None;
         if done > 0 {
-            let _ = writeln!(std::io::stderr(), "{done} of {} points were done before", self.points);
+            let _ = writeln!(std::io::stderr(), "{done} of {} points are done already", self.points);
         }
     }
 
-    fn works_on(&mut self, _what: &str) {}
+    fn works_on(&mut self, _what: &str) {
+        self.since.get_or_insert((Instant::now(), self.done));
+    }
 
     fn finished(&mut self, record: &Record) {
         self.done += 1;
         // A log that cannot be written is no reason to stop measuring.
-        let _ = writeln!(std::io::stderr(), "[{}/{}] {}", self.done, self.points, line(record));
+        let _ =
+            writeln!(std::io::stderr(), "[{}/{}{}] {}", self.done, self.points, self.left(), line(record));
+    }
+
+    fn ends(&mut self) {}
+}
+
+/// Several runs as one: each counts on where the one before it ended.
+pub struct Stages {
+    inner: Box<dyn Observer>,
+    points: usize,
+    done: usize,
+    stage: String,
+    begun: bool,
+}
+
+impl Stages {
+    /// Runs of so many points together, told to `inner`.
+    pub fn of(points: usize, inner: Box<dyn Observer>) -> Self {
+        Self { inner, points, done: 0, stage: String::new(), begun: false }
+    }
+
+    /// The next run's name.
+    pub fn enter(&mut self, stage: String) {
+        self.inner.enters(&stage);
+        self.stage = stage;
+    }
+
+    /// How many points are done.
+    pub fn done(&self) -> usize {
+        self.done
+    }
+
+    /// All runs have ended.
+    pub fn end(&mut self) {
+        self.inner.ends();
+    }
+}
+
+impl Observer for Stages {
+    fn begins(&mut self, _points: usize) {
+        if !std::mem::replace(&mut self.begun, true) {
+            self.inner.begins(self.points);
+        }
+    }
+
+    fn resumes(&mut self, done: usize) {
+        self.done += done;
+        if done > 0 {
+            self.inner.resumes(self.done);
+        }
+    }
+
+    fn works_on(&mut self, what: &str) {
+        self.inner.works_on(&format!("{}: {what}", self.stage));
+    }
+
+    fn finished(&mut self, record: &Record) {
+        self.done += 1;
+        self.inner.finished(record);
     }
 
     fn ends(&mut self) {}
@@ -109,5 +190,64 @@ fn line(record: &Record) -> String {
             let reason = record.reason.as_deref().and_then(|reason| reason.lines().next());
             format!("{point}: {}: {}", outcome.name(), reason.unwrap_or_default())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    /// Writes down what it hears.
+    #[derive(Clone, Default)]
+    struct Heard(Rc<RefCell<Vec<String>>>);
+
+    impl Observer for Heard {
+        fn begins(&mut self, points: usize) {
+            self.0.borrow_mut().push(format!("begins {points}"));
+        }
+        fn resumes(&mut self, done: usize) {
+            self.0.borrow_mut().push(format!("resumes {done}"));
+        }
+        fn works_on(&mut self, what: &str) {
+            self.0.borrow_mut().push(what.to_owned());
+        }
+        fn finished(&mut self, _: &Record) {
+            self.0.borrow_mut().push("finished".into());
+        }
+        fn ends(&mut self) {
+            self.0.borrow_mut().push("ends".into());
+        }
+    }
+
+    #[test]
+    fn several_runs_count_as_one() {
+        let heard = Heard::default();
+        let mut stages = Stages::of(5, Box::new(heard.clone()));
+        for (name, done) in [("a", 0), ("b", 1)] {
+            stages.enter(name.to_owned());
+            stages.begins(2);
+            stages.resumes(done);
+            stages.works_on("timing");
+            stages.finished(&Record::default());
+            stages.ends();
+        }
+        assert_eq!(stages.done(), 3);
+        stages.end();
+        let expected = ["begins 5", "a: timing", "finished", "resumes 2", "b: timing", "finished", "ends"];
+        assert_eq!(*heard.0.borrow(), expected);
+    }
+
+    #[test]
+    fn what_is_left_is_told_from_what_is_done_since_the_begin() {
+        let mut lines = Lines::default();
+        lines.begins(10);
+        assert_eq!(lines.left(), "");
+        lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 2));
+        lines.done = 4;
+        assert_eq!(lines.left(), ", about 3m left");
+        lines.done = 10;
+        assert_eq!(lines.left(), "");
     }
 }

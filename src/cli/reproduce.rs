@@ -1,8 +1,10 @@
 //! `raycl reproduce`: the paper's experiments, and a page that says what held.
 
 use super::choice::parse_assignment;
+use super::progress::{Stages, observer};
 use super::run;
 use crate::error::{Error, Result};
+use crate::experiment::find_devices;
 use crate::report::{self, Folder};
 use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
@@ -12,6 +14,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   raycl reproduce
   raycl reproduce --device nvidia --out results/reproduction-h200
+  raycl reproduce --resume
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
@@ -24,12 +27,18 @@ pub struct Args {
     /// Change a value of every config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Measure nothing: make the page of the results that are there
+    /// Go on with a reproduction that was ended: what it measured stays, what is missing is measured
     #[arg(long)]
+    resume: bool,
+    /// Measure nothing: make the page of the results that are there
+    #[arg(long, conflicts_with = "resume")]
     page_only: bool,
-    /// No progress and no tables
+    /// No progress, and nothing said of where the pages are
     #[arg(short, long)]
     quiet: bool,
+    /// A line for every point as it stops, instead of a bar
+    #[arg(short, long, conflicts_with = "quiet")]
+    verbose: bool,
 }
 
 /// The paper's configs, in the order of its figures; they are part of the program, so it runs anywhere.
@@ -45,17 +54,8 @@ static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Runs the paper's configs and writes the page. Points that could not be measured are on the page and do not stop it.
 pub fn run(args: Args) -> Result<()> {
-    let mut failed = Vec::new();
-    if !args.page_only {
-        unpack(&args.out)?;
-        for (name, _) in CONFIGS {
-            failed.extend(measure(&args, name)?);
-        }
-    }
-    let page = write_page(&args.out)?;
-    if !args.quiet {
-        super::print(format!("Reproduction: {}", page.display()))?;
-    }
+    let failed = if args.page_only { Vec::new() } else { measure_all(&args)? };
+    say_where(&args, &write_page(&args.out)?)?;
     match failed.as_slice() {
         [] => Ok(()),
         some => {
@@ -63,6 +63,75 @@ pub fn run(args: Args) -> Result<()> {
                 .with_help("the page was written; each folder's summary.md tells why"))
         }
     }
+}
+
+/// Runs one config after the other; which of them have points that failed.
+fn measure_all(args: &Args) -> Result<Vec<String>> {
+    unpack(&args.out)?;
+    let devices = find_devices()?;
+    let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
+    let counts = runs.iter().map(|(_, run)| run::count(run, &devices)).collect::<Result<Vec<_>>>()?;
+    let total = counts.iter().sum();
+    let mut stages = Stages::of(total, observer(args.quiet, args.verbose));
+    let mut failed = Vec::new();
+    for (place, (name, run)) in runs.iter().enumerate() {
+        stages.enter(format!("{name} ({} of {})", place + 1, runs.len()));
+        let end = run::measure(run, &mut stages);
+        let (_, records) = end.map_err(|error| stopped(error, args, &mut stages, total))?;
+        report::write(&[Folder::read(&args.out.join(name))?], &args.out.join(name))?;
+        let missing = records.iter().filter(|record| !record.outcome.is_fine()).count();
+        if missing > 0 {
+            failed.push(format!("{name}: {missing} of {} points were not measured", records.len()));
+        }
+    }
+    stages.end();
+    Ok(failed)
+}
+
+fn arguments(args: &Args, name: &str) -> run::Args {
+    let config = args.out.join("configs").join(format!("{name}.toml"));
+    run::Args::of(config, &args.out.join(name), &args.device, &args.set, args.resume)
+}
+
+/// What was measured before the end is on the page; says how to go on.
+fn stopped(error: Error, args: &Args, stages: &mut Stages, total: usize) -> Error {
+    stages.end();
+    let page = write_page(&args.out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
+    let help = format!("{page}to go on from here: {}", resuming(args));
+    match error {
+        Error::Interrupted { .. } => {
+            let message = format!("{} of {total} points are done", stages.done());
+            Error::Interrupted { message, help: Some(help) }
+        }
+        Error::Input(_) => error,
+        error => error.with_help(help),
+    }
+}
+
+/// The command that goes on with it.
+fn resuming(args: &Args) -> String {
+    let mut words = vec!["raycl".to_owned(), "reproduce".to_owned()];
+    words.extend(["--out".to_owned(), args.out.display().to_string()]);
+    words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
+    words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
+    words.push("--resume".to_owned());
+    words.iter().map(|word| report::quote(word)).collect::<Vec<_>>().join(" ")
+}
+
+/// The last lines: each config's own report, and the page.
+fn say_where(args: &Args, page: &Path) -> Result<()> {
+    if args.quiet {
+        return Ok(());
+    }
+    for folder in present(&args.out).filter(|folder| folder.join("report.html").exists()) {
+        super::print(format!("Report:       {}", folder.join("report.html").display()))?;
+    }
+    super::print(format!("Reproduction: {}", page.display()))
+}
+
+/// The folders of results that are there.
+fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
+    CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join("records.jsonl").exists())
 }
 
 /// Writes the configs and scenes, so that what was run lies beside what was found.
@@ -80,26 +149,8 @@ fn unpack(out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Runs a config; what of it failed is given back, unless nothing could be run at all.
-fn measure(args: &Args, name: &str) -> Result<Option<String>> {
-    let out = args.out.join(name);
-    if !args.quiet {
-        super::print(format!("\n{name}"))?;
-    }
-    let config = args.out.join("configs").join(format!("{name}.toml"));
-    match run::run(run::Args::of(config, &out, &args.device, &args.set, args.quiet)) {
-        Ok(()) => Ok(None),
-        Err(Error::Run { message, .. }) if out.join("summary.md").exists() => {
-            Ok(Some(format!("{name}: {message}")))
-        }
-        Err(error) => Err(error),
-    }
-}
-
 fn write_page(out: &Path) -> Result<PathBuf> {
-    let present =
-        CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join("records.jsonl").exists());
-    let folders = present.map(|folder| Folder::read(&folder)).collect::<Result<Vec<_>>>()?;
+    let folders = present(out).map(|folder| Folder::read(&folder)).collect::<Result<Vec<_>>>()?;
     if folders.is_empty() {
         let error = Error::input(format!("{} holds no results of the paper's configs", out.display()));
         return Err(error.with_help("run `raycl reproduce` without --page-only first"));

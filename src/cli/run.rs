@@ -1,14 +1,19 @@
 //! `raycl run`: an experiment, from its TOML to a folder of results.
 
+mod environment;
+mod forecast;
+
 use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, select_infos};
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Forecast, Processes, Results, Run, dry_run, find_devices};
+use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, dry_run, find_devices};
 use crate::program::Sources;
-use crate::record::{DeviceEnvironment, Environment, Host, Record, summary_terminal};
-use crate::strategy::Requirements;
+use crate::record::{Record, summary_terminal};
+use crate::report::quote;
+use environment::environment;
+use forecast::forecast;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::path::{Path, PathBuf};
@@ -80,20 +85,20 @@ impl Args {
         out: &Path,
         device: &[String],
         set: &[(String, String)],
-        quiet: bool,
+        resume: bool,
     ) -> Self {
         let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
         Self {
             config,
             out,
             device,
-            resume: false,
+            resume,
             retry_failed: false,
             hang_limit: HANG_LIMIT,
             dry_run: false,
             set,
             json: false,
-            quiet,
+            quiet: true,
             verbose: false,
             cl_dir: None,
             fault: None,
@@ -103,12 +108,20 @@ impl Args {
 
 /// Runs an experiment.
 pub fn run(args: Args) -> Result<()> {
+    if args.dry_run {
+        return foresee(&args);
+    }
+    let (out, records) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
+    report(&args, &out, &records)
+}
+
+/// Measures what is missing; the folder of results, and the records of all points.
+pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let experiment = config::load(&args.config, &args.set)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
-    let interrupted = if args.dry_run { Arc::default() } else { interrupt_flag()? };
+    let interrupted = interrupt_flag()?;
     let devices = find_devices()?;
-    let patterns = if args.device.is_empty() { &experiment.devices } else { &args.device };
-    let infos = select_infos(&devices, patterns)?;
+    let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let run = Run {
         experiment: &experiment,
@@ -118,17 +131,47 @@ pub fn run(args: Args) -> Result<()> {
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
     };
-    if args.dry_run {
-        return forecast(&dry_run(&run)?, args.json);
-    }
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
-    let mut results = open(&out, &environment(&experiment, &infos))?;
+    let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
     let mut workers = Processes::new(run.jobs(&out, args.fault))?;
     let records = run
-        .execute(&mut results, observer(args.quiet, args.verbose).as_mut(), &mut workers, &interrupted)
-        .map_err(|error| say_how_to_resume(error, &args, &out))?;
-    report(&args, &out, &records)
+        .execute(&mut results, observer, &mut workers, &interrupted)
+        .map_err(|error| say_how_to_resume(error, args, &out))?;
+    Ok((out, records))
+}
+
+/// How many points a run has.
+pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<usize> {
+    let experiment = config::load(&args.config, &args.set)?;
+    let infos = chosen(args, &experiment, devices)?;
+    Ok(Plan::new(&experiment, infos.len()).points.len())
+}
+
+/// The devices that the arguments name, or else the config.
+fn chosen<'d>(
+    args: &Args,
+    experiment: &Experiment,
+    devices: &'d [DeviceInfo],
+) -> Result<Vec<&'d DeviceInfo>> {
+    select_infos(devices, if args.device.is_empty() { &experiment.devices } else { &args.device })
+}
+
+/// Prints what the run would do.
+fn foresee(args: &Args) -> Result<()> {
+    let experiment = config::load(&args.config, &args.set)?;
+    let devices = find_devices()?;
+    let infos = chosen(args, &experiment, &devices)?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let run = Run {
+        experiment: &experiment,
+        overrides: &args.set,
+        devices: &infos,
+        sources: &sources,
+        limit: args.hang_limit,
+        retry_failed: args.retry_failed,
+    };
+    forecast(&dry_run(&run)?, args.json)
 }
 
 /// A positive number of seconds.
@@ -171,13 +214,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
     words.extend(args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]));
     words.push("--resume".to_owned());
-    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
-}
-
-/// A word as a shell reads it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:".contains(c);
-    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
 
 /// The latest folder of this name to go on with, or a free one.
@@ -198,34 +235,6 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
     match number {
         1 => Path::new("results").join(name),
         _ => Path::new("results").join(format!("{name}-{number}")),
-    }
-}
-
-fn environment(experiment: &Experiment, devices: &[&DeviceInfo]) -> Environment {
-    let device = |device: &&DeviceInfo| {
-        let info = (*device).clone();
-        DeviceEnvironment {
-            device: info.label,
-            platform: info.platform,
-            platform_version: info.platform_version,
-            version: info.version,
-            vendor: info.vendor,
-            driver: info.driver,
-            kind: info.kind.name().to_owned(),
-        }
-    };
-    Environment {
-        raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
-        git_revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
-        started: jiff::Timestamp::now().to_string(),
-        command_line: std::env::args().collect(),
-        host: Host::read(),
-        devices: devices.iter().map(device).collect(),
-        build_options: vec!["-cl-std=CL1.2".to_owned(), "-cl-kernel-arg-info".to_owned()],
-        config_path: experiment.path.display().to_string(),
-        config: experiment.source.clone(),
-        config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
-        overrides: experiment.overrides.clone(),
     }
 }
 
@@ -253,32 +262,4 @@ fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
     }
     let error = Error::run(format!("{failed} of {} points were not measured", records.len()));
     Err(error.with_help(format!("{} tells why of each", out.join("summary.md").display())))
-}
-
-/// What `--dry-run` prints.
-fn forecast(points: &[Forecast], json: bool) -> Result<()> {
-    if json {
-        return points.iter().try_for_each(super::print_json);
-    }
-    let mut table = super::table(&["point", "device", "fits", "__local B", "__constant B", "scratch B"], 3);
-    for point in points {
-        let bytes = |of: fn(&Requirements) -> u64| {
-            point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
-        };
-        let cells = [
-            point.label.clone(),
-            point.device.clone(),
-            point.refused.clone().unwrap_or_else(|| "yes".to_owned()),
-            bytes(|needs| needs.local_bytes),
-            bytes(|needs| needs.constant_bytes),
-            bytes(|needs| needs.scratch_bytes),
-        ];
-        table.add_row(cells);
-    }
-    super::print(table)?;
-    let refused = points.iter().filter(|point| point.refused.is_some()).count();
-    super::print(format!(
-        "{} points, {refused} of which do not fit. Nothing was compiled or measured.",
-        points.len()
-    ))
 }

@@ -82,6 +82,10 @@ pub struct DeviceInfo {
     pub extensions: Vec<String>,
     /// What it can hold.
     pub limits: DeviceLimits,
+    /// The highest clock of its compute units, MHz, where its driver tells.
+    pub max_clock_mhz: Option<u32>,
+    /// An NVIDIA device's compute capability, such as "9.0".
+    pub compute_capability: Option<String>,
     /// Devices of the same platform and name found before this one.
     pub twins_before: usize,
     /// What records call it: its name, or its slug where another device has the same name.
@@ -168,6 +172,8 @@ pub(crate) mod tests {
             kind,
             extensions: vec!["cl_khr_fp64".into()],
             limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
+            max_clock_mhz: Some(2450),
+            compute_capability: None,
             twins_before: 0,
             label: name.into(),
             unusable: None,

@@ -6,7 +6,7 @@ use crate::device::{Builtins, DeviceInfo};
 use crate::error::Result;
 use crate::program::{ProgramSpec, Sources};
 use crate::record::{HOST, Record};
-use crate::scene::Scene;
+use crate::scene::{Loaded, Scene};
 use crate::strategy::Workload;
 
 /// What drafts are made from.
@@ -18,17 +18,19 @@ pub struct Drafter<'a> {
     pub sources: &'a Sources,
 }
 
-/// A scene with its hash, which takes a while to compute.
+/// A scene with what was said of its reading, and its hash, which takes a while to compute.
 pub struct Hashed {
     /// The scene.
     pub scene: Scene,
+    /// What was passed over or made up when it was read.
+    pub notes: Vec<String>,
     /// [`Scene::content_hash`].
     pub hash: String,
 }
 
-impl From<Scene> for Hashed {
-    fn from(scene: Scene) -> Self {
-        Self { hash: scene.content_hash(), scene }
+impl From<Loaded> for Hashed {
+    fn from(Loaded { scene, notes }: Loaded) -> Self {
+        Self { hash: scene.content_hash(), scene, notes }
     }
 }
 
@@ -41,6 +43,7 @@ impl Drafter<'_> {
             image_size: point.image_size,
             triangles: Some(at.scene.mesh.triangles.len() as u64),
             lights: Some(at.scene.lights.len() as u64),
+            scene_notes: at.notes.clone(),
             seed: Some(experiment.timing.seed),
             device: device.map_or(HOST, |device| &device.label).to_owned(),
             ..Record::default()

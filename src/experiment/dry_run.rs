@@ -17,6 +17,8 @@ pub struct Forecast {
     pub needs: Option<Requirements>,
     /// Why the device cannot hold it, if so.
     pub refused: Option<String>,
+    /// What was passed over or made up when its scene was read.
+    pub scene_notes: Vec<String>,
 }
 
 /// Every point of a run, as foreseen.
@@ -24,12 +26,13 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
     let scenes = run.load_scenes()?;
     let forecast = |point: &super::Point| {
         let label = point.label(run.experiment);
+        let scene_notes = scenes[point.scene].notes.clone();
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
-            return Forecast { label, device: HOST.to_owned(), needs: None, refused: None };
+            return Forecast { label, device: HOST.to_owned(), needs: None, refused: None, scene_notes };
         };
         let info = run.devices[device];
         let strategy = &run.experiment.strategies[strategy].strategy;
-        let workload = Workload::of(&scenes[point.scene], point.image_size, local_size);
+        let workload = Workload::of(&scenes[point.scene].scene, point.image_size, local_size);
         let limits = run.experiment.limits.apply(info.limits);
         let refused = Requirements::check(strategy, &workload, &limits).err();
         Forecast {
@@ -37,6 +40,7 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
             device: info.label.clone(),
             needs: Some(Requirements::of(strategy, &workload)),
             refused: refused.map(|infeasible| infeasible.reason),
+            scene_notes,
         }
     };
     Ok(run.plan().points.iter().map(forecast).collect())

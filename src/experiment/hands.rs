@@ -101,7 +101,7 @@ fn scene<'s>(
         // The old one goes first: two large scenes may not fit.
         *slot = None;
         let path = drafter.experiment.scenes.get(number).ok_or_else(no_such_point)?;
-        *slot = Some((number, load_scene(path)?.scene.into()));
+        *slot = Some((number, load_scene(path)?.into()));
     }
     slot.as_ref().map(|(_, scene)| scene).ok_or_else(no_such_point)
 }

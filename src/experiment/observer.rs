@@ -4,6 +4,8 @@ use crate::record::Record;
 
 /// Hears what a run is doing. A progress bar is one; tests use another.
 pub trait Observer {
+    /// Of several runs, this one is next.
+    fn enters(&mut self, _stage: &str) {}
     /// The run begins: it has this many points.
     fn begins(&mut self, points: usize);
     /// An earlier run has finished this many of them.

@@ -11,7 +11,7 @@ use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Record;
-use crate::scene::{Scene, load_scene};
+use crate::scene::{Loaded, load_scene};
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -40,8 +40,8 @@ impl Run<'_> {
     }
 
     /// The experiment's scenes, in its order.
-    pub fn load_scenes(&self) -> Result<Vec<Scene>> {
-        self.experiment.scenes.iter().map(|path| load_scene(path).map(|loaded| loaded.scene)).collect()
+    pub fn load_scenes(&self) -> Result<Vec<Loaded>> {
+        self.experiment.scenes.iter().map(|path| load_scene(path)).collect()
     }
 
     /// The jobs of its workers, one a device; without devices one for the host.
@@ -115,7 +115,7 @@ impl Run<'_> {
             for point in group {
                 let at = match held.take() {
                     Some((scene, at)) if scene == point.scene => at,
-                    _ => load_scene(&self.experiment.scenes[point.scene])?.scene.into(),
+                    _ => load_scene(&self.experiment.scenes[point.scene])?.into(),
                 };
                 let device = point.device.map(|device| self.devices[device]);
                 open.push(Open {

@@ -2,22 +2,19 @@
 //! differ, and what each pixel costs.
 
 use super::Pictures;
-use crate::accel::{Bvh, WideBvh};
 use crate::error::Result;
 use crate::image::{COUNT_SCALE_HEIGHT, Radiance, difference_image, draw_count_scale, to_rgb8, viridis};
 use crate::record::Record;
-use crate::reference::Reference;
-use crate::reference::intersect::moller_trumbore;
-use crate::reference::ray::Frame;
+use crate::reference::{Reference, cost};
 use crate::scene::{Display, Scene};
 use crate::strategy::Culling;
 use ::image::{Rgb, RgbImage};
-use rayon::prelude::*;
+use std::cell::LazyCell;
 
 /// What marks uncertain pixels: a colour that shows on any grey, for any eye.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Triangles a leaf of the tree that costs are counted in.
-const LEAF: usize = 4;
+/// Larger images have no pictures of costs: they would tell no more, and take the host minutes.
+const COST_PIXELS: u64 = 4_000_000;
 
 /// Saves an image's pictures, unless an equal one has them already, and names them in its record.
 pub fn keep(
@@ -40,10 +37,7 @@ pub fn keep(
     record.image = Some(path);
     let certainty = || certainty(expected, scene.display);
     record.certainty_image = Some(pictures.picture_once(&format!("{place}-certain{sides}"), certainty)?);
-    if let Some(tree) = tree(scene) {
-        let cost = || cost(scene, &tree, record.image_size, culling);
-        record.cost_image = Some(pictures.picture_once(&format!("{place}-cost{sides}"), cost)?);
-    }
+    keep_costs(pictures, record, scene, culling, [&place, sides])?;
     let difference = || difference_image(image, &expected.radiance);
     record.difference_image = Some(pictures.picture_once(&format!("{stem}-difference{sides}"), difference)?);
     Ok(())
@@ -60,31 +54,41 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// A binary tree over the scene's triangles; none of an empty scene, or of one too large for it.
-fn tree(scene: &Scene) -> Option<WideBvh> {
-    if scene.mesh.triangles.is_empty() {
-        return None;
+/// What each pixel's rays cost by the strategy's way of finding triangles: every one, or those a tree leads to. A
+/// rasteriser has no primary rays and so no such cost.
+fn keep_costs(
+    pictures: &Pictures,
+    record: &mut Record,
+    scene: &Scene,
+    culling: Culling,
+    [place, sides]: [&str; 2],
+) -> Result<()> {
+    let size = record.image_size;
+    if u64::from(size[0]) * u64::from(size[1]) > COST_PIXELS {
+        return Ok(());
     }
-    WideBvh::new(&Bvh::build(&scene.mesh, LEAF), 2, LEAF).ok()
+    if record.tests_every_triangle() {
+        let name = format!("{place}-tests-exhaustive{sides}");
+        let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
+        record.tests_image = Some(pictures.picture_once(&name, draw)?);
+    } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
+        // Counted once for two pictures, and not at all where both are there. A scene too large for a tree has no
+        // point that walks one.
+        let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
+        let tests = || counts(size, costs.iter().map(|cost| cost.tests));
+        record.tests_image = Some(pictures.picture_once(&format!("{place}-tests-tree{sides}"), tests)?);
+        let nodes = || counts(size, costs.iter().map(|cost| cost.nodes));
+        record.nodes_image = Some(pictures.picture_once(&format!("{place}-nodes-tree{sides}"), nodes)?);
+    }
+    Ok(())
 }
 
-/// Nodes and triangles that each pixel's primary ray tests in a tree, dark for few, over a scale.
-fn cost(scene: &Scene, tree: &WideBvh, [width, height]: [u32; 2], culling: Culling) -> RgbImage {
-    let frame = Frame::<f64>::new(&scene.camera.pixel_frame(width, height));
-    let count = |pixel: u32| {
-        let ray = frame.primary(f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
-        let walk = tree.closest_hit(ray.origin, ray.direction, ray.far, |triangle, reach| {
-            let corners = scene.mesh.corners(&scene.mesh.triangles[triangle as usize]).map(|c| c.as_dvec3());
-            let (t, _) = moller_trumbore(&ray, corners, culling)?;
-            (t < reach).then_some(t)
-        });
-        walk.nodes + walk.triangles
-    };
-    let counts: Vec<u32> = (0..width * height).into_par_iter().map(count).collect();
-    let most = counts.iter().copied().max().unwrap_or(0).max(1);
+/// A number a pixel in false colour, dark for none, over a scale.
+fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clone) -> RgbImage {
+    let most = counts.clone().max().unwrap_or(0).max(1);
     let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);
-    for (pixel, count) in picture.pixels_mut().zip(&counts) {
-        *pixel = Rgb(viridis(f64::from(*count) / f64::from(most)));
+    for (pixel, count) in picture.pixels_mut().zip(counts) {
+        *pixel = Rgb(viridis(f64::from(count) / f64::from(most)));
     }
     draw_count_scale(&mut picture, height, most);
     picture
@@ -101,8 +105,8 @@ mod tests {
     fn costs_and_doubts_are_drawn_where_they_are() {
         let scene = load_scene(Path::new("scenes/still-life.toml")).expect("it loads").scene;
         let size = [64, 40];
-        let tree = tree(&scene).expect("it has triangles");
-        let picture = cost(&scene, &tree, size, Culling::None);
+        let costs = cost::in_tree(&scene, size, Culling::None).expect("a small scene");
+        let picture = counts(size, costs.iter().map(|cost| cost.nodes));
         let different = |row: u32| {
             picture.rows().nth(row as usize).expect("a row").any(|p| p.0 != picture.get_pixel(0, row).0)
         };

@@ -1,6 +1,7 @@
 //! Kernel sources: embedded in the binary, or a folder that replaces them; flattened to one text.
 
 use crate::error::{Error, Result, nearest};
+use crate::record::{Source, git_state};
 use crate::strategy::Strategy;
 use include_dir::{Dir, include_dir};
 use std::path::PathBuf;
@@ -34,6 +35,30 @@ impl Sources {
         }
     }
 
+    /// What they are and whence, for who makes a run again.
+    pub fn describe(&self) -> Source {
+        let (path, git) = match self {
+            Self::Embedded => ("built in".to_owned(), None),
+            Self::Folder(folder) => (folder.display().to_string(), git_state(folder)),
+        };
+        Source { what: "kernels".to_owned(), path, hash: self.hash(), git }
+    }
+
+    /// BLAKE3 of all files that the program has of its own, by name: those a folder has in their places, if it is one.
+    fn hash(&self) -> Option<String> {
+        let mut names = Vec::new();
+        file_names(&EMBEDDED, &mut names);
+        names.sort();
+        let mut hasher = blake3::Hasher::new();
+        for name in names {
+            for part in [self.read(&name).ok()?, name] {
+                hasher.update(&(part.len() as u64).to_le_bytes());
+                hasher.update(part.as_bytes());
+            }
+        }
+        Some(hasher.finalize().to_hex().to_string())
+    }
+
     /// `cast.cl` with everything it includes for `strategy`, one text. `#line` keeps compilers' messages at
     /// the file and line a person would edit.
     pub fn flatten(&self, strategy: &Strategy) -> Result<String> {
@@ -58,6 +83,11 @@ impl Sources {
         }
         Ok(())
     }
+}
+
+fn file_names(folder: &Dir<'_>, names: &mut Vec<String>) {
+    names.extend(folder.files().filter_map(|file| file.path().to_str().map(str::to_owned)));
+    folder.dirs().for_each(|inner| file_names(inner, names));
 }
 
 /// Puts the file name of the strategy's value where a path names an axis in braces.

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::clocks::Clocks;
+use super::git::git_state;
 use super::whole::write_whole;
 use crate::error::{Error, Result};
 
@@ -32,6 +34,30 @@ pub struct Environment {
     pub config_hash: String,
     /// The values laid over the config with `--set`, each as a line of TOML.
     pub overrides: Vec<String>,
+    /// The files the run was made of: the config, the scenes, the kernels.
+    #[serde(default)]
+    pub sources: Vec<Source>,
+}
+
+/// A file or a folder that a run was made of.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Source {
+    /// "config", "scene" or "kernels".
+    pub what: String,
+    /// Its path; "built in" for the kernels that are part of the program.
+    pub path: String,
+    /// BLAKE3 of its text; of a folder, of all its files' names and texts.
+    pub hash: Option<String>,
+    /// The commit it is of and whether it was changed since; absent outside a git repository.
+    pub git: Option<String>,
+}
+
+impl Source {
+    /// A file, as it is now.
+    pub fn file(what: &str, path: &Path) -> Self {
+        let hash = std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string());
+        Self { what: what.to_owned(), path: path.display().to_string(), hash, git: git_state(path) }
+    }
 }
 
 /// The machine.
@@ -43,6 +69,9 @@ pub struct Host {
     pub cpu: String,
     /// Cores this process may use.
     pub cores: usize,
+    /// How fast they run.
+    #[serde(default)]
+    pub clocks: Clocks,
 }
 
 /// One OpenCL device.
@@ -62,6 +91,15 @@ pub struct DeviceEnvironment {
     pub driver: String,
     /// "cpu", "gpu" or "accelerator".
     pub kind: String,
+    /// Compute units.
+    #[serde(default)]
+    pub compute_units: Option<u32>,
+    /// The highest clock of its compute units, MHz, where its driver tells.
+    #[serde(default)]
+    pub max_clock_mhz: Option<u32>,
+    /// An NVIDIA device's compute capability, such as "9.0".
+    #[serde(default)]
+    pub compute_capability: Option<String>,
 }
 
 impl Environment {
@@ -92,6 +130,7 @@ impl Host {
             os: os_name(),
             cpu: cpu_model().unwrap_or_else(|| std::env::consts::ARCH.into()),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
+            clocks: Clocks::read(),
         }
     }
 }

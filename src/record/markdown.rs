@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::numbers::{align_points, by, duration, ms, significant};
-use super::summary::{Group, groups, median};
+use super::summary::{Group, groups, median, scene_notes};
 use super::types::{HOST, Record};
 
 const HEADER: [&str; 9] = [
@@ -37,6 +37,11 @@ pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -
         text.push_str(&table(group));
         text.push_str(&failures(group));
     }
+    let notes = scene_notes(records);
+    if !notes.is_empty() {
+        text.push_str("\n## Notes on scenes\n\n");
+        text.extend(notes.iter().map(|(scene, note)| format!("- {scene}: {note}\n")));
+    }
     text.push_str(
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
          quartiles. The interval is a 95% bootstrap interval of the median; records whose intervals overlap \
@@ -62,7 +67,7 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     });
     let baselines = host.map(|host| host.ranked()).unwrap_or_default();
     let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
-    for other in baselines.into_iter().chain(naive) {
+    for other in baselines.into_iter().chain(naive.filter(|naive| naive.key != best.key)) {
         let factor = median(other).unwrap_or_default() / best_ms;
         let _ = write!(text, " {} times as fast as {}.", significant(factor, 3), title(other));
     }

@@ -1,7 +1,9 @@
 //! What was found: one flat record a point, kept as JSON lines, and the
 //! summaries that are made of nothing but records.
 
+mod clocks;
 mod environment;
+mod git;
 mod journal;
 mod kernel_tuner;
 mod markdown;
@@ -14,7 +16,9 @@ mod terminal;
 mod types;
 mod whole;
 
-pub use environment::{DeviceEnvironment, Environment, Host};
+pub use clocks::Clocks;
+pub use environment::{DeviceEnvironment, Environment, Host, Source};
+pub use git::git_state;
 pub use journal::{JsonLines, Lines, read_lines};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
@@ -22,7 +26,7 @@ pub(crate) use numbers::{by, duration, ms, significant};
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
-pub use summary::{Group, groups};
+pub use summary::{Group, groups, scene_notes};
 pub(crate) use summary::{interval, median};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;

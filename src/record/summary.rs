@@ -38,6 +38,20 @@ pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
     groups
 }
 
+/// What was said of reading each scene, a scene's name and a note at a time, each once.
+pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
+    let mut notes: Vec<(&str, &str)> = Vec::new();
+    for record in records {
+        for note in &record.scene_notes {
+            let note = (record.scene.as_str(), note.as_str());
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+    }
+    notes
+}
+
 /// Where a record stands in a table.
 fn place(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
     let preset = PRESETS.iter().position(|preset| preset.name == record.name).unwrap_or(PRESETS.len());

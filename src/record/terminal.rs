@@ -3,7 +3,7 @@
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
 use super::numbers::{by, duration, ms};
-use super::summary::{Group, groups, median};
+use super::summary::{Group, groups, median, scene_notes};
 use super::types::{HOST, Outcome, Record};
 
 /// A matrix of medians for every scene, image size and device. The fastest are starred, points
@@ -16,6 +16,7 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
         .map(|group| if group.device == HOST { host_line(group) } else { matrix(group, coloured) });
     let mut text = parts.collect::<Vec<_>>().join("\n");
     text.push_str(&legend(&groups));
+    text.extend(scene_notes(records).iter().map(|(scene, note)| format!("note on {scene}: {note}\n")));
     text
 }
 

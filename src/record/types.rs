@@ -71,6 +71,9 @@ pub struct Record {
     pub triangles: Option<u64>,
     /// Lights in the scene.
     pub lights: Option<u64>,
+    /// What was passed over or made up when the scene was read, such as missing normals.
+    #[serde(default)]
+    pub scene_notes: Vec<String>,
     /// What came of it.
     pub outcome: Outcome,
     /// Why it was not measured.
@@ -130,8 +133,10 @@ pub struct Record {
     pub reference_image: Option<String>,
     /// The reference with uncertain pixels marked.
     pub certainty_image: Option<String>,
-    /// What each pixel's primary ray costs the reference's tree, in false colour.
-    pub cost_image: Option<String>,
+    /// How many triangles each pixel's rays are tested against, in false colour.
+    pub tests_image: Option<String>,
+    /// How many nodes of a tree each pixel's rays visit, in false colour.
+    pub nodes_image: Option<String>,
     /// The hash of source, defines and build options.
     pub program_hash: Option<String>,
     /// The seed of the order of rounds.
@@ -142,6 +147,11 @@ impl Record {
     /// Whether each of its rays is tested against every triangle, so that tests can be counted.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.strategy.contains("traversal=exhaustive")
+    }
+
+    /// Whether its rays walk a tree, each by itself or a tile of them together.
+    pub fn walks_tree(&self) -> bool {
+        ["traversal=bvh", "traversal=tile"].iter().any(|way| self.strategy.contains(way))
     }
 
     /// Whether it is a caster on the host.

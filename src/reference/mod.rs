@@ -6,6 +6,7 @@
 
 pub mod cast;
 pub mod certainty;
+pub mod cost;
 pub mod intersect;
 pub mod ray;
 pub mod real;

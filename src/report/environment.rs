@@ -11,6 +11,8 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that makes the run again.
     pub command: String,
+    /// How to have the same program: its commit, or why there is none.
+    pub program: String,
     /// The config's text.
     pub config: String,
     /// The rest, under headings.
@@ -36,6 +38,7 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     let mut view = EnvironmentView {
         label: folder.label.clone(),
         command: command(environment),
+        program: program(environment),
         config: environment["config"].as_str().unwrap_or_default().to_owned(),
         notes: folder.notes.clone(),
         ..EnvironmentView::default()
@@ -44,6 +47,9 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     for (key, value) in environment.as_object().into_iter().flatten() {
         match value {
             Value::Object(_) => view.sections.push((words(key), facts(value))),
+            Value::Array(items) if key == "sources" => {
+                view.sections.push(("made of".to_owned(), items.iter().map(source).collect()));
+            }
             Value::Array(items) if items.iter().any(Value::is_object) => {
                 let name =
                     |item: &Value| item["device"].as_str().or(item["name"].as_str()).unwrap_or("").to_owned();
@@ -58,10 +64,41 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// The command as a shell takes it.
+/// What a run's program was built from.
+fn program(environment: &Value) -> String {
+    let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
+    match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
+    {
+        Some((commit, revision)) if commit == revision => {
+            format!("raycl {version}: git checkout {commit}, then make build")
+        }
+        Some((commit, _)) => {
+            format!(
+                "raycl {version}, commit {commit} with changes that are in no commit: it cannot be had again"
+            )
+        }
+        None => format!("raycl {version}, built outside a git repository"),
+    }
+}
+
+/// A file the run was made of: its name, its commit, the begin of its hash.
+fn source(source: &Value) -> (String, String) {
+    let text = |key: &str| source[key].as_str();
+    let name = format!("{} {}", text("what").unwrap_or_default(), text("path").unwrap_or_default());
+    let hash = text("hash").map(|hash| format!("hash {}", hash.get(..12).unwrap_or(hash)));
+    let git = match (text("path"), text("git")) {
+        (Some("built in"), _) => None,
+        (_, git) => Some(git.map_or("in no git repository".to_owned(), |git| format!("commit {git}"))),
+    };
+    let facts: Vec<_> = git.into_iter().chain(hash).collect();
+    (name, facts.join("; ").replace("commit in no", "in no"))
+}
+
+/// The command as a shell takes it, from the beginning: who runs it again has nothing to go on with.
 fn command(environment: &Value) -> String {
     let arguments = environment["command_line"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let quoted: Vec<_> = arguments
+        .filter(|argument| !["--resume", "--retry-failed"].contains(argument))
         .enumerate()
         // Whoever runs it again has the program somewhere else.
         .map(|(place, argument)| if place == 0 { "raycl".to_owned() } else { quote(argument) })
@@ -102,7 +139,7 @@ fn plain(value: &Value) -> String {
 }
 
 fn words(key: &str) -> String {
-    key.replace('_', " ")
+    key.replace("_mhz", ", MHz").replace('_', " ")
 }
 
 /// Every program of the records, by name.
@@ -131,16 +168,26 @@ mod tests {
     fn the_command_can_be_pasted_into_a_shell() {
         let folder = Folder {
             environment: serde_json::json!({
-                "command_line": ["target/debug/raycl", "run", "a b.toml", "--set", "image_sizes=[[160,100]]", "it's"],
+                "command_line": ["target/debug/raycl", "run", "a b.toml", "--set", "image_sizes=[[160,100]]", "it's", "--resume"],
+                "raycl_version": "1", "git_revision": "abc-dirty",
+                "sources": [{"what": "config", "path": "a b.toml", "hash": "0123", "git": "abc, unchanged"},
+                            {"what": "kernels", "path": "built in", "hash": "4567", "git": null}],
                 "host": {"cpu": "EPYC", "clocks": {"now_mhz": 2450}},
                 "devices": [{"device": "gpu", "driver": "1"}],
             }),
             ..Folder::default()
         };
         let view = view(&folder);
+        assert_eq!(
+            view.program,
+            "raycl 1, commit abc with changes that are in no commit: it cannot be had again"
+        );
+        let made_of = &view.sections.iter().find(|(name, _)| name == "made of").expect("files").1;
+        assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123".into()));
+        assert_eq!(made_of[1], ("kernels built in".into(), "hash 4567".into()));
         assert_eq!(view.command, r"raycl run 'a b.toml' --set 'image_sizes=[[160,100]]' 'it'\''s'");
         let host = &view.sections.iter().find(|(name, _)| name == "host").expect("a host").1;
-        assert!(host.contains(&("clocks, now mhz".into(), "2450".into())), "{host:?}");
+        assert!(host.contains(&("clocks, now, MHz".into(), "2450".into())), "{host:?}");
         assert!(view.sections.iter().any(|(name, _)| name == "devices gpu"));
     }
 }

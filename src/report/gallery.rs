@@ -117,7 +117,10 @@ impl<'a> Pictures<'a> {
 }
 
 fn order(kind: &str) -> usize {
-    ["reference", "certain pixels", "cost"].iter().position(|known| kind.starts_with(known)).unwrap_or(9)
+    ["reference", "certain pixels", "cost: triangles, every one tested", "cost: triangles", "cost: nodes"]
+        .iter()
+        .position(|known| kind.starts_with(known))
+        .unwrap_or(9)
 }
 
 fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
@@ -137,10 +140,11 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
                 "Orange: {uncertain} pixels that a tiny nudge of the ray changes: there an image need only look as under some nudge."
             ),
         ),
+        (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
         (
-            &record.cost_image,
-            "cost".to_owned(),
-            "Nodes and triangles that a primary ray tests in the reference's tree: dark few, light many."
+            &record.nodes_image,
+            "cost: nodes of a tree".to_owned(),
+            "Nodes of the tree that the pixel's rays visit, counted on the host: dark few, light many."
                 .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
@@ -153,6 +157,22 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
     let present =
         pictures.into_iter().filter_map(|(path, kind, caption)| Some((path.clone()?, kind, caption)));
     present.collect()
+}
+
+/// How its rays find triangles.
+fn way(record: &Record) -> &'static str {
+    if record.tests_every_triangle() { "every one tested" } else { "in a tree" }
+}
+
+fn tests_caption(record: &Record) -> String {
+    let how = if record.tests_every_triangle() {
+        "a primary ray tests every one, a shadow ray ends at the first in its way"
+    } else {
+        "only those in leaves that the rays reach"
+    };
+    format!(
+        "Triangles that the pixel's rays are tested against, counted on the host where each pixel is shaded once: {how}. Dark few, light many."
+    )
 }
 
 fn data_address(kind: &str, bytes: &[u8]) -> String {

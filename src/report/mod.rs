@@ -6,6 +6,7 @@ mod compare;
 mod environment;
 mod folder;
 mod gallery;
+mod growth;
 mod occupancy;
 mod overview;
 mod page;
@@ -17,6 +18,7 @@ mod words;
 
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Comparison, Pair};
+pub use environment::quote;
 pub use folder::Folder;
 pub use page::Page;
 pub use reproduction::Reproduction;

@@ -1,4 +1,7 @@
 //! Predicted occupancy against measured speed: does the paper's way of choosing a local size choose well?
+//!
+//! Occupancy itself is not measured: OpenCL has no counter of resident work-groups, so the prediction can only be
+//! judged by what it is used for, which is to say what is fast.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -41,7 +44,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
         return None;
     }
     let chart = Chart {
-        title: format!("Predicted occupancy against measured speed: {}", group_title(group)),
+        title: format!("Does predicted occupancy rank local sizes? {}", group_title(group)),
         x_label: format!(
             "predicted occupancy of a multiprocessor, % (CC {}, {REGISTERS} registers)",
             sm.compute_capability
@@ -52,9 +55,12 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
         diagonal: false,
         series,
     };
-    let caption = format!("{} {}", whose(compute_capability), ranking(&ranks));
+    let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability), ranking(&ranks));
     Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
 }
+
+const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The \
+                           prediction is judged by what it is for, the speed.";
 
 fn whose(compute_capability: Option<&str>) -> String {
     match compute_capability {

@@ -1,4 +1,4 @@
-//! Plots over several groups: every scene at a glance, device against device, growth.
+//! Plots over several groups: every scene at a glance, device against device.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -40,7 +40,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
 }
 
-fn numbered(name: &str, place: usize) -> String {
+pub(super) fn numbered(name: &str, place: usize) -> String {
     if place == 0 { name.to_owned() } else { format!("{name}-{}", place + 1) }
 }
 
@@ -49,7 +49,7 @@ fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
 }
 
 /// The devices that have records, the host aside.
-fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
+pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     let mut devices = Vec::new();
     for group in groups.iter().filter(|group| group.device != HOST) {
         if !devices.contains(&group.device) {
@@ -59,7 +59,12 @@ fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     devices
 }
 
-fn best_of_each(groups: &[&Group<'_>], columns: &[(&str, [u32; 2])], looks: &Looks) -> Vec<Series> {
+/// Each strategy's fastest point of every group; a mark's x is its group's place among the columns.
+pub(super) fn best_of_each(
+    groups: &[&Group<'_>],
+    columns: &[(&str, [u32; 2])],
+    looks: &Looks,
+) -> Vec<Series> {
     let mut series: Vec<Series> = Vec::new();
     for group in groups {
         let Some(x) = columns.iter().position(|column| *column == (group.scene, group.image_size)) else {
@@ -145,82 +150,4 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
     let caption =
         format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
     (!chart.series.is_empty()).then(|| Plot { name: numbered("devices", place), caption, svg: chart.svg() })
-}
-
-/// How each strategy's best time grows with the triangles, and with the pixels, where records vary in them.
-pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
-    let mut plots = Vec::new();
-    for device in devices(groups) {
-        let of_device: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
-        let pixels = |group: &Group<'_>| group.image_size.iter().map(|side| f64::from(*side)).product();
-        let triangles =
-            |group: &Group<'_>| group.records.first().and_then(|record| record.triangles).unwrap_or(0) as f64;
-        // The image size with the most scenes, then the scene with the most sizes.
-        if let Some(size) = most_common(of_device.iter().map(|group| group.image_size)) {
-            let same: Vec<_> = of_device.iter().copied().filter(|group| group.image_size == size).collect();
-            let what = format!("Growth with triangles, at {}: {device}", by(size));
-            plots.extend(grown(
-                &same,
-                looks,
-                &what,
-                "triangles in the scene",
-                numbered("triangles", plots.len()),
-                &triangles,
-            ));
-        }
-        if let Some(scene) = most_common(of_device.iter().map(|group| group.scene)) {
-            let same: Vec<_> = of_device.iter().copied().filter(|group| group.scene == scene).collect();
-            let what = format!("Growth with pixels, {scene}: {device}");
-            plots.extend(grown(
-                &same,
-                looks,
-                &what,
-                "pixels in the image",
-                numbered("pixels", plots.len()),
-                &pixels,
-            ));
-        }
-    }
-    plots
-}
-
-fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> Option<T> {
-    let count = |value: &T| values.clone().filter(|other| other == value).count();
-    values.clone().max_by_key(count)
-}
-
-fn grown(
-    groups: &[&Group<'_>],
-    looks: &Looks,
-    title: &str,
-    x_label: &str,
-    name: String,
-    x: &dyn Fn(&Group<'_>) -> f64,
-) -> Option<Plot> {
-    let mut places: Vec<f64> = groups.iter().map(|group| x(group)).filter(|x| *x > 0.0).collect();
-    places.sort_by(f64::total_cmp);
-    places.dedup();
-    if places.len() < 2 {
-        return None;
-    }
-    let columns: Vec<_> = groups.iter().map(|group| (group.scene, group.image_size)).collect();
-    let mut series = best_of_each(groups, &columns, looks);
-    for mark in series.iter_mut().flat_map(|one| &mut one.marks) {
-        mark.x = x(groups[mark.x as usize]);
-    }
-    for one in &mut series {
-        one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
-    }
-    let chart = Chart {
-        title: title.to_owned(),
-        x_label: x_label.to_owned(),
-        y_label: "median device time of a frame, ms".into(),
-        across: Across::Numbers(Kind::Log),
-        up: Kind::Log,
-        diagonal: false,
-        series,
-    };
-    let caption =
-        "Both axes are logarithmic: time that grows in proportion climbs one decade a decade.".to_owned();
-    Some(Plot { name, caption, svg: chart.svg() })
 }

@@ -7,7 +7,7 @@ use super::gallery::{self, Pictures};
 use super::plot::Plot;
 use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, series_name, size_name, times};
-use super::{occupancy, overview, view};
+use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
 use crate::record::{Group, HOST, Outcome, Record, by, groups, interval, median, ms, significant};
 use askama::Template;
@@ -43,6 +43,8 @@ pub struct View {
     /// Whether the page shows it first: the largest scene has most to tell.
     first: bool,
     title: String,
+    /// What was said of reading its scene.
+    notes: Vec<String>,
     heat: Option<Plot>,
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
@@ -82,7 +84,7 @@ impl Page {
         let answers: Vec<_> = answers.into_iter().map(with_picture).collect();
         let mut overview = overview::scenes(&groups, &looks);
         overview.extend(overview::device_against_device(&groups, &looks));
-        overview.extend(overview::growth(&groups, &looks));
+        overview.extend(growth::growth(&groups, &looks));
         Self {
             style: STYLE,
             script: SCRIPT,
@@ -206,6 +208,7 @@ fn one_view(
         id: format!("view-{place}"),
         first: false,
         title: group_title(group),
+        notes: scene_notes(group),
         heat: Some(view::heat(group, &file("heat"))),
         lines: lines(Kind::Log, "local-size-log")
             .zip(lines(Kind::Linear, "local-size-linear"))
@@ -213,6 +216,17 @@ fn one_view(
         others,
         rows: rows.chain(host).collect(),
     }
+}
+
+/// What was said of reading a group's scene, each once.
+fn scene_notes(group: &Group<'_>) -> Vec<String> {
+    let mut notes: Vec<String> = Vec::new();
+    for note in group.records.iter().flat_map(|record| &record.scene_notes) {
+        if !notes.contains(note) {
+            notes.push(note.clone());
+        }
+    }
+    notes
 }
 
 /// A device's compute capability, where the environment tells it.

@@ -1,6 +1,6 @@
 //! The paper beside the measurement: its figures redrawn, its claims tested, its contradictions said.
 
-use super::claims::{Claim, claims};
+use super::claims::{Claim, Verdict, claims};
 use super::folder::{Folder, merged};
 use super::page::{SCRIPT, STYLE, nonce};
 use super::paper::{self, CURVES};
@@ -22,7 +22,9 @@ pub struct Reproduction {
     nonce: String,
     version: &'static str,
     devices: Vec<Device>,
-    commands: Vec<(String, String)>,
+    commands: Vec<String>,
+    /// Names of the folders that have reports of their own, which lie beside the page.
+    reports: Vec<String>,
 }
 
 /// What came of the reproduction on one device.
@@ -56,22 +58,29 @@ const TITLES: [(u32, &str); 3] = [
 impl Reproduction {
     /// The page of these folders: the more of the paper's configs they hold, the more claims can be tested.
     pub fn of(folders: &[Folder]) -> Self {
-        let records = merged(folders);
-        let groups = groups(&records);
+        let records: Vec<_> = folders.iter().map(|folder| merged(std::slice::from_ref(folder))).collect();
+        let runs: Vec<Vec<Group<'_>>> = records.iter().map(|records| groups(records)).collect();
         let mut names: Vec<&str> = Vec::new();
-        for group in groups.iter().filter(|group| group.device != HOST) {
+        for group in runs.iter().flatten().filter(|group| group.device != HOST) {
             if !names.contains(&group.device) {
                 names.push(group.device);
             }
         }
-        let command = |folder: &Folder| (folder.label.clone(), super::environment::view(folder).command);
+        let mut commands: Vec<String> = Vec::new();
+        for command in folders.iter().map(|folder| super::environment::view(folder).command) {
+            if !command.is_empty() && !commands.contains(&command) {
+                commands.push(command);
+            }
+        }
+        let reports = folders.iter().filter(|folder| folder.path.join("report.html").is_file());
         Self {
             style: STYLE,
             script: SCRIPT,
-            nonce: nonce(&records),
+            nonce: nonce(&records.concat()),
             version: env!("CARGO_PKG_VERSION"),
-            devices: names.iter().enumerate().map(|(place, name)| device(place, name, &groups)).collect(),
-            commands: folders.iter().map(command).filter(|(_, command)| !command.is_empty()).collect(),
+            devices: names.iter().enumerate().map(|(place, name)| device(place, name, &runs)).collect(),
+            commands,
+            reports: reports.map(|folder| folder.label.clone()).collect(),
         }
     }
 
@@ -88,19 +97,17 @@ impl Reproduction {
     }
 }
 
-fn device(place: usize, name: &str, all: &[Group<'_>]) -> Device {
-    let own: Vec<Group<'_>> =
-        all.iter().filter(|group| group.device == name || group.device == HOST).cloned().collect();
+fn device(place: usize, name: &str, all: &[Vec<Group<'_>>]) -> Device {
+    let is_own = |group: &&Group<'_>| group.device == name || group.device == HOST;
+    let own: Vec<Vec<Group<'_>>> =
+        all.iter().map(|run| run.iter().filter(is_own).cloned().collect()).collect();
     let claims = claims(&own, name);
     let mut sizes: Vec<String> =
-        own.iter().filter(|group| group.device == name).map(|group| by(group.image_size)).collect();
+        own.iter().flatten().filter(|group| group.device == name).map(|group| by(group.image_size)).collect();
     sizes.sort();
     sizes.dedup();
-    let tally = ["held", "failed", "open"].map(|verdict| {
-        let words = [("held", "held"), ("failed", "did not hold"), ("open", "could not be told")];
-        let word = words.iter().find(|(known, _)| *known == verdict).map_or(verdict, |(_, word)| word);
-        (word, claims.iter().filter(|claim| claim.verdict.class() == verdict).count())
-    });
+    let tally = Verdict::ALL
+        .map(|(verdict, word)| (word, claims.iter().filter(|claim| claim.verdict == verdict).count()));
     let suffix = if place == 0 { String::new() } else { format!("-{}", place + 1) };
     Device {
         name: name.to_owned(),
@@ -142,11 +149,13 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
 fn figure(
     number: u32,
     title: &'static str,
-    groups: &[Group<'_>],
+    runs: &[Vec<Group<'_>>],
     device: &str,
     suffix: &str,
 ) -> Option<Figure> {
-    let curves = curves(number, groups, device);
+    let points = |curves: &Vec<Curve<'_>>| curves.iter().map(|curve| curve.ours.len()).sum::<usize>();
+    // The run that has most of it: a curve is not put together of several.
+    let curves = runs.iter().map(|groups| curves(number, groups, device)).max_by_key(points)?;
     if curves.iter().all(|curve| curve.ours.is_empty()) {
         return None;
     }

@@ -132,6 +132,33 @@ def check_controls(driver):
     assert 1 <= len(rows) < 5, f"{len(rows)} rows after filtering"
 
 
+def check_growth(driver):
+    """The plot over triangles has exponents, and a legend's entry switches a series off together with its line."""
+    chart = driver.find_element(By.CSS_SELECTOR, "svg.chart[aria-label^='Growth with triangles']")
+    entry = chart.find_element(By.CSS_SELECTOR, ".entry")
+    assert ": ^" in entry.get_attribute("data-tip"), "no exponent in the legend"
+    number = entry.get_attribute("data-for")
+    parts = chart.find_elements(By.CSS_SELECTOR, f".series[data-series='{number}']")
+    assert len(parts) == 2, f"{len(parts)} parts: the marks and the fitted line are wanted"
+    bring(driver, entry)
+    for switched_off in (True, False):
+        entry.click()
+        assert all(("off" in part.get_attribute("class").split()) == switched_off for part in parts)
+
+
+def check_environment(driver, command):
+    text = driver.find_element(By.ID, "environment").text.lower()
+    for part in (command, "git checkout", "made of", "clocks"):
+        assert part in text, f"the environment has no {part!r}"
+
+
+def check_gallery(driver):
+    kinds = {kind.text for kind in driver.find_elements(By.CSS_SELECTOR, ".picture b")}
+    wanted = {"reference", "certain pixels", "cost: triangles, every one tested", "cost: triangles, in a tree", "cost: nodes of a tree"}
+    assert wanted <= kinds, f"no picture of {wanted - kinds}"
+    assert any(kind.startswith("difference: ") for kind in kinds), "no picture of a difference"
+
+
 def check_lightbox(driver):
     button = driver.find_element(By.CSS_SELECTOR, ".enlarge")
     bring(driver, button)
@@ -144,6 +171,11 @@ def check_lightbox(driver):
     driver.save_screenshot(os.environ.get("SHOTS", "/tmp") + "/lightbox.png")
     ActionChains(driver).send_keys(Keys.ESCAPE).perform()
     assert not box.is_displayed(), "Escape does not close the picture"
+    bring(driver, button, focus=True)
+    ActionChains(driver).send_keys(Keys.ENTER).perform()
+    assert box.is_displayed(), "Enter does not enlarge the picture in focus"
+    ActionChains(driver).send_keys(Keys.ESCAPE).perform()
+    assert driver.switch_to.active_element == button, "the focus does not come back to the picture"
 
 
 def screenshots(page, stem):
@@ -166,6 +198,24 @@ def screenshots(page, stem):
             driver.quit()
 
 
+def printed(page, stem):
+    """What paper shows: every view, light, without controls."""
+    driver = browser(1000, 1400, dark=True)
+    try:
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        load(driver, page)
+        views = driver.find_elements(By.CSS_SELECTOR, ".view")
+        assert all(view.is_displayed() for view in views), "a view is not printed"
+        ground = driver.execute_script("return getComputedStyle(document.body).backgroundColor")
+        assert ground == "rgb(255, 255, 255)", f"paper is {ground}"
+        assert not driver.find_element(By.CSS_SELECTOR, ".bar").is_displayed()
+        if views:
+            bring(driver, views[0].find_element(By.CSS_SELECTOR, ".plot"))
+        driver.save_screenshot(str(Path(os.environ.get("SHOTS", page.parent)) / f"{stem}-print.png"))
+    finally:
+        driver.quit()
+
+
 def main(synthetic, results, reproduction=None):
     driver = browser()
     try:
@@ -175,16 +225,21 @@ def main(synthetic, results, reproduction=None):
         assert size < 15e6 and seconds < 2, f"{size} bytes, {seconds} s"
         check_clean(driver, page)
         assert "<script>window.injected=1</script>" in driver.find_element(By.ID, "answer").text
-        for check in (check_reasons, check_pointing, check_keyboard, check_controls):
+        check_environment(driver, "raycl run")
+        assert "normals are missing <script>" in driver.find_element(By.ID, "plots").get_attribute("textContent")
+        for check in (check_growth, check_reasons, check_pointing, check_keyboard, check_controls):
             check(driver)
         check_clean(driver, page)
         page = Path(results) / "report.html"
         load(driver, page)
-        for check in (check_pointing, check_keyboard, check_lightbox, check_controls):
+        check_environment(driver, "raycl run configs/quick.toml")
+        for check in (check_gallery, check_pointing, check_keyboard, check_lightbox, check_controls):
             check(driver)
         check_clean(driver, page)
     finally:
         driver.quit()
+    printed(Path(results) / "report.html", "report")
+    screenshots(Path(synthetic) / "report.html", "synthetic")
     screenshots(Path(results) / "report.html", "report")
     if reproduction:
         screenshots(Path(reproduction) / "reproduction.html", "reproduction")

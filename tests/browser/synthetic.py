@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 EVIL = "<script>window.injected=1</script>"
+TRIANGLES = {"teapot": 1026, "gourd": 650, EVIL: 6, "terrain": 100_000, "still-life": 94}
 SIZES = [1, 2, 4, 6, 8, 10, 12, 14, 16, 32]
 
 
@@ -17,7 +18,8 @@ def point(scene, device, number, side, base):
         "key": f"{scene}-{device}-{number}-{side}", "timestamp": "2026-01-01T00:00:00Z", "scene": scene,
         "device": device, "name": f"strategy-{number}" if number else "naive", "preset": None if number else "naive",
         "strategy": f"traversal=exhaustive vectors=private width={number}", "local_size": [side, side],
-        "image_size": [800, 500], "triangles": 1026, "lights": 1, "samples_ms": [], "program_hash": "ab" * 8,
+        "image_size": [800, 500], "triangles": TRIANGLES[scene], "lights": 1, "samples_ms": [], "program_hash": "ab" * 8,
+        "scene_notes": [f"normals are missing {EVIL}"] if scene == EVIL else [],
     }
     failure = {(32, 1): ("infeasible", "__local memory: 110592 B > 49152 B <img src=x onerror=window.injected=1>"),
                (14, 2): ("build-failed", "error: expected ';'\nand more"), (12, 0): ("wrong-image", "3 pixels are wrong")}
@@ -46,6 +48,8 @@ def main(folder):
     (folder / "records.jsonl").write_text("".join(json.dumps(record) + "\n" for record in records))
     config = f'question = "Is {EVIL} text?"\nexpectation = "</style></script>{EVIL}"\n'
     environment = {"raycl_version": "0", "command_line": ["raycl", "run", EVIL], "config": config,
+                   "git_revision": "0123456789ab", "host": {"clocks": {"governor": EVIL, "now_mhz": [2400, 3600], "max_mhz": None}},
+                   "sources": [{"what": "scene", "path": EVIL, "hash": "cd" * 32, "git": "0123456789ab, changed since"}],
                    "devices": [{"device": "NVIDIA H200", "compute_capability": "9.0"}]}
     (folder / "environment.json").write_text(json.dumps(environment))
 

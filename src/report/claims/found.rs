@@ -1,7 +1,8 @@
 //! What the claims are tested on, and the tests.
 
 use super::Verdict;
-use crate::record::{Group, Outcome, Record, by, duration, interval, median, significant};
+use super::sure::{Ratio, fastest};
+use crate::record::{Group, Outcome, Record, by, duration, median};
 
 /// What was measured on one device, and how to find it.
 pub(super) struct Found<'a> {
@@ -12,8 +13,8 @@ pub(super) struct Found<'a> {
 /// What a test says: our values in words, and the verdict.
 pub(super) type Finding = (String, Verdict);
 
-fn nothing() -> Finding {
-    ("nothing measured that could tell".to_owned(), Verdict::Open)
+pub(super) fn nothing() -> Finding {
+    ("nothing measured that could tell".to_owned(), Verdict::Untested)
 }
 
 /// Two findings as one: it holds if both do.
@@ -21,7 +22,8 @@ pub(super) fn both((one, a): Finding, (other, b): Finding) -> Finding {
     let verdict = match (a, b) {
         (Verdict::Held, Verdict::Held) => Verdict::Held,
         (Verdict::DidNotHold, _) | (_, Verdict::DidNotHold) => Verdict::DidNotHold,
-        _ => Verdict::Open,
+        (Verdict::Untested, Verdict::Untested) => Verdict::Untested,
+        _ => Verdict::Unclear,
     };
     (format!("{one}; {other}"), verdict)
 }
@@ -69,9 +71,14 @@ impl<'a> Found<'a> {
         factor: f64,
     ) -> Finding {
         let (Some(slow), Some(fast)) = (self.at(scene, slow), self.at(scene, fast)) else { return nothing() };
-        let ratio = median(slow).unwrap_or_default() / median(fast).unwrap_or(1.0);
-        let verdict = if ratio >= factor { Verdict::Held } else { Verdict::DidNotHold };
-        (format!("{} to {}: {}-fold on the {scene}", time(slow), time(fast), significant(ratio, 3)), verdict)
+        let Some(ratio) = Ratio::of(slow, fast) else { return nothing() };
+        let text = format!(
+            "{} to {} on the {scene}: {}; the claim asks for {factor} times",
+            time(slow),
+            time(fast),
+            ratio.text()
+        );
+        (text, ratio.verdict(factor..=f64::INFINITY))
     }
 
     /// Whether none of these points fit.
@@ -102,70 +109,41 @@ fn outcome(record: &Record) -> String {
     if record.outcome == Outcome::Measured { time(record) } else { record.outcome.name().to_owned() }
 }
 
-/// With fewer samples than these an interval says little, and a difference of less than a tenth nothing.
-const FEW: usize = 5;
-
 /// Surely faster: the intervals are apart.
 fn compare(fast: &Record, slow: &Record) -> Finding {
-    let (Some([_, fast_high]), Some([slow_low, _])) = (interval(fast), interval(slow)) else {
-        return nothing();
-    };
-    let (Some([fast_low, _]), Some([_, slow_high])) = (interval(fast), interval(slow)) else {
-        return nothing();
-    };
-    let verdict = match () {
-        () if fast_high < slow_low => Verdict::Held,
-        () if slow_high < fast_low => Verdict::DidNotHold,
-        () => Verdict::Open,
-    };
-    let ratio = median(slow).unwrap_or_default() / median(fast).unwrap_or(1.0);
-    let n = fast.samples_ms.len().min(slow.samples_ms.len());
-    let few = n < FEW && (0.9..1.1).contains(&ratio);
-    let verdict = if few { Verdict::Open } else { verdict };
-    let tie = match verdict {
-        _ if few => format!(", too close for n = {n}"),
-        Verdict::Open => ", a tie: their intervals overlap".to_owned(),
-        _ if n < FEW => format!(" (n = {n})"),
-        _ => String::new(),
-    };
-    let text = format!(
-        "{} {}, {} {}: {} times as fast{tie}",
-        what(fast),
-        time(fast),
-        what(slow),
-        time(slow),
-        significant(ratio, 3)
-    );
-    (text, verdict)
+    let Some(ratio) = Ratio::of(slow, fast) else { return nothing() };
+    let times = format!("{} {}, {} {}", what(fast), time(fast), what(slow), time(slow));
+    (format!("{times}: {} as fast", ratio.text()), ratio.verdict_slower())
+}
+
+/// What is claimed of the fastest: it holds where all that may be the fastest are so, and not where none is.
+fn of_all(level: &[&Record], claimed: impl Fn(&Record) -> bool) -> Verdict {
+    match level.iter().filter(|record| claimed(record)).count() {
+        0 => Verdict::DidNotHold,
+        some if some == level.len() => Verdict::Held,
+        _ => Verdict::Unclear,
+    }
+}
+
+/// "8 x 8, n = 12", or the first few of a tie.
+fn sizes(level: &[&Record]) -> String {
+    let shown = level.iter().take(4).map(|record| record.local_size.map_or(String::new(), by));
+    let more = level.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
+    let names: Vec<_> = shown.chain(more).collect();
+    let n = level.iter().map(|record| record.samples_ms.len()).min().unwrap_or(0);
+    let tie = if level.len() > 1 { " (a tie: their intervals overlap)" } else { "" };
+    format!("{}{tie}, n = {n}", names.join(", "))
 }
 
 /// Whether a scene's best naive block is this one: among the square ones, and up to ties.
 pub(super) fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding {
     let square =
         |record: &&Record| record.local_size.is_some_and(|[x, y]| x == y) && median(record).is_some();
-    let mut records: Vec<_> = found.records(scene, "naive").into_iter().filter(square).collect();
-    records.sort_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
-    let Some((best, [_, high])) = records.first().and_then(|best| Some((best, interval(best)?))) else {
-        return nothing();
-    };
-    if records.len() < 3 {
-        return nothing();
-    }
-    let tied: Vec<_> =
-        records.iter().filter(|record| interval(record).is_some_and(|[low, _]| low <= high)).collect();
-    let named = tied.iter().any(|record| record.local_size == Some([block; 2]));
-    let mut names: Vec<_> =
-        tied.iter().take(4).map(|record| record.local_size.map_or(String::new(), by)).collect();
-    if tied.len() > 4 {
-        names.push(format!("and {} more", tied.len() - 4));
-    }
-    let verdict = match (named, tied.len()) {
-        (true, 1) => Verdict::Held,
-        (true, _) => Verdict::Open,
-        (false, _) => Verdict::DidNotHold,
-    };
-    let tie = if tied.len() > 1 { " (a tie)" } else { "" };
-    (format!("{scene}: {}{tie}, {}", names.join(", "), time(best)), verdict)
+    let records: Vec<_> = found.records(scene, "naive").into_iter().filter(square).collect();
+    let level = fastest(&records);
+    let Some(best) = level.first().filter(|_| records.len() > 2) else { return nothing() };
+    let verdict = of_all(&level, |record| record.local_size == Some([block; 2]));
+    (format!("{scene}: {}, {}", sizes(&level), time(best)), verdict)
 }
 
 pub(super) fn small_scenes(found: &Found<'_>) -> Finding {
@@ -173,31 +151,29 @@ pub(super) fn small_scenes(found: &Found<'_>) -> Finding {
     else {
         return nothing();
     };
-    let ratio = median(six).unwrap_or_default() / median(one).unwrap_or(1.0);
-    let verdict = if (0.8..=1.25).contains(&ratio) { Verdict::Held } else { Verdict::DidNotHold };
-    (format!("triangle {}, pyramid {}: {} times", time(one), time(six), significant(ratio, 3)), verdict)
+    let Some(ratio) = Ratio::of(six, one) else { return nothing() };
+    let text = format!(
+        "triangle {}, pyramid {}: {}; the claim allows 0.8 to 1.25 times",
+        time(one),
+        time(six),
+        ratio.text()
+    );
+    (text, ratio.verdict(0.8..=1.25))
 }
 
 pub(super) fn fastest_of_figure_8(found: &Found<'_>) -> Finding {
     let presets = ["naive", "local-vectors", "local-triangles"];
-    let bests: Vec<_> = presets.iter().filter_map(|preset| found.best("still-life", preset)).collect();
-    let Some(fastest) = bests
-        .iter()
-        .min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)))
-        .filter(|_| bests.len() > 1)
-    else {
-        return nothing();
+    let records: Vec<_> = presets.iter().flat_map(|preset| found.records("still-life", preset)).collect();
+    let level = fastest(&records);
+    let tried = presets.iter().filter(|preset| found.best("still-life", preset).is_some()).count();
+    let Some(best) = level.first().filter(|_| tried > 1) else { return nothing() };
+    let claimed = |record: &Record| {
+        record.preset.as_deref() == Some("local-vectors") && record.local_size == Some([8, 8])
     };
-    let claimed = fastest.preset.as_deref() == Some("local-vectors") && fastest.local_size == Some([8, 8]);
-    let tied = found.at("still-life", ("local-vectors", [8, 8])).is_some_and(|claimed| {
-        interval(claimed).zip(interval(fastest)).is_some_and(|([low, _], [_, high])| low <= high)
-    });
-    let verdict = match (claimed, tied) {
-        (true, _) => Verdict::Held,
-        (false, true) => Verdict::Open,
-        (false, false) => Verdict::DidNotHold,
-    };
-    (format!("the least is {}, {}", what(fastest), time(fastest)), verdict)
+    let names: Vec<_> = level.iter().take(4).map(|record| what(record)).collect();
+    let tie = if level.len() > 1 { " (a tie: their intervals overlap)" } else { "" };
+    let text = format!("{}{tie}, {}, n = {}", names.join(", "), time(best), best.samples_ms.len());
+    (text, of_all(&level, claimed))
 }
 
 /// Whether some record that says `part` in its strategy ran.
@@ -227,30 +203,26 @@ pub(super) fn private_vectors(found: &Found<'_>) -> Finding {
     whole.or_else(|| ran(found, &private)).unwrap_or_else(nothing)
 }
 
-/// 64 work-items as 64 x 1, 32 x 2 and 8 x 8.
+/// 64 work-items as 64 x 1, 32 x 2 and 8 x 8, on every scene that has them.
 pub(super) fn shape_matters(found: &Found<'_>) -> Finding {
+    let scenes = ["teapot", "gourd", "still-life"].into_iter().filter_map(|scene| shapes_on(found, scene));
+    let (text, verdict) = scenes.reduce(both).unwrap_or_else(nothing);
+    (format!("{text}; the claim allows 1.05 times"), verdict)
+}
+
+fn shapes_on(found: &Found<'_>, scene: &str) -> Option<Finding> {
     let shapes = [[8, 8], [32, 2], [64, 1]];
-    for scene in ["teapot", "gourd", "still-life"] {
-        let records: Vec<_> = shapes.iter().filter_map(|shape| found.at(scene, ("naive", *shape))).collect();
-        if records.len() < 2 {
-            continue;
-        }
-        let times = records.iter().filter_map(|record| median(record));
-        let (low, high) =
-            times.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), t| (low.min(t), high.max(t)));
-        let verdict = if high / low < 1.05 { Verdict::Held } else { Verdict::DidNotHold };
-        let each: Vec<_> = records
-            .iter()
-            .map(|record| format!("{} {}", record.local_size.map_or(String::new(), by), time(record)))
-            .collect();
-        let text = format!(
-            "{scene}: {}; the slowest takes {} times the fastest",
-            each.join(", "),
-            significant(high / low, 3)
-        );
-        return (text, verdict);
-    }
-    nothing()
+    let records: Vec<_> = shapes.iter().filter_map(|shape| found.at(scene, ("naive", *shape))).collect();
+    let by_time =
+        |a: &&&Record, b: &&&Record| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX));
+    let (slowest, fastest) = records.iter().max_by(by_time).zip(records.iter().min_by(by_time))?;
+    let ratio = Ratio::of(slowest, fastest).filter(|_| records.len() > 1)?;
+    let each = records
+        .iter()
+        .map(|record| format!("{} {}", record.local_size.map_or(String::new(), by), time(record)));
+    let text =
+        format!("{scene}: {}; the slowest takes {}", each.collect::<Vec<_>>().join(", "), ratio.text());
+    Some((text, ratio.verdict(0.0..=1.05)))
 }
 
 /// Whether the block for which Figure 5's caps predict most threads is the fastest.
@@ -263,18 +235,16 @@ pub(super) fn occupancy_ranks(found: &Found<'_>) -> Finding {
     let records: Vec<_> = found.records("teapot", "naive").into_iter().filter(square).collect();
     let items = |record: &Record| record.local_size.map_or(0, |[x, y]| x * y);
     let most = records.iter().map(|record| predicted(items(record))).max().unwrap_or(0);
-    let fastest =
-        records.iter().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
-    let Some(fastest) = fastest.filter(|_| records.len() > 3) else { return nothing() };
-    let own = predicted(items(fastest));
-    let verdict = if own == most { Verdict::Held } else { Verdict::DidNotHold };
-    (
-        format!(
-            "fastest on the teapot: {}, for which it predicts {own} threads; the most it predicts is {most}",
-            what(fastest)
-        ),
-        verdict,
-    )
+    let level = fastest(&records);
+    if records.len() <= 3 || level.is_empty() {
+        return nothing();
+    }
+    let own = level.iter().map(|record| predicted(items(record)).to_string()).collect::<Vec<_>>().join(", ");
+    let text = format!(
+        "fastest on the teapot: {}, for which it predicts {own} threads; the most it predicts is {most}",
+        sizes(&level)
+    );
+    (text, of_all(&level, |record| predicted(items(record)) == most))
 }
 
 pub(super) fn serial(found: &Found<'_>) -> Finding {
@@ -283,15 +253,14 @@ pub(super) fn serial(found: &Found<'_>) -> Finding {
     let serial = host.and_then(|host| host.best_where(|record| record.strategy == "serial-f32"));
     match (serial, found.best("teapot", "naive")) {
         (Some(serial), Some(naive)) => {
-            let ratio = median(serial).unwrap_or_default() / median(naive).unwrap_or(1.0);
-            let verdict = if ratio > 2.0 { Verdict::Held } else { Verdict::DidNotHold };
+            let Some(ratio) = Ratio::of(serial, naive) else { return nothing() };
             let text = format!(
-                "teapot, one core: {}; naive at its best {}: {} times as fast",
+                "teapot, one core: {}; naive at its best {}: {} as fast; the claim asks for twice",
                 time(serial),
                 time(naive),
-                significant(ratio, 3)
+                ratio.text()
             );
-            (text, verdict)
+            (text, ratio.verdict(2.0..=f64::INFINITY))
         }
         _ => nothing(),
     }
@@ -313,7 +282,7 @@ pub(super) fn split_forms(found: &Found<'_>) -> Finding {
         [None, None] => found.infeasible("teapot", "split-vertices", None),
         [one, other] => {
             let fits = one.or(other).map_or(String::new(), what);
-            (format!("only one fits the teapot: {fits}"), Verdict::Open)
+            (format!("only one fits the teapot: {fits}"), Verdict::Unclear)
         }
     }
 }

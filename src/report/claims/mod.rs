@@ -1,14 +1,15 @@
 //! The paper's claims, each tested on what was measured on one device.
 //!
 //! Only what does not depend on how fast a device is can be tested: which of two is faster, which block size is best,
-//! what fits. The published values are the paper's own device's, which it does not name.
+//! what fits. A comparison holds or does not only where the 95% intervals leave no doubt. The published values are the paper's own device's, which it does not name.
 
 mod found;
+mod sure;
 
 use crate::record::Group;
 use found::{
-    Finding, Found, best_block, both, compounded, fastest_of_figure_8, occupancy_ranks, private_vectors,
-    serial, shape_matters, small_scenes, split_forms,
+    Finding, Found, best_block, both, compounded, fastest_of_figure_8, nothing, occupancy_ranks,
+    private_vectors, serial, shape_matters, small_scenes, split_forms,
 };
 
 /// Whether a claim held.
@@ -18,8 +19,10 @@ pub enum Verdict {
     Held,
     /// What was measured disagrees.
     DidNotHold,
-    /// Too close to tell, or nothing was measured that could tell.
-    Open,
+    /// The intervals overlap, or there are too few samples for so small a difference.
+    Unclear,
+    /// Nothing was measured that could tell.
+    Untested,
 }
 
 impl Verdict {
@@ -28,16 +31,26 @@ impl Verdict {
         match self {
             Self::Held => "held",
             Self::DidNotHold => "failed",
-            Self::Open => "open",
+            Self::Unclear => "unclear",
+            Self::Untested => "open",
         }
     }
+
+    /// Every verdict, and its name in a count.
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Held, "held"),
+        (Self::DidNotHold, "did not hold"),
+        (Self::Unclear, "unclear"),
+        (Self::Untested, "not measured"),
+    ];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Held => "held on this device",
             Self::DidNotHold => "did not hold on this device",
-            Self::Open => "could not be told",
+            Self::Unclear => "unclear on this device",
+            Self::Untested => "not measured here",
         }
     }
 }
@@ -60,9 +73,9 @@ pub struct Claim {
 /// A claim, its published values, its contradiction, and the test.
 type Test<'t> = (&'static str, &'static str, &'static str, &'t dyn Fn(&Found<'_>) -> Finding);
 
-/// Every claim, tested on `device`. The groups are that device's and the host's.
-pub fn claims(groups: &[Group<'_>], device: &str) -> Vec<Claim> {
-    let found = Found { groups, device };
+/// Every claim, tested on `device`, on the first of some runs that can tell: times of two runs are not compared, for
+/// their rounds were not interleaved.
+pub fn claims(runs: &[Vec<Group<'_>>], device: &str) -> Vec<Claim> {
     let tests: [Test<'_>; 16] = [
         (
             "On the large scenes the naive kernel has one best block size.",
@@ -159,7 +172,9 @@ pub fn claims(groups: &[Group<'_>], device: &str) -> Vec<Claim> {
         ),
     ];
     let claim = |(claim, published, contradiction, test): Test<'_>| {
-        let (ours, verdict) = test(&found);
+        let findings = runs.iter().map(|groups| test(&Found { groups, device }));
+        let told = findings.into_iter().find(|(_, verdict)| *verdict != Verdict::Untested);
+        let (ours, verdict) = told.unwrap_or_else(nothing);
         Claim { claim, published, ours, verdict, contradiction }
     };
     tests.into_iter().map(claim).collect()
@@ -181,8 +196,8 @@ mod tests {
     use crate::record::groups;
 
     fn verdict(records: &[Record], claim: &str) -> Verdict {
-        let claims = claims(&groups(records), "gpu");
-        claims.iter().find(|one| one.claim.contains(claim)).map_or(Verdict::Open, |one| one.verdict)
+        let claims = claims(&[groups(records)], "gpu");
+        claims.iter().find(|one| one.claim.contains(claim)).map_or(Verdict::Untested, |one| one.verdict)
     }
 
     #[test]
@@ -195,9 +210,22 @@ mod tests {
         ];
         assert_eq!(verdict(&records, "1 x 1 to 4 x 4"), Verdict::Held);
         assert_eq!(verdict(&records, "cannot hold the large"), Verdict::Held);
-        assert_eq!(verdict(&records, "rasteriser"), Verdict::Open);
+        assert_eq!(verdict(&records, "rasteriser"), Verdict::Untested);
         let slower = [measured("gpu", "naive", 1, [1.0, 1.1]), measured("gpu", "naive", 4, [9.0, 11.0])];
         assert_eq!(verdict(&slower, "1 x 1 to 4 x 4"), Verdict::DidNotHold);
+    }
+
+    #[test]
+    fn times_of_two_runs_are_not_compared() {
+        let of = |name: &str, ends| Record { scene: "still-life".into(), ..measured("gpu", name, 8, ends) };
+        let [fast, slow] = [[of("local-vectors", [1.0, 1.1])], [of("naive", [2.0, 2.1])]];
+        let told = |runs: &[Vec<Group<'_>>]| {
+            let claims = claims(runs, "gpu");
+            claims.iter().find(|one| one.claim.contains("is faster than naive")).map(|one| one.verdict)
+        };
+        assert_eq!(told(&[groups(&fast), groups(&slow)]), Some(Verdict::Untested));
+        let both = [fast, slow].concat();
+        assert_eq!(told(&[groups(&[]), groups(&both)]), Some(Verdict::Held));
     }
 
     #[test]
@@ -208,7 +236,7 @@ mod tests {
             measured("gpu", "naive", 16, [19.5, 21.5]),
         ];
         let (text, verdict) = best_block(&Found { groups: &groups(&tie), device: "gpu" }, "teapot", 8);
-        assert_eq!(verdict, Verdict::Open);
+        assert_eq!(verdict, Verdict::Unclear);
         assert!(text.contains("tie"), "{text}");
     }
 }

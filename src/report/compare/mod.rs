@@ -5,7 +5,7 @@ mod page;
 use super::folder::{Folder, merged};
 use super::words::{size_name, title};
 use crate::measure::{Summary, Verdict, compare};
-use crate::record::{HOST, Outcome, Record, by, median};
+use crate::record::{HOST, Outcome, Record, by, median, significant};
 use serde::Serialize;
 use std::collections::HashMap;
 
@@ -48,7 +48,35 @@ pub struct Comparison {
     pub threshold: f64,
 }
 
+impl Pair {
+    /// "+12.3%"; "496× as long" from tenfold on, where per cent say little.
+    pub fn change(&self) -> String {
+        match 1.0 + self.change_percent / 100.0 {
+            ratio if ratio >= 10.0 => format!("{}× as long", significant(ratio, 3)),
+            ratio if ratio > 0.0 && ratio <= 0.1 => format!("{}× as fast", significant(1.0 / ratio, 3)),
+            _ => format!("{:+.1}%", self.change_percent),
+        }
+    }
+
+    /// "teapot 800 x 500, naive 8x8"; with `device` where a folder has several.
+    pub fn point(&self, device: bool) -> String {
+        let on = if device && !self.before.is_baseline() {
+            format!(", {}", self.before.device)
+        } else {
+            String::new()
+        };
+        format!("{}{on}", name(&self.before))
+    }
+}
+
 impl Comparison {
+    /// Whether the folders have several devices, so that a point is not named without its own.
+    pub fn has_several_devices(&self) -> bool {
+        let mut devices = self.pairs.iter().map(|pair| &pair.before).filter(|record| !record.is_baseline());
+        let first = devices.next().map(|record| &record.device);
+        devices.any(|record| Some(&record.device) != first)
+    }
+
     /// Compares two folders. `threshold` is a part: 0.02 is 2%.
     ///
     /// Points correspond where scene, image size, strategy and local size are equal. Devices correspond by name, or,
@@ -106,8 +134,9 @@ impl Comparison {
     pub fn regressions(&self, percent: f64) -> Vec<String> {
         let slower =
             self.pairs.iter().filter(|pair| pair.verdict == Verdict::Slower && pair.change_percent > percent);
+        let several = self.has_several_devices();
         let slower =
-            slower.map(|pair| format!("{} is {:.1}% slower", name(&pair.before), pair.change_percent));
+            slower.map(|pair| format!("{} is {:.1}% slower", pair.point(several), pair.change_percent));
         let broken = self.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
         slower.chain(broken).collect()
     }

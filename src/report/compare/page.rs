@@ -1,9 +1,9 @@
 //! A comparison as Markdown, as a plot and as a page.
 
-use super::{Comparison, Pair, name};
+use super::{Comparison, Pair};
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
-use crate::record::{Record, interval, median, ms, significant};
+use crate::record::{Record, interval, median, ms};
 use crate::report::page::{SCRIPT, STYLE, nonce};
 use crate::report::plot::Plot;
 use crate::report::plot::chart::{Across, Chart, Mark, Series};
@@ -35,20 +35,26 @@ impl Comparison {
             text,
             "\nSame: medians within {}%. Faster and slower: farther apart than that, and the intervals from the least sample to \
              the third quartile do not touch; else unclear.",
-            100.0 * self.threshold
+            self.threshold_percent()
         );
         text
     }
 
+    /// "2", "0.5": without the noise of a product in binary.
+    fn threshold_percent(&self) -> String {
+        ((1e4 * self.threshold).round() / 100.0).to_string()
+    }
+
     /// The largest changes first.
     fn rows(&self) -> Vec<Row> {
+        let several = self.has_several_devices();
         let mut pairs: Vec<_> = self.pairs.iter().collect();
         pairs.sort_by(|a, b| b.change_percent.abs().total_cmp(&a.change_percent.abs()));
         let row = |pair: &&Pair| Row {
-            point: name(&pair.before),
+            point: pair.point(several),
             before: median(&pair.before).map_or("-".into(), ms),
             after: median(&pair.after).map_or("-".into(), ms),
-            change: format!("{:+.1}%", pair.change_percent),
+            change: pair.change(),
             verdict: pair.verdict.name(),
         };
         pairs.iter().map(row).collect()
@@ -62,10 +68,10 @@ impl Comparison {
             let pairs: Vec<_> = self.pairs.iter().filter(|pair| pair.verdict == verdict).collect();
             let marks = pairs.iter().filter_map(|pair| {
                 let tip = format!(
-                    "{}\n{} ({:+.1}%)\n{a}: {}\n{b}: {}",
-                    name(&pair.before),
+                    "{}\n{} ({})\n{a}: {}\n{b}: {}",
+                    pair.point(true),
                     verdict.name(),
-                    pair.change_percent,
+                    pair.change(),
                     tip(&pair.before),
                     tip(&pair.after)
                 );
@@ -112,7 +118,7 @@ impl Comparison {
             plot: self.plot(),
             rows: self.rows(),
             others: &self.others,
-            threshold: significant(100.0 * self.threshold, 3),
+            threshold: self.threshold_percent(),
         };
         page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
     }

@@ -30,7 +30,8 @@ pub struct Mark {
 /// Marks that belong together.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// What the legend calls it.
+    /// What the legend calls it; one without a name belongs to the series before it, and is switched with it, a line
+    /// without markers.
     pub name: String,
     /// How it looks.
     pub look: Look,
@@ -86,10 +87,13 @@ impl Chart {
         if self.diagonal {
             draw_diagonal(&mut svg, &frame);
         }
-        for (place, series) in self.series.iter().enumerate() {
-            draw_series(&mut svg, &frame, place, series);
+        let mut named = 0;
+        for series in &self.series {
+            named += usize::from(!series.name.is_empty());
+            draw_series(&mut svg, &frame, named.saturating_sub(1), series);
         }
-        let entries: Vec<_> = self.series.iter().map(|series| (series.name.as_str(), series.look)).collect();
+        let named = self.series.iter().filter(|series| !series.name.is_empty());
+        let entries: Vec<_> = named.map(|series| (series.name.as_str(), series.look)).collect();
         let legend_end = legend::draw(&mut svg, [frame.right + 18.0, TOP + 8.0], &entries);
         let bottom = frame.bottom + 36.0 + self.names_height() + 16.0;
         let size = [frame.right + 18.0 + LEGEND, bottom.max(legend_end + 8.0)];
@@ -200,7 +204,7 @@ fn draw_series(svg: &mut Svg, frame: &Frame, place: usize, series: &Series) {
     if series.joined {
         draw_path(svg, series.look, placed.iter().map(|(_, at)| *at));
     }
-    for (mark, at) in placed {
+    for (mark, at) in placed.into_iter().filter(|_| !series.name.is_empty()) {
         svg.open("g", &[("class", &"mark"), ("data-tip", &mark.tip)]);
         draw_interval(svg, frame, series.look, mark, at[0]);
         series.look.marker(svg, at);

@@ -132,7 +132,7 @@ impl Svg {
     pub fn finish(self, [width, height]: [f64; 2], name: &str, about: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" \
-             height=\"{h}\" role=\"img\" aria-label=\"{}\" tabindex=\"0\" font-family=\"system-ui, -apple-system, \
+             height=\"{h}\" style=\"--w:{w}\" role=\"img\" aria-label=\"{}\" tabindex=\"0\" font-family=\"system-ui, -apple-system, \
              'Segoe UI', 'DejaVu Sans', sans-serif\">\
              <desc>{}</desc><rect class=\"paper\" width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{}</svg>",
             escape(name),

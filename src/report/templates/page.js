@@ -46,12 +46,16 @@ for (const chart of all("svg.chart")) {
 
 // Legends: pointing lifts a series out, a click switches it off.
 for (const entry of all(".entry")) {
-  const chart = entry.closest("svg"), series = chart.querySelector(`.series[data-series="${entry.dataset.for}"]`);
-  if (!series) continue;
+  const chart = entry.closest("svg"), series = all(`.series[data-series="${entry.dataset.for}"]`, chart);
+  if (!series.length) continue;
   const set = (name, value) => entry.setAttribute(name, value);
   set("role", "button"); set("tabindex", "0"); set("aria-pressed", "true"); set("aria-label", entry.dataset.tip);
-  const light = (on) => { chart.classList.toggle("focus", on); series.classList.toggle("lit", on); };
-  const flip = () => set("aria-pressed", String(!series.classList.toggle("off")));
+  const light = (on) => { chart.classList.toggle("focus", on); series.forEach((one) => one.classList.toggle("lit", on)); };
+  const flip = () => {
+    const off = entry.getAttribute("aria-pressed") === "true";
+    series.forEach((one) => one.classList.toggle("off", off));
+    set("aria-pressed", String(!off));
+  };
   entry.addEventListener("pointerenter", () => light(true));
   entry.addEventListener("pointerleave", () => light(false));
   entry.addEventListener("focus", () => light(true));

@@ -1,0 +1,64 @@
+//! How fast the host's cores run, where the operating system tells.
+
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The host's clocks when a run began. What the system does not tell is absent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Clocks {
+    /// What decides the frequency, such as "performance" or "powersave": the first core's.
+    pub governor: Option<String>,
+    /// The least and the greatest frequency of any core at that moment, MHz.
+    pub now_mhz: Option<[f64; 2]>,
+    /// The highest that the first core may take, MHz.
+    pub max_mhz: Option<f64>,
+}
+
+impl Clocks {
+    /// This machine's, as Linux tells them.
+    pub fn read() -> Self {
+        Self::under(Path::new("/"))
+    }
+
+    /// Those of a machine whose files lie under `root`.
+    fn under(root: &Path) -> Self {
+        let text =
+            |path: &str| std::fs::read_to_string(root.join(path)).ok().map(|text| text.trim().to_owned());
+        let policy = |name: &str| text(&format!("sys/devices/system/cpu/cpu0/cpufreq/{name}"));
+        let khz = |name: &str| policy(name)?.parse::<f64>().ok();
+        Self {
+            governor: policy("scaling_governor"),
+            now_mhz: text("proc/cpuinfo").and_then(|text| ends(&text)),
+            max_mhz: khz("cpuinfo_max_freq").or_else(|| khz("scaling_max_freq")).map(|khz| khz / 1e3),
+        }
+    }
+}
+
+/// The least and the greatest "cpu MHz".
+fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
+    let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
+    let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());
+    let [low, high] = values.fold([f64::INFINITY, 0.0], |[low, high], mhz| [low.min(mhz), high.max(mhz)]);
+    (low <= high).then_some([low, high])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_told_is_read_and_what_is_not_is_absent() {
+        let root = tempfile::tempdir().expect("a folder");
+        assert_eq!(Clocks::under(root.path()), Clocks::default());
+        let cpufreq = root.path().join("sys/devices/system/cpu/cpu0/cpufreq");
+        std::fs::create_dir_all(&cpufreq).expect("a folder");
+        std::fs::create_dir(root.path().join("proc")).expect("a folder");
+        std::fs::write(cpufreq.join("scaling_governor"), "powersave\n").expect("it writes");
+        std::fs::write(cpufreq.join("cpuinfo_max_freq"), "4200000\n").expect("it writes");
+        let cores = "model name\t: X\ncpu MHz\t\t: 2450.5\n\nmodel name\t: X\ncpu MHz\t\t: 3600\n";
+        std::fs::write(root.path().join("proc/cpuinfo"), cores).expect("it writes");
+        let clocks = Clocks::under(root.path());
+        assert_eq!(clocks.governor.as_deref(), Some("powersave"));
+        assert_eq!((clocks.now_mhz, clocks.max_mhz), (Some([2450.5, 3600.0]), Some(4200.0)));
+    }
+}

@@ -1,0 +1,171 @@
+//! What each pixel's rays cost by the way they look for triangles: counted, not timed.
+
+use super::cast::Caster;
+use super::intersect::{Hit, moller_trumbore};
+use super::ray::Ray;
+use super::traverse::Finder;
+use super::tree::Tree;
+use crate::accel::{Bvh, WideBvh};
+use crate::error::Result;
+use crate::scene::{Mesh, Scene};
+use crate::strategy::Culling;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Children of a node of the tree that costs are counted in: what the preset `bvh` has.
+pub const NODE_WIDTH: usize = 4;
+/// Triangles that its leaves hold at most.
+pub const LEAF_SIZE: usize = 4;
+
+/// What a pixel's primary ray and its shadow rays together cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Triangles that rays are tested against.
+    pub tests: u32,
+    /// Nodes whose children's boxes rays are tested against.
+    pub nodes: u32,
+}
+
+/// The cost of every pixel where each ray tests the triangles in their order: a primary ray all of them, a shadow
+/// ray as many as it takes to find one in its way.
+pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
+    let tree = Tree::new(&scene.mesh, culling);
+    let count = scene.mesh.triangles.len() as u32;
+    each_pixel(scene, size, |tally| InOrder { tree: &tree, count, tally })
+}
+
+/// The cost of every pixel where each ray walks a tree, nearer boxes first.
+///
+/// # Errors
+/// If the scene has more triangles than a tree can name.
+pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Cost>> {
+    let tree = WideBvh::new(&Bvh::build(&scene.mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)?;
+    Ok(each_pixel(scene, size, |tally| Walking { tree: &tree, mesh: &scene.mesh, culling, tally }))
+}
+
+/// Counts of one pixel. Only one thread counts; a finder may be shared, so they are atomic.
+#[derive(Debug, Default)]
+struct Tally {
+    tests: AtomicU32,
+    nodes: AtomicU32,
+}
+
+/// Casts each pixel's centre with a finder of its own, which counts.
+fn each_pixel<'a, F: Finder<f64> + 'a>(
+    scene: &Scene,
+    [width, height]: [u32; 2],
+    finder: impl Fn(Arc<Tally>) -> F + Sync,
+) -> Vec<Cost> {
+    let cost = |pixel: u32| {
+        let tally = Arc::<Tally>::default();
+        let caster = Caster::new(scene, [width, height], finder(Arc::clone(&tally)));
+        let (ray, hit) = caster.look(f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
+        caster.radiance(&ray, hit.as_ref(), f64::from(scene.shadow_bias));
+        let read = |count: &AtomicU32| count.load(Ordering::Relaxed);
+        Cost { tests: read(&tally.tests), nodes: read(&tally.nodes) }
+    };
+    (0..width * height).into_par_iter().map(cost).collect()
+}
+
+/// Counts as the exhaustive search would; a tree finds what it would find sooner.
+struct InOrder<'a> {
+    tree: &'a Tree,
+    count: u32,
+    tally: Arc<Tally>,
+}
+
+impl Finder<f64> for InOrder<'_> {
+    fn visit(&self, ray: &Ray<f64>, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
+        self.tally.tests.fetch_add(self.count, Ordering::Relaxed);
+        self.tree.visit(ray, visitor);
+    }
+
+    /// The search ends at the first triangle in the mesh's order that is in the way.
+    fn any(&self, ray: &Ray<f64>) -> bool {
+        let mut first: Option<u32> = None;
+        self.tree.visit(ray, &mut |hit| {
+            first = Some(first.map_or(hit.triangle, |known| known.min(hit.triangle)));
+            ray.far
+        });
+        self.tally.tests.fetch_add(first.map_or(self.count, |place| place + 1), Ordering::Relaxed);
+        first.is_some()
+    }
+}
+
+/// Counts what the walk through a tree tests.
+struct Walking<'a> {
+    tree: &'a WideBvh,
+    mesh: &'a Mesh,
+    culling: Culling,
+    tally: Arc<Tally>,
+}
+
+impl Finder<f64> for Walking<'_> {
+    fn visit(&self, ray: &Ray<f64>, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
+        let walk = self.tree.closest_hit(ray.origin, ray.direction, ray.far, |triangle, reach| {
+            let corners = self.mesh.corners(&self.mesh.triangles[triangle as usize]).map(|c| c.as_dvec3());
+            let (t, weights) = moller_trumbore(ray, corners, self.culling)?;
+            (t <= reach).then(|| visitor(Hit { t, weights, triangle }))
+        });
+        self.tally.tests.fetch_add(walk.triangles, Ordering::Relaxed);
+        self.tally.nodes.fetch_add(walk.nodes, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures;
+    use super::super::traverse::Exhaustive;
+    use super::*;
+
+    /// The exhaustive search itself, counting by looking at it.
+    struct Plain {
+        inner: Exhaustive<f64>,
+        corners: Vec<[glam::DVec3; 3]>,
+        tally: Arc<Tally>,
+    }
+
+    impl Finder<f64> for Plain {
+        fn visit(&self, ray: &Ray<f64>, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
+            self.tally.tests.fetch_add(self.corners.len() as u32, Ordering::Relaxed);
+            self.inner.visit(ray, visitor);
+        }
+
+        fn any(&self, ray: &Ray<f64>) -> bool {
+            let hits = |corners: &[glam::DVec3; 3]| moller_trumbore(ray, *corners, Culling::None).is_some();
+            let first = self.corners.iter().position(hits);
+            let tests = first.map_or(self.corners.len(), |place| place + 1);
+            self.tally.tests.fetch_add(tests as u32, Ordering::Relaxed);
+            first.is_some()
+        }
+    }
+
+    #[test]
+    fn exhaustive_costs_are_those_of_the_search_itself() {
+        let scene = fixtures::pyramid_lower();
+        let size = [40, 25];
+        let corners: Vec<_> =
+            scene.mesh.triangles.iter().map(|t| scene.mesh.corners(t).map(|c| c.as_dvec3())).collect();
+        let plain = each_pixel(&scene, size, |tally| Plain {
+            inner: Exhaustive::new(&scene.mesh, Culling::None),
+            corners: corners.clone(),
+            tally,
+        });
+        let costs = exhaustive(&scene, size, Culling::None);
+        assert_eq!(costs, plain);
+        let count = scene.mesh.triangles.len() as u32;
+        assert!(costs.iter().all(|cost| cost.tests >= count && cost.nodes == 0));
+        assert!(costs.iter().any(|cost| cost.tests != costs[0].tests), "all pixels cost the same");
+    }
+
+    #[test]
+    fn a_tree_saves_tests() {
+        let scene = fixtures::random(700, 1);
+        let size = [40, 25];
+        let total = |costs: &[Cost]| costs.iter().map(|cost| u64::from(cost.tests)).sum::<u64>();
+        let tree = in_tree(&scene, size, Culling::None).expect("a small scene");
+        assert!(tree.iter().any(|cost| cost.nodes > 1));
+        assert!(10 * total(&tree) < total(&exhaustive(&scene, size, Culling::None)));
+    }
+}

@@ -1,0 +1,236 @@
+//! How time grows with the triangles of a scene and with the pixels of an image, and how fast by a fitted exponent.
+
+use super::overview::{best_of_each, devices, numbered};
+use super::plot::Plot;
+use super::plot::chart::{Across, Chart, Mark, Series};
+use super::plot::palette::Look;
+use super::plot::scale::Kind;
+use super::words::Looks;
+use crate::record::{Group, by};
+
+/// A plot for every device whose records span several triangle counts, and one where they span several image sizes.
+pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
+    let of_device = |(place, device): (usize, &str)| {
+        let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
+        let triangles = with_triangles(&own, looks, device, place);
+        triangles.into_iter().chain(with_pixels(&own, looks, device, place)).collect::<Vec<_>>()
+    };
+    devices(groups).into_iter().enumerate().flat_map(of_device).collect()
+}
+
+/// At the image size that has the most scenes.
+fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
+    let size = most_common(own.iter().map(|group| group.image_size))?;
+    let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
+    let labels = Labels {
+        title: format!("Growth with triangles, at {}: {device}", by(size)),
+        x: "triangles in the scene",
+        file: numbered("triangles", place),
+        besides: " Scenes differ in more than their triangles; the fit takes them as they are.",
+    };
+    plot(&same, looks, labels, |group| {
+        group.records.iter().find_map(|record| record.triangles).unwrap_or(0) as f64
+    })
+}
+
+/// Of the scene that has the most image sizes.
+fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
+    let scene = most_common(own.iter().map(|group| group.scene))?;
+    let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
+    let labels = Labels {
+        title: format!("Growth with pixels, {scene}: {device}"),
+        x: "pixels in the image",
+        file: numbered("pixels", place),
+        besides: "",
+    };
+    plot(&same, looks, labels, |group| group.image_size.iter().map(|side| f64::from(*side)).product())
+}
+
+fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> Option<T> {
+    let count = |value: &T| values.clone().filter(|other| other == value).count();
+    values.clone().max_by_key(count)
+}
+
+/// What a plot of growth is called.
+struct Labels {
+    title: String,
+    x: &'static str,
+    file: String,
+    besides: &'static str,
+}
+
+fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<'_>) -> f64) -> Option<Plot> {
+    let columns: Vec<_> = groups.iter().map(|group| (group.scene, group.image_size)).collect();
+    let mut series = best_of_each(groups, &columns, looks);
+    for one in &mut series {
+        for mark in &mut one.marks {
+            // Until now its place in `columns`, which are the groups.
+            mark.x = groups.get(mark.x as usize).map_or(0.0, |group| x(group));
+        }
+        one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
+    }
+    if distinct(series.iter().flat_map(|one| &one.marks)) < 2 {
+        return None;
+    }
+    let mut fits = Vec::new();
+    let mut drawn = Vec::new();
+    for mut one in series {
+        let fit = Fit::of(&one.marks);
+        let line = fit.map(|fit| fit.line(&one));
+        fits.extend(fit.map(|fit| (one.name.clone(), fit)));
+        one.joined = line.is_none();
+        if let Some(fit) = fit {
+            one.name = format!("{}: ^{:.2}", one.name, fit.exponent);
+        }
+        drawn.push(one);
+        drawn.extend(line);
+    }
+    let chart = Chart {
+        title: labels.title,
+        x_label: labels.x.to_owned(),
+        y_label: "median device time of a frame, ms".into(),
+        across: Across::Numbers(Kind::Log),
+        up: Kind::Log,
+        diagonal: false,
+        series: drawn,
+    };
+    let caption = format!("{}{}", caption(&fits), labels.besides);
+    Some(Plot { name: labels.file, caption, svg: chart.svg() })
+}
+
+fn caption(fits: &[(String, Fit)]) -> String {
+    let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
+    let fitted = match exponents.as_slice() {
+        [] => " Too few places for a fit.".to_owned(),
+        some => format!(
+            " Dashed: time in proportion to a power of it, fitted by least squares to the logarithms; the exponents, with their \
+             standard errors: {}.",
+            some.join(", ")
+        ),
+    };
+    format!(
+        "Each strategy at its own best local size; both axes are logarithmic, so a power is a straight line.{fitted}"
+    )
+}
+
+/// How many different x there are.
+fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
+    let mut places: Vec<f64> = marks.map(|mark| mark.x).filter(|x| *x > 0.0).collect();
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    places.len()
+}
+
+/// The power law nearest to some marks: y = exp(offset) x^exponent, by least squares in logarithms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Fit {
+    exponent: f64,
+    offset: f64,
+    /// The exponent's standard error.
+    error: f64,
+    n: usize,
+}
+
+impl Fit {
+    /// The fit to marks at three places or more.
+    fn of(marks: &[Mark]) -> Option<Self> {
+        let points: Vec<[f64; 2]> = marks
+            .iter()
+            .filter(|mark| mark.x > 0.0 && mark.y > 0.0)
+            .map(|mark| [mark.x.ln(), mark.y.ln()])
+            .collect();
+        if distinct(marks.iter()) < 3 || points.len() < 3 {
+            return None;
+        }
+        let n = points.len() as f64;
+        let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / n;
+        let [x, y] = [mean(0), mean(1)];
+        let spread: f64 = points.iter().map(|point| (point[0] - x).powi(2)).sum();
+        let exponent = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum::<f64>() / spread;
+        let offset = y - exponent * x;
+        let residual: f64 =
+            points.iter().map(|point| (point[1] - offset - exponent * point[0]).powi(2)).sum();
+        let error = (residual / (n - 2.0) / spread).sqrt();
+        Some(Self { exponent, offset, error, n: points.len() })
+    }
+
+    /// "0.98 ± 0.02 (n = 5)".
+    fn text(&self) -> String {
+        format!("{:.2} ± {:.2} (n = {})", self.exponent, self.error, self.n)
+    }
+
+    /// The fitted line from the first to the last of a series' own marks.
+    fn line(&self, of: &Series) -> Series {
+        let ends = [of.marks.first(), of.marks.last()];
+        let at = |x: f64| Mark {
+            x,
+            y: (self.offset + self.exponent * x.ln()).exp(),
+            interval: None,
+            tip: String::new(),
+        };
+        Series {
+            name: String::new(),
+            look: Look { dashed: true, ..of.look },
+            joined: true,
+            marks: ends.into_iter().flatten().map(|mark| at(mark.x)).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Record;
+    use crate::record::fixtures::measured;
+    use crate::record::groups;
+
+    fn marks(points: &[[f64; 2]]) -> Vec<Mark> {
+        points.iter().map(|[x, y]| Mark { x: *x, y: *y, interval: None, tip: String::new() }).collect()
+    }
+
+    #[test]
+    fn a_power_law_is_found_with_its_error() {
+        let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
+        let fit = Fit::of(&marks(&exact)).expect("three places");
+        assert!((fit.exponent - 0.75).abs() < 1e-12 && fit.error < 1e-6, "{fit:?}");
+        // By hand: log10 y = 0, 1, 3 over 0, 1, 2 has the slope 1.5 and the residuals 1/6, -1/3, 1/6.
+        let bent = Fit::of(&marks(&[[1.0, 1.0], [10.0, 10.0], [100.0, 1000.0]])).expect("three places");
+        assert!((bent.exponent - 1.5).abs() < 1e-12, "{bent:?}");
+        assert!((bent.error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");
+        assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0]])), None);
+        assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0], [2.0, 3.0]])), None, "two places");
+    }
+
+    /// A scene of so many triangles at a size, cast by a strategy.
+    fn record(triangles: u64, size: [u32; 2], name: &str, ms: f64) -> Record {
+        Record {
+            key: format!("{triangles} {size:?} {name}"),
+            scene: format!("terrain-{triangles}"),
+            triangles: Some(triangles),
+            image_size: size,
+            ..measured("gpu", name, 8, [0.99 * ms, 1.01 * ms])
+        }
+    }
+
+    #[test]
+    fn records_that_span_triangles_and_pixels_have_both_plots() {
+        let mut records = Vec::new();
+        for triangles in [1_000, 10_000, 100_000, 1_000_000] {
+            records.push(record(triangles, [800, 500], "naive", triangles as f64 * 0.01));
+            records.push(record(triangles, [800, 500], "wide", (triangles as f64).sqrt()));
+        }
+        for side in [400, 1600] {
+            records.push(record(1000, [side, side / 8 * 5], "naive", f64::from(side * side) / 64_000.0));
+        }
+        let groups = groups(&records);
+        let plots = growth(&groups, &Looks::of(&groups));
+        let [triangles, pixels] = plots.as_slice() else { panic!("{} plots", plots.len()) };
+        assert_eq!((triangles.name.as_str(), pixels.name.as_str()), ("triangles", "pixels"));
+        for part in ["naive 1.00 ± 0.00 (n = 4)", "wide 0.50 ± 0.00 (n = 4)"] {
+            assert!(triangles.caption.contains(part), "{}", triangles.caption);
+        }
+        assert!(pixels.caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", pixels.caption);
+        assert!(triangles.svg.contains("naive: ^1.00"), "the legend has the exponent");
+        assert!(growth(&groups[..1], &Looks::of(&groups)).is_empty(), "one place is no growth");
+    }
+}

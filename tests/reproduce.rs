@@ -1,0 +1,46 @@
+//! `raycl reproduce`: one command for all of the paper's configs, which goes on where it stopped.
+
+mod binary;
+
+use binary::{Place, device, has};
+
+/// A point a config.
+const SMALL: [&str; 7] = [
+    "image_sizes=[[16, 10]]",
+    "scenes=['../scenes/triangle.toml']",
+    "local_sizes=[4]",
+    "strategies=['naive']",
+    "strategy=[]",
+    "baselines=[]",
+    "timing.time_limit_ms=1",
+];
+
+/// What it says on standard output and on standard error.
+fn reproduce(place: &Place, more: &[&str]) -> (String, String) {
+    let device = device();
+    let set = SMALL.iter().flat_map(|value| ["--set", value]);
+    let command = ["reproduce", "--out", "out", "--device", &device];
+    let arguments: Vec<&str> = command.into_iter().chain(set).chain(more.iter().copied()).collect();
+    let output = place.raycl(&arguments).assert().success().get_output().clone();
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    (text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn a_reproduction_goes_on_where_it_stopped() {
+    let place = Place::new();
+    let (said, progress) = reproduce(&place, &[]);
+    assert!(said.trim_end().ends_with("out/reproduction.html"), "the page comes last: {said}");
+    has(&progress, &["figure-6 (1 of 4)", "next-steps (4 of 4)", "[1/4, about ", "[4/4] "]);
+    let first = place.text("out/figure-6/records.jsonl");
+    let message = place.mistake(&["reproduce", "--out", "out", "--device", &device()], 2);
+    has(&message, &["out/figure-6 already holds results", "--resume"]);
+
+    // As if it had been killed when two configs were done.
+    std::fs::remove_dir_all(place.path("out/figure-8")).expect("it is there");
+    let (_, progress) = reproduce(&place, &["--resume"]);
+    has(&progress, &["1 of 4 points are done already", "2 of 4 points are done already", "[3/4, about "]);
+    assert_eq!(progress.lines().filter(|line| line.starts_with('[')).count(), 1, "{progress}");
+    assert_eq!(place.text("out/figure-6/records.jsonl"), first);
+    assert!(place.path("out/figure-8/report.html").exists());
+}
