@@ -224,6 +224,30 @@ fn broken_toml_and_a_missing_file_are_input_errors() {
 }
 
 #[test]
+fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
+    let entry = "[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = { \"object.0.triangles\" = [1_000, 2_000], \"light.0.power\" = 5 }\n";
+    let experiment = load_with(&format!("{GOOD}{entry}"), &[]).unwrap();
+    let labels: Vec<_> = experiment.scenes.iter().map(|scene| scene.label()).collect();
+    assert_eq!(labels, ["teapot", "gourd+power=5+triangles=1000", "gourd+power=5+triangles=2000"]);
+    let keys: Vec<_> =
+        experiment.scenes[2].overrides.iter().map(|(key, value)| format!("{key} {value}")).collect();
+    assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
+    // One is enough, and one of each.
+    let only = GOOD.replace("scenes = ", "# ") + entry + entry;
+    assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);
+}
+
+#[test]
+fn a_scene_entry_is_checked_at_its_place() {
+    let refused = |entry: &str, words: &[&str]| refuses(&format!("{GOOD}[[scene]]\n{entry}\n"), words);
+    refused("file = \"../scenes/gord.toml\"", &["no scene file '../scenes/gord.toml'", "8:8", "gourd.toml?"]);
+    refused("set = { \"object.0.triangles\" = 4 }", &["the key 'file' is missing", "7:1"]);
+    refused("file = \"../scenes/gourd.toml\"\nset = { seed = [] }", &["'seed' is empty", "9:9"]);
+    refused("file = \"../scenes/gourd.toml\"\ntriangles = 4", &["unknown key 'triangles'", "9:1"]);
+    refuses(&GOOD.replace("scenes = ", "# "), &["there is no scene", "scenes = [...] or [[scene]]"]);
+}
+
+#[test]
 fn overrides_are_toml_or_else_strings_and_make_tables() {
     let overrides = [
         ("timing.seed", "7"),

@@ -31,7 +31,51 @@ fn widest(native: u32) -> Width {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Traversal;
     use super::*;
+
+    fn choice(is_cpu: bool, native_width: u32, triangles: usize) -> (Strategy, [u32; 2]) {
+        let limits = DeviceLimits {
+            local_bytes: 49152,
+            constant_bytes: 65536,
+            global_bytes: 1 << 33,
+            allocation_bytes: 1 << 31,
+            work_group_size: 1024,
+            work_item_sizes: [1024, 1024, 64],
+            compute_units: 16,
+            native_width,
+            is_cpu,
+        };
+        fastest(&limits, triangles).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn the_number_of_triangles_and_the_device_decide() {
+        let named = |name: &str| preset(name).map(|preset| preset.strategy).ok();
+        for (is_cpu, native_width, small, large) in
+            [(true, 16, "wide-common-origin", "tile"), (false, 1, "tiled-common-origin", "bvh")]
+        {
+            let of = |triangles| Some(choice(is_cpu, native_width, triangles).0);
+            assert_eq!([of(1), of(TREE_TRIANGLES - 1)], [named(small), named(small)]);
+            assert_eq!([of(TREE_TRIANGLES), of(10_000_000)], [named(large), named(large)]);
+        }
+    }
+
+    #[test]
+    fn a_cpu_with_narrower_vectors_casts_packets_of_their_width() {
+        let (strategy, local_size) = choice(true, 8, 10_000);
+        assert_eq!((strategy.traversal, strategy.width), (Traversal::Bvh, Width::W8));
+        assert_eq!(local_size, [4, 4]);
+    }
+
+    #[test]
+    fn every_choice_makes_sense() {
+        for (is_cpu, width) in [(true, 1), (true, 4), (true, 16), (false, 1)] {
+            for triangles in [0, 1, 199, 200, 10_000_000] {
+                assert_eq!(choice(is_cpu, width, triangles).0.contradiction(), None);
+            }
+        }
+    }
 
     #[test]
     fn width_follows_the_hardware() {
