@@ -110,10 +110,10 @@ fn every_width_of_node_and_size_of_leaf_and_tile_gives_the_same_picture() {
     let mut stand = Stand::new(coarse("interior.toml", 3_000), SIZE);
     let base = |name| preset(name).expect("a preset").strategy;
     let mut points = Vec::new();
-    for (node_width, leaf_size) in [("2", "4"), ("4", "16"), ("16", "8"), ("32", "32")] {
+    for (node_width, leaf_size) in [("2", "4"), ("32", "32")] {
         points.push((base("bvh-packet"), [("node_width", node_width), ("leaf_size", leaf_size)]));
     }
-    for (node_width, tile) in [("8", "8x8"), ("16", "16x8"), ("16", "16x16")] {
+    for (node_width, tile) in [("16", "8x8"), ("16", "16x16")] {
         points.push((base("tile"), [("node_width", node_width), ("tile", tile)]));
     }
     for (mut strategy, axes) in points {

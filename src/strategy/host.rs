@@ -6,8 +6,9 @@ use crate::accel::Bvh;
 use crate::memory::Available;
 use crate::scene::Mesh;
 
-/// The program, its libraries and a driver with its compiler, measured: PoCL 3.1 with LLVM 15 takes 120 to 190 MB.
-const PROGRAM_BYTES: u64 = 190_000_000;
+/// The program, its libraries and a driver: 93 MB with PoCL 3.1 and its kernels cached, 239 MB where LLVM 15 compiles
+/// them (one triangle, 64 x 40 pixels; 2026-11-20).
+const PROGRAM_BYTES: u64 = 240_000_000;
 /// The reference's tree: corners in double precision and a number a triangle, and at most a node of 72 bytes for each.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// The reference's sample of a pixel (88 bytes), its radiance, whether it is certain.
@@ -41,6 +42,7 @@ impl HostNeeds {
         if strategy.needs_tree() {
             let (bytes, nodes) = node_bytes(strategy, w);
             casting.add("the host's copy of about", &[(bytes, " B"), (nodes, " nodes")]);
+            casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
         }
         if shared {
             casting.join(global(strategy, w));
@@ -122,10 +124,10 @@ mod tests {
         // 10 M x (2 x 32 + 4) B and twice 8,000,002 nodes of 32 B; a mesh of 10 M x (28 + 12 / 2 + 12 / 2) B.
         assert_eq!(
             reason,
-            "the host's memory (building the tree): program and driver 190000000 B + mesh 400000000 B \
-             + tree in the making 1192000128 B = 1782000128 B > 1000000000 B by a test"
+            "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \
+             + tree in the making 1192000128 B = 1832000128 B > 1000000000 B by a test"
         );
-        assert!(needs.check(&available, 800_000_000).is_ok());
+        assert!(needs.check(&available, 900_000_000).is_ok());
     }
 
     #[test]
