@@ -19,8 +19,9 @@ fn folder(text: &str) -> (tempfile::TempDir, PathBuf) {
     for name in ["configs", "scenes"] {
         std::fs::create_dir(folder.path().join(name)).unwrap();
     }
-    let scenes = ["triangle", "figure-4", "pyramid-upper", "pyramid-lower", "still-life", "gourd", "teapot"];
-    for scene in scenes {
+    let papers = ["triangle", "figure-4", "pyramid-upper", "pyramid-lower", "still-life", "gourd", "teapot"];
+    let larger = ["terrain", "teapot-fine", "interior"];
+    for scene in papers.into_iter().chain(larger) {
         std::fs::write(folder.path().join(format!("scenes/{scene}.toml")), "").unwrap();
     }
     let path = folder.path().join("configs/test.toml");

@@ -223,7 +223,7 @@ mod tests {
             let mut tile =
                 preset("tile").map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
             tile.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
-            assert!(tile.contradiction().is_some_and(|reason| reason.contains("tile")), "{axis}={value}");
+            assert!(tile.contradiction().is_some(), "{axis}={value}");
         }
     }
 }
