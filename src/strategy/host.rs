@@ -34,7 +34,9 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            let build_bytes = Bvh::build_bytes(w.triangles as u64, strategy.leaf_size.triangles() as u64);
+            // As DeviceTree builds it: a wide node gathers larger leaves from these.
+            let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
+            let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree in the making", &[(build_bytes, " B")]);
             moments.push(("building the tree", sum));
         }

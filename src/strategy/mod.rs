@@ -217,9 +217,8 @@ mod tests {
     }
 
     #[test]
-    fn tiles_keep_the_defaults_of_vectors_shading_and_passes() {
-        for (axis, value) in [("vectors", "local"), ("shading", "eager"), ("passes", "fused"), ("width", "8")]
-        {
+    fn tiles_keep_the_defaults_of_vectors_shading_and_width() {
+        for (axis, value) in [("vectors", "local"), ("shading", "eager"), ("width", "8")] {
             let mut tile =
                 preset("tile").map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
             tile.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
