@@ -78,7 +78,10 @@ fn every_config_of_the_repository_loads() {
         let text = std::fs::read_to_string(file.unwrap().path()).unwrap();
         let experiment =
             load_with(&text, &[]).unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)));
-        assert!(!experiment.strategies.is_empty() && !experiment.baselines.is_empty());
+        assert!(!experiment.strategies.is_empty());
+        // Baselines test every triangle: scenes that ask for trees are too large for them.
+        let trees = experiment.strategies.iter().any(|named| named.strategy.needs_tree());
+        assert!(trees || !experiment.baselines.is_empty());
         count += 1;
     }
     assert!(count >= 6, "there are only {count} configs");
