@@ -5,7 +5,7 @@
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/`; [`launch`] runs them;
 //! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them;
-//! [`record`] keeps what was found. [`image`] turns radiance into pictures.
+//! [`memory`] says what the host can hold; [`record`] keeps what was found. [`image`] turns radiance into pictures.
 //! [`cli`] holds one file a subcommand.
 
 pub mod accel;
@@ -17,6 +17,7 @@ pub mod experiment;
 pub mod image;
 pub mod launch;
 pub mod measure;
+pub mod memory;
 pub mod program;
 pub mod record;
 pub mod reference;

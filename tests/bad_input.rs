@@ -95,6 +95,12 @@ fn a_negative_size() {
 }
 
 #[test]
+fn an_image_that_the_device_cannot_hold() {
+    let message = argument_mistake(&["--width", "65536", "--height", "65536", "--strategy", "deferred"]);
+    has(&message, &["largest buffer: image 16 B x 4294967296 pixels = 68719476736 B > ", "smaller image"]);
+}
+
+#[test]
 fn a_scene_without_light_is_rendered_with_a_remark() {
     let dark = TRIANGLE.replace("[[light]]\nposition = [1, 3, 1]\npower = 10\n", "");
     let place = Place::with(&[("scene.toml", &dark)]);

@@ -18,7 +18,7 @@ mod wide;
 use crate::scene::Mesh;
 use bounds::Bounds;
 
-pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, surface_rows, triangle_rows};
+pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, write_surface_rows, write_triangle_rows};
 pub use walk::{Hit, Walk};
 pub use wide::WideBvh;
 

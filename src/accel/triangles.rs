@@ -3,7 +3,7 @@
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Words a triangle in [`triangle_rows`]: three float4, 48 bytes.
+/// Words a triangle in [`write_triangle_rows`]: three float4, 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
 /// Rows of zeros after the last triangle, for kernels that load as many at once as they prepare (PREPARED in
@@ -19,7 +19,7 @@ pub enum TriangleForm {
     Edges,
 }
 
-/// The triangles of `order` one after another, 12 words each, and [`PADDING_ROWS`].
+/// The triangles of `order` one after another into `rows`, 12 words each; what is left of `rows` becomes zero.
 ///
 /// | words | content |
 /// |---|---|
@@ -27,8 +27,8 @@ pub enum TriangleForm {
 /// | 3 | the triangle's number in the mesh, as bits |
 /// | 4, 5, 6 and 8, 9, 10 | v1 and v2, or e1 and e2 |
 /// | 7, 11 | the number of its material, as bits, and 0 |
-pub fn triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm) -> Vec<f32> {
-    let row = |&number: &u32| {
+pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm, rows: &mut [f32]) {
+    write_rows(order, rows, |number| {
         let triangle = &mesh.triangles[number as usize];
         let [a, b, c] = mesh.corners(triangle);
         let (b, c) = match form {
@@ -37,21 +37,21 @@ pub fn triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm) -> Vec<f32>
         };
         let (number, material) = (f32::from_bits(number), f32::from_bits(triangle.material));
         [a.x, a.y, a.z, number, b.x, b.y, b.z, material, c.x, c.y, c.z, 0.0]
-    };
-    let mut rows = Vec::with_capacity(order.len() + PADDING_ROWS);
-    order.par_iter().map(row).collect_into_vec(&mut rows);
-    rows.resize(order.len() + PADDING_ROWS, [0.0; TRIANGLE_WORDS]);
-    rows.into_flattened()
+    });
 }
 
-/// The normals of the triangles of `order`, 12 words each: n0 and the material's number as bits, then n1 and 0, n2 and 0.
-pub fn surface_rows(mesh: &Mesh, order: &[u32]) -> Vec<f32> {
-    let row = |&number: &u32| {
+/// The normals of the triangles of `order` into `rows`, 12 words each: n0 and the material's number as bits, then n1 and 0, n2 and 0.
+pub fn write_surface_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
+    write_rows(order, rows, |number| {
         let triangle = &mesh.triangles[number as usize];
         let [a, b, c] = mesh.corner_normals(triangle);
         [a.x, a.y, a.z, f32::from_bits(triangle.material), b.x, b.y, b.z, 0.0, c.x, c.y, c.z, 0.0]
-    };
-    let mut rows: Vec<[f32; TRIANGLE_WORDS]> = Vec::new();
-    order.par_iter().map(row).collect_into_vec(&mut rows);
-    rows.into_flattened()
+    });
+}
+
+/// One row for each triangle of `order`, on all cores.
+fn write_rows(order: &[u32], rows: &mut [f32], row: impl Fn(u32) -> [f32; TRIANGLE_WORDS] + Sync) {
+    let (rows, padding) = rows.as_chunks_mut::<TRIANGLE_WORDS>().0.split_at_mut(order.len());
+    padding.fill([0.0; TRIANGLE_WORDS]);
+    rows.par_iter_mut().zip(order).for_each(|(words, &number)| *words = row(number));
 }

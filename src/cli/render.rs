@@ -11,10 +11,11 @@ use crate::error::{Error, Result};
 use crate::image::{Radiance, check_path, save};
 use crate::launch::{Caster, DeviceScene, DeviceTree, FrameTimes, Queue};
 use crate::measure::Summary;
+use crate::memory::{Available, peak_bytes, resident_bytes};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::reference::reference;
-use crate::scene::{Scene, load_scene_with};
-use crate::strategy::{Requirements, Strategy, Traversal, Workload, fastest};
+use crate::scene::{Loaded, Scene, load_scene_with};
+use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload, fastest};
 use crate::verify::verify;
 use report::Report;
 use std::path::{Path, PathBuf};
@@ -89,18 +90,14 @@ fn render(args: &Args) -> Result<()> {
     let start = Instant::now();
     let output = args.output.clone().unwrap_or_else(|| default_output(args));
     check_path(&output)?;
-    let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(args)?));
-    let loaded = loaded?;
+    let Opened { loaded, device, queue, load_ms, discover_ms } = open(args)?;
     let scene = &loaded.scene;
-    let (device, discover_ms) = timed(|| one_device(args.device.as_deref()));
-    let device = device?;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
-    Requirements::check(&strategy, &workload, &device.info.limits).map_err(|infeasible| {
-        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
-    })?;
+    let needs = HostNeeds::of(&strategy, &workload, queue.shares_memory, args.verify);
+    let device_bytes = fits(&device, &strategy, &workload, &needs)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let cast = cast(args, &device, scene, &strategy, &mut workload, &sources)?;
+    let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
     if args.verify {
         check(scene, &cast.image, &strategy)?;
     }
@@ -112,6 +109,9 @@ fn render(args: &Args) -> Result<()> {
         save_ms,
         total_ms: ms_since(start),
         frames: args.repeat,
+        host_bytes: needs.bytes(),
+        device_bytes,
+        peak_bytes: peak_bytes(),
         output: output.display().to_string(),
         notes: loaded.notes.clone(),
         ..Report::of(scene, &device, &strategy, &workload, &cast)
@@ -121,6 +121,45 @@ fn render(args: &Args) -> Result<()> {
         (false, true) => Ok(()),
         (false, false) => super::print(report.text(&device.info)),
     }
+}
+
+/// A scene and an open device.
+struct Opened {
+    loaded: Loaded,
+    device: Device,
+    queue: Queue,
+    load_ms: f64,
+    discover_ms: f64,
+}
+
+/// Loads the scene while the drivers start, which takes them some 30 ms on one core.
+fn open(args: &Args) -> Result<Opened> {
+    std::thread::scope(|scope| {
+        let device = scope.spawn(|| -> Result<_> {
+            let device = one_device(args.device.as_deref())?;
+            let queue = Queue::open(device.platform, device.device)?;
+            Ok((device, queue))
+        });
+        let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(args)?));
+        let (device, discover_ms) = timed(|| device.join());
+        let (loaded, opened) = (loaded?, device.map_err(|_| Error::run("a driver panicked"))?);
+        let (device, queue) = opened?;
+        Ok(Opened { loaded, device, queue, load_ms, discover_ms })
+    })
+}
+
+/// Refuses what device or host cannot hold; the bytes of the device's buffers otherwise.
+fn fits(device: &Device, strategy: &Strategy, workload: &Workload, needs: &HostNeeds) -> Result<u64> {
+    let smaller =
+        "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
+    let needed = Requirements::check(strategy, workload, &device.info.limits).map_err(|infeasible| {
+        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
+            .with_help(smaller)
+    })?;
+    needs.check(&Available::read(), resident_bytes().unwrap_or(0)).map_err(|infeasible| {
+        Error::input(format!("this machine cannot hold this: {}", infeasible.reason)).with_help(smaller)
+    })?;
+    Ok(needed.global_bytes + needed.scratch_bytes)
 }
 
 /// What `work` gives, and how long it took.
@@ -190,26 +229,23 @@ const LONG_FRAME_MS: f64 = 1000.0;
 fn cast(
     args: &Args,
     device: &Device,
+    queue: &Queue,
     scene: &Scene,
     strategy: &Strategy,
     workload: &mut Workload,
     sources: &Sources,
 ) -> Result<Cast> {
     let failed = |what: &str, error: &dyn std::fmt::Display| Error::run(format!("{what} failed: {error}"));
-    let build_start = Instant::now();
-    let queue = Queue::open(device.platform, device.device)?;
-    let open_ms = ms_since(build_start);
-    let tree =
-        DeviceTree::build(&queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
+    let tree = DeviceTree::build(queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
     workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
     let build_start = Instant::now();
     let spec = ProgramSpec::new(sources, strategy, workload, device.info.builtins())?;
     let program = BuiltProgram::build(&queue.context, queue.device, &spec)
         .map_err(|error| failed("the build", &error))?;
-    let mut build_ms = open_ms + ms_since(build_start);
-    let device_scene = DeviceScene::upload(&queue, scene, strategy.layout)
-        .map_err(|error| failed("uploading the scene", &error))?;
-    let caster = Caster::new(&queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
+    let mut build_ms = ms_since(build_start);
+    let device_scene =
+        DeviceScene::upload(queue, scene, strategy).map_err(|error| failed("uploading the scene", &error))?;
+    let caster = Caster::new(queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
         .map_err(|error| failed("preparing the frame", &error))?;
     let frame = || caster.cast().map_err(|error| failed("the launch", &error));
     let first = frame()?;

@@ -3,6 +3,7 @@
 //! reported at its line.
 
 mod document;
+mod scenes;
 mod strategies;
 #[cfg(test)]
 mod tests;
@@ -10,7 +11,7 @@ mod types;
 mod validate;
 mod wire;
 
-pub use types::{Baseline, Experiment, LimitOverrides, NamedStrategy, Timing};
+pub use types::{Baseline, Experiment, LimitOverrides, NamedStrategy, SceneChoice, Timing};
 
 use std::path::Path;
 

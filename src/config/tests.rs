@@ -19,8 +19,9 @@ fn folder(text: &str) -> (tempfile::TempDir, PathBuf) {
     for name in ["configs", "scenes"] {
         std::fs::create_dir(folder.path().join(name)).unwrap();
     }
-    let scenes = ["triangle", "figure-4", "pyramid-upper", "pyramid-lower", "still-life", "gourd", "teapot"];
-    for scene in scenes {
+    let papers = ["triangle", "figure-4", "pyramid-upper", "pyramid-lower", "still-life", "gourd", "teapot"];
+    let larger = ["terrain", "teapot-fine", "interior"];
+    for scene in papers.into_iter().chain(larger) {
         std::fs::write(folder.path().join(format!("scenes/{scene}.toml")), "").unwrap();
     }
     let path = folder.path().join("configs/test.toml");
@@ -77,7 +78,10 @@ fn every_config_of_the_repository_loads() {
         let text = std::fs::read_to_string(file.unwrap().path()).unwrap();
         let experiment =
             load_with(&text, &[]).unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)));
-        assert!(!experiment.strategies.is_empty() && !experiment.baselines.is_empty());
+        assert!(!experiment.strategies.is_empty());
+        // Baselines test every triangle: scenes that ask for trees are too large for them.
+        let trees = experiment.strategies.iter().any(|named| named.strategy.needs_tree());
+        assert!(trees || !experiment.baselines.is_empty());
         count += 1;
     }
     assert!(count >= 6, "there are only {count} configs");
@@ -221,6 +225,30 @@ fn broken_toml_and_a_missing_file_are_input_errors() {
     let error = load(&PathBuf::from("no/such.toml"), &[]).expect_err("it was read");
     assert_eq!(error.exit_code(), 2);
     assert!(error.to_string().contains("cannot read the experiment no/such.toml"));
+}
+
+#[test]
+fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
+    let entry = "[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = { \"object.0.triangles\" = [1_000, 2_000], \"light.0.power\" = 5 }\n";
+    let experiment = load_with(&format!("{GOOD}{entry}"), &[]).unwrap();
+    let labels: Vec<_> = experiment.scenes.iter().map(|scene| scene.label()).collect();
+    assert_eq!(labels, ["teapot", "gourd+power=5+triangles=1000", "gourd+power=5+triangles=2000"]);
+    let keys: Vec<_> =
+        experiment.scenes[2].overrides.iter().map(|(key, value)| format!("{key} {value}")).collect();
+    assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
+    // One is enough, and one of each.
+    let only = GOOD.replace("scenes = ", "# ") + entry + entry;
+    assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);
+}
+
+#[test]
+fn a_scene_entry_is_checked_at_its_place() {
+    let refused = |entry: &str, words: &[&str]| refuses(&format!("{GOOD}[[scene]]\n{entry}\n"), words);
+    refused("file = \"../scenes/gord.toml\"", &["no scene file '../scenes/gord.toml'", "8:8", "gourd.toml?"]);
+    refused("set = { \"object.0.triangles\" = 4 }", &["the key 'file' is missing", "7:1"]);
+    refused("file = \"../scenes/gourd.toml\"\nset = { seed = [] }", &["'seed' is empty", "9:9"]);
+    refused("file = \"../scenes/gourd.toml\"\ntriangles = 4", &["unknown key 'triangles'", "9:1"]);
+    refuses(&GOOD.replace("scenes = ", "# "), &["there is no scene", "scenes = [...] or [[scene]]"]);
 }
 
 #[test]

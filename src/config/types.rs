@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::device::DeviceLimits;
+use crate::error::Result;
+use crate::scene::{Loaded, load_scene_with};
 use crate::strategy::Strategy;
 
 /// A question and the product of axes that answers it.
@@ -17,8 +19,8 @@ pub struct Experiment {
     pub question: String,
     /// What is expected, written down before measuring.
     pub expectation: String,
-    /// Scene files; each was there when the config was read.
-    pub scenes: Vec<PathBuf>,
+    /// Scenes; each one's file was there when the config was read.
+    pub scenes: Vec<SceneChoice>,
     /// Words that devices are chosen by; "all" is every usable one.
     pub devices: Vec<String>,
     /// Pixels across and down.
@@ -35,6 +37,39 @@ pub struct Experiment {
     pub source: String,
     /// The values laid over it, each as a line of TOML.
     pub overrides: Vec<String>,
+}
+
+/// A scene file, and the values that are set in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneChoice {
+    /// The file.
+    pub path: PathBuf,
+    /// Dotted keys of the scene and their values.
+    pub overrides: Vec<(String, toml::Value)>,
+    /// What is added to the scene's name, to tell it from the others of the same file: `+triangles=1000`.
+    pub suffix: String,
+}
+
+impl SceneChoice {
+    /// A file as it is.
+    pub fn file(path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into(), overrides: Vec::new(), suffix: String::new() }
+    }
+
+    /// Reads the file and sets the values.
+    ///
+    /// # Errors
+    /// As [`load_scene_with`].
+    pub fn load(&self) -> Result<Loaded> {
+        let mut loaded = load_scene_with(&self.path, &self.overrides)?;
+        loaded.scene.name.push_str(&self.suffix);
+        Ok(loaded)
+    }
+
+    /// For progress and logs: the file's stem with the suffix.
+    pub fn label(&self) -> String {
+        self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned() + &self.suffix
+    }
 }
 
 /// A strategy as a config names it, and the local sizes it runs at.

@@ -2,14 +2,14 @@
 
 use std::fmt::Display;
 use std::ops::{Range, RangeInclusive};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use toml::Spanned;
 
 use super::document::Document;
 use super::types::{Baseline, Experiment, LimitOverrides, Timing};
-use super::{strategies, wire};
-use crate::error::{Result, nearest, nearest_file};
+use super::{scenes, strategies, wire};
+use crate::error::{Result, nearest};
 
 /// Pixels an image may have across or down.
 const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
@@ -22,6 +22,7 @@ const MOST_SAMPLES: i64 = 1_000_000;
 
 /// Checks everything that can be checked without a device.
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
+    let scenes = scenes::expand(document, &wire, path)?;
     let local_sizes = local_sizes(document, &wire.local_sizes)?;
     let strategies = strategies::expand(document, &wire.strategies, &wire.strategy, &local_sizes)?;
     let baselines = baselines(document, &wire.baselines)?;
@@ -34,7 +35,7 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         path: path.to_path_buf(),
         question: sentence(document, &wire.question, "question")?,
         expectation: sentence(document, &wire.expectation, "expectation")?,
-        scenes: scenes(document, &wire.scenes, path)?,
+        scenes,
         devices: devices(document, wire.devices)?,
         image_sizes: image_sizes(document, &wire.image_sizes)?,
         strategies,
@@ -53,29 +54,6 @@ fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<St
         return Err(document.error(text.span(), message, "expected a sentence"));
     }
     Ok(trimmed.to_string())
-}
-
-fn scenes(document: &Document, list: &Spanned<Vec<Spanned<String>>>, config: &Path) -> Result<Vec<PathBuf>> {
-    not_empty(document, list, "scenes", "a scene file")?;
-    let folder = config.parent().unwrap_or(Path::new(""));
-    let mut paths = Vec::new();
-    for scene in list.get_ref() {
-        let path = folder.join(scene.get_ref());
-        if !path.is_file() {
-            return Err(missing_scene(document, scene, &path));
-        }
-        paths.push(path);
-    }
-    Ok(distinct(paths))
-}
-
-fn missing_scene(document: &Document, scene: &Spanned<String>, path: &Path) -> crate::Error {
-    let message = format!("there is no scene file '{}'", scene.get_ref());
-    let error = document.error(scene.span(), message, format!("{} is no file", path.display()));
-    match nearest_file(path) {
-        Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
-        None => error.with_help("paths are relative to the config file"),
-    }
 }
 
 fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<String>> {

@@ -1,6 +1,7 @@
 //! The config as TOML spells it. Numbers are wide and sizes unchecked, so that
 //! `validate` can say at their place what is wrong with them.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Deserialize;
@@ -15,7 +16,10 @@ use crate::strategy::AXES;
 pub struct Experiment {
     pub question: Spanned<String>,
     pub expectation: Spanned<String>,
-    pub scenes: Spanned<Vec<Spanned<String>>>,
+    #[serde(default)]
+    pub scenes: Vec<Spanned<String>>,
+    #[serde(default)]
+    pub scene: Vec<SceneEntry>,
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     pub image_sizes: Spanned<Vec<Spanned<Size>>>,
     #[serde(default)]
@@ -30,6 +34,23 @@ pub struct Experiment {
     pub limits: Limits,
     #[serde(default)]
     pub timing: Timing,
+}
+
+/// A `[[scene]]`: a file, and values to set in it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneEntry {
+    pub file: Spanned<String>,
+    #[serde(default)]
+    pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
+}
+
+/// One value or a list of them; a value that is a list itself stands in a list.
+#[derive(Deserialize)]
+#[serde(untagged)]
+pub enum SceneValues {
+    List(Vec<toml::Value>),
+    One(toml::Value),
 }
 
 #[derive(Default, Deserialize)]

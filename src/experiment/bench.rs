@@ -5,10 +5,13 @@ use crate::device::{Device, DeviceLimits};
 use crate::error::Result;
 use crate::image::Radiance;
 use crate::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
+use crate::memory::{Available, resident_bytes};
 use crate::program::{BuiltProgram, ProgramSpec};
 use crate::record::{Outcome, Record};
 use crate::scene::Scene;
-use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload};
+use crate::strategy::{
+    HostNeeds, Infeasible, Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -19,8 +22,19 @@ pub struct Bench {
     limits: DeviceLimits,
     /// The scene at hand, by its number, in the layouts uploaded so far.
     scene: usize,
-    layouts: HashMap<Layout, DeviceScene>,
+    layouts: HashMap<LayoutKind, DeviceScene>,
     trees: HashMap<TreeKind, DeviceTree>,
+    /// Bytes of the buffers of points that are ready: they are cast in rounds, so none is dropped before the others.
+    point_bytes: u64,
+    /// Bytes of what points of a kind share, scene and tree.
+    shared_bytes: HashMap<Kind, u64>,
+}
+
+/// What tells what one point shares with others from what another does.
+type Kind = (LayoutKind, Option<TreeKind>);
+
+fn kind(strategy: &Strategy) -> Kind {
+    (layout_kind(strategy), strategy.needs_tree().then(|| tree_kind(strategy)))
 }
 
 /// What tells one tree of a scene from another.
@@ -28,6 +42,13 @@ type TreeKind = (Traversal, NodeWidth, LeafSize);
 
 fn tree_kind(strategy: &Strategy) -> TreeKind {
     (strategy.traversal, strategy.node_width, strategy.leaf_size)
+}
+
+/// What tells one upload of a scene from another: a layout, and whether the triangles are in it.
+type LayoutKind = (Layout, bool);
+
+fn layout_kind(strategy: &Strategy) -> LayoutKind {
+    (strategy.layout, strategy.reads_mesh())
 }
 
 /// Why a point cannot be timed.
@@ -82,6 +103,8 @@ impl Bench {
             scene: usize::MAX,
             layouts: HashMap::new(),
             trees: HashMap::new(),
+            point_bytes: 0,
+            shared_bytes: HashMap::new(),
         })
     }
 
@@ -101,17 +124,51 @@ impl Bench {
         record.constant_bytes = Some(needs.constant_bytes);
         record.scratch_bytes = Some(needs.scratch_bytes);
         record.private_bytes = Some(needs.private_bytes);
-        Requirements::check(&named.strategy, workload, &self.limits)
-            .map_err(|infeasible| Refusal::new(Outcome::Infeasible, infeasible.reason))?;
+        self.fits(&named.strategy, workload)?;
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, spec)
             .map_err(|error| Refusal::new(Outcome::BuildFailed, error.log))?;
         record.build_ms = Some(program.build_ms);
-        self.upload(number, scene, named.strategy.layout)?;
-        let Some(device_scene) = self.layouts.get(&named.strategy.layout) else {
+        self.upload(number, scene, &named.strategy)?;
+        let Some(device_scene) = self.layouts.get(&layout_kind(&named.strategy)) else {
             return Err(Refusal::new(Outcome::LaunchFailed, "the scene was not uploaded"));
         };
         let tree = self.tree(&named.strategy);
-        Ok(Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?)
+        let caster =
+            Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?;
+        // What is left without pixels is shared.
+        let shared = Requirements::of(&named.strategy, &Workload { image_size: [0, 0], ..*workload });
+        self.shared_bytes.insert(kind(&named.strategy), shared.global_bytes);
+        self.point_bytes += needs.global_bytes - shared.global_bytes + needs.scratch_bytes;
+        Ok(caster)
+    }
+
+    /// Says that no point is ready any more: those of another group come.
+    pub fn let_go(&mut self) {
+        self.point_bytes = 0;
+    }
+
+    /// Refuses what the device or the host cannot hold beside what other points hold.
+    fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refusal> {
+        let own = kind(strategy);
+        let others = self.shared_bytes.iter().filter(|(kind, _)| **kind != own).map(|(_, bytes)| bytes);
+        let held_bytes = self.point_bytes + others.sum::<u64>();
+        let infeasible = |refused: Infeasible| {
+            let held = if held_bytes > 0 {
+                format!(", beside {held_bytes} B of other points")
+            } else {
+                String::new()
+            };
+            Refusal::new(Outcome::Infeasible, refused.reason + &held)
+        };
+        let left = self.limits.global_bytes.saturating_sub(held_bytes);
+        let limits = DeviceLimits { global_bytes: left, ..self.limits };
+        Requirements::check(strategy, workload, &limits).map_err(infeasible)?;
+        let shared = self.queue.shares_memory;
+        let held = if shared { held_bytes } else { 0 };
+        let own_bytes = resident_bytes().unwrap_or(0).saturating_sub(held);
+        HostNeeds::of(strategy, workload, shared, true)
+            .check(&Available::read(), own_bytes)
+            .map_err(infeasible)
     }
 
     /// Drops what belongs to another scene.
@@ -120,6 +177,8 @@ impl Bench {
             self.scene = number;
             self.layouts.clear();
             self.trees.clear();
+            self.shared_bytes.clear();
+            self.point_bytes = 0;
         }
     }
 
@@ -135,8 +194,7 @@ impl Bench {
         let strategy = &named.strategy;
         let kind = tree_kind(strategy);
         if strategy.needs_tree() && !self.trees.contains_key(&kind) {
-            Requirements::check(strategy, workload, &self.limits)
-                .map_err(|infeasible| Refusal::new(Outcome::Infeasible, infeasible.reason))?;
+            self.fits(strategy, workload)?;
             if let Some(tree) = DeviceTree::build(&self.queue, &scene.mesh, strategy)? {
                 self.trees.insert(kind, tree);
             }
@@ -149,16 +207,16 @@ impl Bench {
         self.trees.get(&tree_kind(strategy)).filter(|_| strategy.needs_tree())
     }
 
-    /// Uploads the scene numbered `number` in a layout; the scene before it is dropped.
+    /// Uploads the scene numbered `number` as a strategy reads it; the scene before it is dropped.
     fn upload(
         &mut self,
         number: usize,
         scene: &Scene,
-        layout: Layout,
+        strategy: &Strategy,
     ) -> std::result::Result<(), LaunchError> {
         self.turn_to(number);
-        if let Entry::Vacant(entry) = self.layouts.entry(layout) {
-            entry.insert(DeviceScene::upload(&self.queue, scene, layout)?);
+        if let Entry::Vacant(entry) = self.layouts.entry(layout_kind(strategy)) {
+            entry.insert(DeviceScene::upload(&self.queue, scene, strategy)?);
         }
         Ok(())
     }

@@ -44,6 +44,13 @@ impl<'a> Checker<'a> {
         self.device.as_ref().map(|(device, _)| *device)
     }
 
+    /// Says that the points checked before were dropped.
+    pub fn let_go(&mut self) {
+        if let Some((_, bench)) = &mut self.device {
+            bench.let_go();
+        }
+    }
+
     /// Casts a point once and compares its image with the reference; fills in `record` on the way.
     pub fn check(
         &mut self,

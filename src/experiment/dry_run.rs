@@ -2,8 +2,9 @@
 
 use super::{Run, Work};
 use crate::error::Result;
+use crate::memory::Available;
 use crate::record::HOST;
-use crate::strategy::{Requirements, Workload};
+use crate::strategy::{HostNeeds, Requirements, Workload};
 use serde::Serialize;
 
 /// A point of a plan, as foreseen.
@@ -23,6 +24,7 @@ pub struct Forecast {
 
 /// Every point of a run, as foreseen.
 pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
+    let available = Available::read();
     let scenes = run.load_scenes()?;
     let forecast = |point: &super::Point| {
         let label = point.label(run.experiment);
@@ -34,7 +36,8 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
         let strategy = &run.experiment.strategies[strategy].strategy;
         let workload = Workload::of(&scenes[point.scene].scene, point.image_size, local_size);
         let limits = run.experiment.limits.apply(info.limits);
-        let refused = Requirements::check(strategy, &workload, &limits).err();
+        let on_host = || HostNeeds::of(strategy, &workload, limits.is_cpu, true).check(&available, 0).err();
+        let refused = Requirements::check(strategy, &workload, &limits).err().or_else(on_host);
         Forecast {
             label,
             device: info.label.clone(),

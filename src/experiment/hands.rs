@@ -9,7 +9,6 @@ use crate::config::Baseline;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::launch::{Caster, FrameTimes};
-use crate::scene::load_scene;
 use std::collections::HashMap;
 
 /// A point that passed its check and can be cast again and again.
@@ -56,6 +55,7 @@ impl<'a> Hands<'a> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
         if self.group.is_none_or(|group| !group.compares_with(&point)) {
             self.entries.clear();
+            self.checker.let_go();
             self.group = Some(point);
         }
         let at = scene(&mut self.scene, &self.drafter, point.scene)?;
@@ -100,8 +100,8 @@ fn scene<'s>(
     if slot.as_ref().is_none_or(|(held, _)| *held != number) {
         // The old one goes first: two large scenes may not fit.
         *slot = None;
-        let path = drafter.experiment.scenes.get(number).ok_or_else(no_such_point)?;
-        *slot = Some((number, load_scene(path)?.into()));
+        let choice = drafter.experiment.scenes.get(number).ok_or_else(no_such_point)?;
+        *slot = Some((number, choice.load()?.into()));
     }
     slot.as_ref().map(|(_, scene)| scene).ok_or_else(no_such_point)
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::config::{Baseline, Experiment};
+use crate::config::{Baseline, Experiment, SceneChoice};
 
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -92,7 +92,7 @@ impl Point {
 
     /// For progress and logs: "teapot 800x500 naive 16x16".
     pub fn label(&self, experiment: &Experiment) -> String {
-        let scene = experiment.scenes.get(self.scene).and_then(|path| path.file_stem()).unwrap_or_default();
+        let scene = experiment.scenes.get(self.scene).map_or(String::new(), SceneChoice::label);
         let [width, height] = self.image_size;
         let work = match self.work {
             Work::Host(baseline) => format!("host {}", baseline.strategy()),
@@ -101,7 +101,7 @@ impl Point {
                 format!("{name} {across}x{down}")
             }
         };
-        format!("{} {width}x{height} {work}", scene.to_string_lossy())
+        format!("{scene} {width}x{height} {work}")
     }
 }
 
@@ -164,7 +164,7 @@ mod tests {
             path: "test.toml".into(),
             question: "?".into(),
             expectation: "!".into(),
-            scenes: (0..scenes).map(|scene| format!("scenes/s{scene}.toml").into()).collect(),
+            scenes: (0..scenes).map(|scene| SceneChoice::file(format!("scenes/s{scene}.toml"))).collect(),
             devices: vec!["all".into()],
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
             strategies: PRESETS[..strategies].iter().map(strategy).collect(),

@@ -6,12 +6,12 @@ use super::keeper::Keeper;
 use super::protocol::Job;
 use super::supervisor::{Spawner, Supervisor};
 use super::{Fault, Observer, Plan, Results};
-use crate::config::Experiment;
+use crate::config::{Experiment, SceneChoice};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Record;
-use crate::scene::{Loaded, load_scene};
+use crate::scene::Loaded;
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -41,7 +41,7 @@ impl Run<'_> {
 
     /// The experiment's scenes, in its order.
     pub fn load_scenes(&self) -> Result<Vec<Loaded>> {
-        self.experiment.scenes.iter().map(|path| load_scene(path)).collect()
+        self.experiment.scenes.iter().map(SceneChoice::load).collect()
     }
 
     /// The jobs of its workers, one a device; without devices one for the host.
@@ -115,7 +115,7 @@ impl Run<'_> {
             for point in group {
                 let at = match held.take() {
                     Some((scene, at)) if scene == point.scene => at,
-                    _ => load_scene(&self.experiment.scenes[point.scene])?.into(),
+                    _ => self.experiment.scenes[point.scene].load()?.into(),
                 };
                 let device = point.device.map(|device| self.devices[device]);
                 open.push(Open {

@@ -24,17 +24,35 @@ fn transform(radiance: f32, display: Display) -> u8 {
     (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // truncates; NaN is 0
 }
 
-/// The transform as a table, since a power for every channel would take longer than writing the
-/// file: the smallest radiance that is shown as each of 1 to 255.
-struct Thresholds([f32; 255]);
+/// The transform as tables, since a power or a search for every channel would take longer than writing the file.
+struct Thresholds {
+    /// The smallest radiance that is shown as 1, 2, ... 255, and one that none reaches.
+    smallest: [f32; 256],
+    /// What a radiance whose upper 16 bits are the place is shown as at least: one or two steps short at most.
+    at_least: Vec<u8>,
+}
 
 impl Thresholds {
     fn new(display: Display) -> Self {
-        Self(std::array::from_fn(|index| smallest(index as u8 + 1, display)))
+        let mut thresholds = [f32::NAN; 256]; // no comparison with NaN holds
+        for (value, threshold) in (1..=255).zip(&mut thresholds) {
+            *threshold = smallest(value, display);
+        }
+        let shown = |radiance| thresholds[..255].partition_point(|least| *least <= radiance) as u8;
+        let at_least = (0..1 << 15).map(|upper: u32| shown(f32::from_bits(upper << 16))).collect();
+        Self { smallest: thresholds, at_least }
     }
 
     fn value(&self, radiance: f32) -> u8 {
-        self.0.partition_point(|threshold| *threshold <= radiance) as u8
+        // What is not positive is black, NaN too.
+        if radiance.is_nan() || radiance <= 0.0 {
+            return 0;
+        }
+        let mut value = self.at_least[(radiance.to_bits() >> 16) as usize];
+        while self.smallest[usize::from(value)] <= radiance {
+            value += 1;
+        }
+        value
     }
 }
 
@@ -77,10 +95,15 @@ mod tests {
 
     #[test]
     fn the_table_is_the_formula() {
-        for display in [Display::default(), Display { exposure: 0.7, gamma: 1.0 }] {
+        let of = |exposure, gamma| Display { exposure, gamma };
+        for display in [Display::default(), of(0.7, 1.0), of(0.0, 2.2), of(1e30, 0.1), of(1e-30, 9.0)] {
             let thresholds = Thresholds::new(display);
             for step in 0..200_000 {
                 let radiance = step as f32 * 1e-5 - 0.1;
+                assert_eq!(thresholds.value(radiance), transform(radiance, display), "{radiance}");
+            }
+            for bits in (0..=u32::MAX).step_by(104_729) {
+                let radiance = f32::from_bits(bits);
                 assert_eq!(thresholds.value(radiance), transform(radiance, display), "{radiance}");
             }
         }

@@ -1,6 +1,6 @@
 //! Everything one point needs to cast a frame again and again.
 
-use super::buffers::allocate;
+use super::buffers::{allocate, read_with};
 use super::frame::{FrameTimes, Phase};
 use super::scene::DeviceScene;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
@@ -14,6 +14,7 @@ use ocl::builders::KernelBuilder;
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::{Float4, Int2};
 use ocl::{Buffer, Kernel};
+use rayon::prelude::*;
 use std::time::Instant;
 use thiserror::Error;
 
@@ -167,10 +168,10 @@ impl Caster {
     /// Reads the image of the last frame, and how many of its pixels hit something.
     pub fn read(&self) -> Result<(Radiance, usize), LaunchError> {
         self.check_heap()?;
-        let mut pixels = vec![Float4::zero(); self.image.len()];
-        self.image.read(&mut pixels).enq()?;
-        let hits = pixels.iter().filter(|pixel| pixel[3] > 0.0).count();
-        let pixels = pixels.into_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+        let (pixels, hits) = read_with(&self.queue, &self.image, |values| {
+            let pixels = values.par_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+            (pixels, values.par_iter().filter(|pixel| pixel[3] > 0.0).count())
+        })?;
         Ok((Radiance { width: self.size[0], height: self.size[1], pixels }, hits))
     }
 

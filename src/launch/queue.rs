@@ -1,6 +1,7 @@
 //! A device ready for commands.
 
 use crate::error::{Error, Result};
+use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::{CommandQueueProperties, Context, Device, Platform};
 
 /// A context and an in-order queue with timestamps on one device.
@@ -12,6 +13,8 @@ pub struct Queue {
     pub commands: ocl::Queue,
     /// The device.
     pub device: Device,
+    /// Whether the device works in the host's own memory, as a CPU does.
+    pub shares_memory: bool,
 }
 
 impl Queue {
@@ -20,7 +23,9 @@ impl Queue {
         let open = || -> ocl::Result<Self> {
             let context = Context::builder().platform(platform).devices(device).build()?;
             let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))?;
-            Ok(Self { context, commands, device })
+            let shared = device.info(DeviceInfo::HostUnifiedMemory);
+            let shares_memory = matches!(shared, Ok(DeviceInfoResult::HostUnifiedMemory(true)));
+            Ok(Self { context, commands, device, shares_memory })
         };
         open().map_err(|error| Error::run(format!("cannot open the OpenCL device: {error}")))
     }

@@ -1,9 +1,9 @@
 //! The scene in a device's memory, in one layout.
 
-use super::buffers::upload;
+use super::buffers::{upload, upload_with};
 use super::{LaunchError, Queue};
 use crate::scene::{Material, Mesh, Scene, Triangle};
-use crate::strategy::{Layout, Workload};
+use crate::strategy::{Layout, Strategy, Workload};
 use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -42,12 +42,13 @@ pub struct DeviceScene {
 }
 
 impl DeviceScene {
-    /// Uploads `scene`.
-    pub fn upload(queue: &Queue, scene: &Scene, layout: Layout) -> Result<Self, LaunchError> {
+    /// Uploads what `strategy` reads of `scene`: not its triangles where all of them are in its tree's rows.
+    pub fn upload(queue: &Queue, scene: &Scene, strategy: &Strategy) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let mesh = &scene.mesh;
-        let geometry = match layout {
-            Layout::Soup => Geometry::Soup(upload(queue, &soup(mesh))?),
+        let geometry = match strategy.layout {
+            _ if !strategy.reads_mesh() => Geometry::Soup(upload(queue, &[])?),
+            Layout::Soup => Geometry::Soup(soup(queue, mesh)?),
             Layout::Indexed16 => Geometry::Indexed16(sets(queue, mesh, |index| index as u16)?),
             Layout::Indexed32 => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
         };
@@ -85,19 +86,17 @@ impl Workload {
 }
 
 /// 104 bytes a triangle, nothing shared: the paper's data.
-fn soup(mesh: &Mesh) -> Vec<f32> {
-    let row = |triangle: &Triangle| {
-        let mut row = [0.0; SOUP_FLOATS];
+fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
+    let write = |(row, triangle): (&mut [f32], &Triangle)| {
         let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));
         for (place, point) in row.chunks_exact_mut(3).zip(points) {
             place.copy_from_slice(&point.to_array());
         }
         row[18..].copy_from_slice(&mesh.material(triangle).to_floats());
-        row
     };
-    let mut rows = Vec::new();
-    mesh.triangles.par_iter().map(row).collect_into_vec(&mut rows);
-    rows.into_flattened()
+    upload_with(queue, SOUP_FLOATS * mesh.triangles.len(), |rows| {
+        rows.par_chunks_exact_mut(SOUP_FLOATS).zip(&mesh.triangles).for_each(write);
+    })
 }
 
 fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) -> ocl::Result<Sets<I>> {

@@ -1,8 +1,10 @@
 //! A scene's tree in a device's memory.
 
-use super::buffers::upload;
+use super::buffers::{upload, upload_with};
 use super::{LaunchError, Queue};
-use crate::accel::{Bvh, TriangleForm, WideBvh, surface_rows, triangle_rows};
+use crate::accel::{
+    Bvh, PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
+};
 use crate::scene::Mesh;
 use crate::strategy::{Strategy, Traversal};
 use ocl::Buffer;
@@ -38,7 +40,9 @@ impl Surfaces {
     fn upload(queue: &Queue, mesh: &Mesh, order: &[u32]) -> ocl::Result<Self> {
         let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
         Ok(Self {
-            normals: upload(queue, &surface_rows(mesh, order))?,
+            normals: upload_with(queue, TRIANGLE_WORDS * order.len(), |rows| {
+                write_surface_rows(mesh, order, rows);
+            })?,
             materials: upload(queue, &materials)?,
             material_count: mesh.materials.len(),
         })
@@ -56,11 +60,14 @@ impl DeviceTree {
         let bvh = Bvh::build(mesh, leaf_size.min(Bvh::LEAF_SIZE));
         let wide = WideBvh::new(&bvh, strategy.node_width.children(), leaf_size)
             .map_err(|error| LaunchError::Tree(error.to_string()))?;
+        drop(bvh); // at ten million triangles 300 MB
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
 
         let start = Instant::now();
         let nodes = upload(queue, &wide.nodes)?;
-        let leaves = upload(queue, &triangle_rows(mesh, &wide.order, TriangleForm::Corners))?;
+        let leaves = upload_with(queue, TRIANGLE_WORDS * (wide.order.len() + PADDING_ROWS), |rows| {
+            write_triangle_rows(mesh, &wide.order, TriangleForm::Corners, rows);
+        })?;
         let tiles = strategy.traversal == Traversal::Tile;
         let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &wide.order)).transpose()?;
         queue.commands.finish()?;

@@ -86,6 +86,16 @@ impl Document {
         Ok(())
     }
 
+    /// Gives a mistake that has no place yet a place in this document.
+    pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
+        let Error::Input(input) = error else { return error };
+        let placed = self.error(span, input.message, label);
+        match input.help {
+            Some(help) => placed.with_help(help),
+            None => placed,
+        }
+    }
+
     /// A mistake at a place in this document.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
         Error::in_file(&self.name, self.text.as_str(), span, message, label)

@@ -32,6 +32,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Bytes that a mesh of so many triangles, positions and normals takes.
+    pub const fn bytes(triangles: u64, positions: u64, normals: u64) -> u64 {
+        triangles * size_of::<Triangle>() as u64 + (positions + normals) * size_of::<Vec3>() as u64
+    }
+
     /// The three corners of a triangle.
     pub fn corners(&self, triangle: &Triangle) -> [Vec3; 3] {
         triangle.positions.map(|index| self.positions[index as usize])

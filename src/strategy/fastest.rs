@@ -4,18 +4,22 @@ use super::{Axis, Strategy, Width, preset};
 use crate::device::DeviceLimits;
 use crate::error::Result;
 
-/// From this many triangles on, a tree beats testing them all.
+/// From this many triangles on, a tree walked by single rays or packets beats testing them all.
 const TREE_TRIANGLES: usize = 200;
+/// The same for tiles on a CPU: at 50 triangles 4.6 ms a frame against 7.7, at 6 no difference that lasts (PoCL,
+/// 2 cores under load, 800 x 500, 2026-11-20).
+const TREE_TRIANGLES_OF_TILES: usize = 50;
 
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
 /// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
 /// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
 /// on a CPU tiles of rays walk together.
 pub fn fastest(limits: &DeviceLimits, triangles: usize) -> Result<(Strategy, [u32; 2])> {
-    let tree = triangles >= TREE_TRIANGLES;
     let width = widest(limits.native_width);
+    let tiles = limits.is_cpu && width == Width::W16;
+    let tree = triangles >= if tiles { TREE_TRIANGLES_OF_TILES } else { TREE_TRIANGLES };
     Ok(match (limits.is_cpu, tree) {
-        (true, true) if width == Width::W16 => (preset("tile")?.strategy, [1, 1]),
+        (true, true) if tiles => (preset("tile")?.strategy, [1, 1]),
         (true, true) => (Strategy { width, ..preset("bvh-packet")?.strategy }, [4, 4]),
         (true, false) => (Strategy { width, ..preset("wide-common-origin")?.strategy }, [4, 4]),
         (false, true) => (preset("bvh")?.strategy, [8, 8]),
@@ -31,7 +35,53 @@ fn widest(native: u32) -> Width {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Traversal;
     use super::*;
+
+    fn choice(is_cpu: bool, native_width: u32, triangles: usize) -> (Strategy, [u32; 2]) {
+        let limits = DeviceLimits {
+            local_bytes: 49152,
+            constant_bytes: 65536,
+            global_bytes: 1 << 33,
+            allocation_bytes: 1 << 31,
+            work_group_size: 1024,
+            work_item_sizes: [1024, 1024, 64],
+            compute_units: 16,
+            native_width,
+            is_cpu,
+        };
+        fastest(&limits, triangles).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn the_number_of_triangles_and_the_device_decide() {
+        let named = |name: &str| preset(name).map(|preset| preset.strategy).ok();
+        for (is_cpu, native_width, first_tree, small, large) in [
+            (true, 16, TREE_TRIANGLES_OF_TILES, "wide-common-origin", "tile"),
+            (false, 1, TREE_TRIANGLES, "tiled-common-origin", "bvh"),
+        ] {
+            let of = |triangles| Some(choice(is_cpu, native_width, triangles).0);
+            assert_eq!([of(1), of(first_tree - 1)], [named(small), named(small)]);
+            assert_eq!([of(first_tree), of(10_000_000)], [named(large), named(large)]);
+        }
+    }
+
+    #[test]
+    fn a_cpu_with_narrower_vectors_casts_packets_of_their_width() {
+        let (strategy, local_size) = choice(true, 8, 10_000);
+        assert_eq!((strategy.traversal, strategy.width), (Traversal::Bvh, Width::W8));
+        assert!(!choice(true, 8, TREE_TRIANGLES - 1).0.needs_tree());
+        assert_eq!(local_size, [4, 4]);
+    }
+
+    #[test]
+    fn every_choice_makes_sense() {
+        for (is_cpu, width) in [(true, 1), (true, 4), (true, 16), (false, 1)] {
+            for triangles in [0, 1, 49, 50, 199, 200, 10_000_000] {
+                assert_eq!(choice(is_cpu, width, triangles).0.contradiction(), None);
+            }
+        }
+    }
 
     #[test]
     fn width_follows_the_hardware() {

@@ -2,6 +2,7 @@
 
 mod axis;
 mod fastest;
+mod host;
 mod presets;
 mod requirements;
 
@@ -10,6 +11,7 @@ pub use axis::{
     TileSize, Traversal, Triangles, Vectors, Width,
 };
 pub use fastest::fastest;
+pub use host::HostNeeds;
 pub use presets::{PRESETS, Preset, preset};
 pub use requirements::{Infeasible, Requirements, TILE_TRIANGLES, Workload};
 
@@ -104,6 +106,11 @@ impl Strategy {
         matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
     }
 
+    /// Whether its kernels read the mesh in its layout; tiles read the rows of their tree and nothing else.
+    pub fn reads_mesh(&self) -> bool {
+        self.traversal != Traversal::Tile
+    }
+
     /// Refuses combinations that make no sense on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
@@ -178,5 +185,44 @@ impl Strategy {
             ),
         ];
         rules.into_iter().find(|(broken, _)| *broken).map(|(_, reason)| reason)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trees_keep_the_defaults_of_triangles_and_layout_and_say_why() {
+        for name in ["bvh", "bvh-packet", "tile"] {
+            let base = preset(name).map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
+            let of = |axis: &str, value: &str| {
+                let mut strategy = base;
+                strategy.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
+                strategy.contradiction()
+            };
+            let others = |all: &'static [(&str, &str)], own: &'static str| {
+                all.iter().map(|(value, _)| *value).filter(move |value| *value != own)
+            };
+            for value in others(Triangles::INFO.values, "global") {
+                let reason = of("triangles", value).unwrap_or_default();
+                assert!(reason.contains("order of their tree"), "{name} triangles={value}: {reason}");
+            }
+            for value in others(Layout::INFO.values, "soup") {
+                let reason = of("layout", value).unwrap_or_default();
+                assert!(reason.contains("order of their tree"), "{name} layout={value}: {reason}");
+            }
+            assert!(of("intersector", "common-origin").is_some(), "{name}");
+        }
+    }
+
+    #[test]
+    fn tiles_keep_the_defaults_of_vectors_shading_and_width() {
+        for (axis, value) in [("vectors", "local"), ("shading", "eager"), ("width", "8")] {
+            let mut tile =
+                preset("tile").map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
+            tile.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
+            assert!(tile.contradiction().is_some(), "{axis}={value}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What a strategy asks of a device, with its arithmetic, before anything is compiled.
 
 use super::{Layout, Strategy, Traversal, Triangles, Vectors};
+use crate::accel::WideBvh;
 use crate::device::DeviceLimits;
 
 /// Nine working vectors of three floats.
@@ -99,25 +100,44 @@ pub struct Infeasible {
 }
 
 /// A sum of bytes that can explain itself.
-#[derive(Default)]
-struct Sum {
-    bytes: u64,
-    terms: Vec<String>,
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sum {
+    pub(super) bytes: u64,
+    /// Each term's bytes, and how they come about.
+    terms: Vec<(u64, String)>,
 }
 
 impl Sum {
-    fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
-        self.bytes += factors.iter().map(|(factor, _)| factor).product::<u64>();
+    pub(super) fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
+        let bytes = factors.iter().fold(1_u64, |product, (factor, _)| product.saturating_mul(*factor));
         let factors: Vec<_> = factors.iter().map(|(factor, unit)| format!("{factor}{unit}")).collect();
-        self.terms.push(format!("{what} {}", factors.join(" x ")));
+        self.bytes = self.bytes.saturating_add(bytes);
+        self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
     }
 
-    fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
+    /// Adds another's terms.
+    pub(super) fn join(&mut self, other: Self) {
+        self.bytes = self.bytes.saturating_add(other.bytes);
+        self.terms.extend(other.terms);
+    }
+
+    pub(super) fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         if self.bytes <= limit_bytes {
             return Ok(());
         }
-        let (sum, bytes) = (self.terms.join(" + "), self.bytes);
+        let terms: Vec<_> = self.terms.iter().map(|(_, term)| term.as_str()).collect();
+        let (sum, bytes) = (terms.join(" + "), self.bytes);
         Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
+    }
+
+    /// The same for each term by itself.
+    fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
+        match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
+            Some((bytes, term)) if *bytes > limit_bytes => {
+                Err(Infeasible { reason: format!("{memory}: {term} = {bytes} B > {limit_bytes} B") })
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -143,14 +163,12 @@ impl Requirements {
         indices(strategy, workload)?;
         local(strategy, workload).within("__local memory", limits.local_bytes)?;
         constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;
-        let scratch = scratch(strategy, workload);
-        scratch.within("largest buffer", limits.allocation_bytes)?;
         if limits.is_cpu {
             private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES)?;
         }
         let mut all = global(strategy, workload);
-        all.bytes += scratch.bytes;
-        all.terms.extend(scratch.terms);
+        all.join(scratch(strategy, workload));
+        all.each_within("largest buffer", limits.allocation_bytes)?;
         all.within("global memory", limits.global_bytes)?;
         Ok(Self::of(strategy, workload))
     }
@@ -173,12 +191,16 @@ fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
     Ok(())
 }
 
-/// Whether 16-bit indices reach every entry.
+/// Whether 16-bit indices reach every entry, and the words of a tree every triangle.
 fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout == Layout::Indexed16 && largest > 1 << 16 {
         let reason = format!("16-bit indices: {largest} entries > {}", 1 << 16);
         return Err(Infeasible { reason });
+    }
+    let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
+    if strategy.needs_tree() && triangles > most {
+        return Err(Infeasible { reason: format!("a tree's leaves: {triangles} triangles > {most}") });
     }
     Ok(())
 }
@@ -253,7 +275,7 @@ fn add_working(sum: &mut Sum, what: &str, strategy: &Strategy, items: [u64; 2]) 
     sum.add(what, &[(bytes, " B"), (items[0], ""), (items[1], " work-items")]);
 }
 
-fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
+pub(super) fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     let items = w.global_size(strategy).map(|n| n as u64);
     match strategy.vectors {
@@ -279,9 +301,12 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-fn global(strategy: &Strategy, w: &Workload) -> Sum {
+/// Each term is one buffer.
+pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
-    add_scene(&mut sum, strategy, w);
+    if strategy.reads_mesh() {
+        add_scene(&mut sum, strategy, w);
+    }
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
     if strategy.passes == super::Passes::Separate {
@@ -291,12 +316,12 @@ fn global(strategy: &Strategy, w: &Workload) -> Sum {
         sum.add("depth", &[(4, " B"), (pixels, " pixels")]);
     }
     if strategy.needs_tree() {
-        let children = strategy.node_width.children() as u64;
-        // Full nodes over full leaves, and half as many again for those that are not.
-        let nodes = 3 * (w.triangles as u64) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
-        let rows = w.triangles + crate::accel::PADDING_ROWS;
-        sum.add("leaves", &[(ROW_BYTES, " B"), (rows as u64, " triangles")]);
-        sum.add("about", &[(8 * children * 4, " B"), (nodes, " nodes")]);
+        let (bytes, nodes) = node_bytes(strategy, w);
+        sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
+        sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
+    }
+    if strategy.traversal == Traversal::Tile {
+        sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
     if strategy.intersector == super::Intersector::CommonOrigin {
         let origins = 1 + w.lights as u64;
@@ -306,6 +331,14 @@ fn global(strategy: &Strategy, w: &Workload) -> Sum {
         );
     }
     sum
+}
+
+/// Bytes of a tree's node, and about how many there are: full nodes over full leaves, and half as many again for
+/// those that are not.
+pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
+    let children = strategy.node_width.children() as u64;
+    let nodes = 3 * (w.triangles as u64) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
+    (8 * children * 4, nodes)
 }
 
 #[cfg(test)]
@@ -360,6 +393,48 @@ mod tests {
     fn vectors_of_24x24_do_not_fit_48_kib() {
         let refused = check("local-vectors", 1, 24).unwrap_err();
         assert_eq!(refused.reason, "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B");
+    }
+
+    #[test]
+    fn a_buffer_larger_than_the_device_allocates_at_once_is_refused() {
+        let refused = check("deferred", 3_000_000, 8).unwrap_err();
+        assert_eq!(
+            refused.reason,
+            "largest buffer: scene 104 B x 3000000 triangles = 312000000 B > 268435456 B"
+        );
+        let wide = Workload { image_size: [8192, 8192], ..workload(4, 8) };
+        let strategy = preset("deferred").unwrap().strategy;
+        let refused = Requirements::check(&strategy, &wide, &PAPER_DEVICE).unwrap_err();
+        assert!(
+            refused.reason.starts_with("largest buffer: image 16 B x 67108864 pixels"),
+            "{}",
+            refused.reason
+        );
+    }
+
+    #[test]
+    fn the_sum_of_buffers_is_held_to_global_memory() {
+        let limits = DeviceLimits { allocation_bytes: 1 << 40, ..PAPER_DEVICE };
+        let strategy = preset("bvh").unwrap().strategy;
+        let refused = Requirements::check(&strategy, &workload(10_000_000, 8), &limits).unwrap_err();
+        assert_eq!(
+            refused.reason,
+            "global memory: scene 104 B x 10000000 triangles + image 16 B x 400000 pixels \
+             + nearest triangles 4 B x 400000 pixels + leaves 48 B x 10000000 triangles \
+             + about 128 B x 2500001 nodes = 1848000128 B > 1073741824 B"
+        );
+    }
+
+    #[test]
+    fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name() {
+        let w = workload(1_000_000, 1);
+        let [tile, deferred] = ["tile", "deferred"]
+            .map(|name| Requirements::of(&preset(name).unwrap().strategy, &w).global_bytes);
+        assert!(tile < deferred + 40_000_000, "{tile} {deferred}");
+        let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };
+        let many = workload(WideBvh::MAX_INDEX + 1, 8);
+        let refused = Requirements::check(&preset("bvh").unwrap().strategy, &many, &limits).unwrap_err();
+        assert_eq!(refused.reason, "a tree's leaves: 33554433 triangles > 33554432");
     }
 
     #[test]

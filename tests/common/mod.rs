@@ -64,7 +64,7 @@ impl Stand {
             .expect("a program");
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
         let program = program.unwrap_or_else(|error| panic!("{strategy}: {error}"));
-        let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy.layout).expect("an upload");
+        let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy).expect("an upload");
         Ok(Built { workload, program, scene: uploaded, tree })
     }
 

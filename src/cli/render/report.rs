@@ -2,6 +2,7 @@
 
 use super::Cast;
 use crate::device::{Device, DeviceInfo};
+use crate::memory::readable;
 use crate::scene::Scene;
 use crate::strategy::{PRESETS, Strategy, Workload};
 use serde::Serialize;
@@ -27,11 +28,11 @@ pub struct Report {
     pub image_size: [u32; 2],
     /// Reading the scene and making its triangles.
     pub load_ms: f64,
-    /// Asking every driver for its devices.
+    /// Waiting, after the scene was read, for the drivers to list their devices and the device to open.
     pub discover_ms: f64,
     /// Building the tree over the triangles; 0 where the traversal has none.
     pub tree_ms: f64,
-    /// Opening the device and compiling.
+    /// Compiling.
     pub build_ms: f64,
     /// Bringing the scene to the device.
     pub upload_ms: f64,
@@ -55,6 +56,12 @@ pub struct Report {
     pub tests_per_s: Option<f64>,
     /// Frames the times are medians of.
     pub frames: u32,
+    /// The host's memory foreseen, at the worst moment.
+    pub host_bytes: u64,
+    /// The device's buffers foreseen; on a CPU they are among the host's.
+    pub device_bytes: u64,
+    /// The host's memory that was taken at the worst moment; none where the system does not tell.
+    pub peak_bytes: Option<u64>,
     /// The picture.
     pub output: String,
     /// What was passed over or made up in reading the scene.
@@ -127,6 +134,7 @@ impl Report {
             lines.push(format!("{step:<8}{ms:11.2} ms{remark}"));
         }
         lines.push(format!("speed     {}", self.speeds().join(", ")));
+        lines.push(format!("memory    {}", self.memory()));
         lines.extend(self.notes.iter().map(|note| format!("note      {note}")));
         lines.push(format!("picture   {}", self.output));
         lines.join("\n")
@@ -139,6 +147,12 @@ impl Report {
         let median = (self.frames > 1).then(|| format!("median of {}", self.frames));
         let remarks: Vec<_> = parts.into_iter().chain(median).collect();
         if remarks.is_empty() { String::new() } else { format!(" ({})", remarks.join(", ")) }
+    }
+
+    fn memory(&self) -> String {
+        let peak = self.peak_bytes.map(|bytes| format!(", {} taken", readable(bytes))).unwrap_or_default();
+        let [host, device] = [self.host_bytes, self.device_bytes].map(readable);
+        format!("{host} of the host foreseen{peak}; {device} of the device")
     }
 
     fn speeds(&self) -> Vec<String> {

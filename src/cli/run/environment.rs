@@ -40,6 +40,6 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &S
 
 /// The config and its scenes, as they are now.
 fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
-    let scenes = experiment.scenes.iter().map(|path| Source::file("scene", path));
+    let scenes = experiment.scenes.iter().map(|scene| Source::file("scene", &scene.path));
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
 }

@@ -1,6 +1,7 @@
 //! One `[[object]]`: a file, a shape or triangles of its own, placed and painted.
 
 use crate::error::{Error, Result, nearest, nearest_file};
+use crate::memory::Available;
 use crate::scene::load::Document;
 use crate::scene::normals::{self, MISSING};
 use crate::scene::shapes::{self, Shape};
@@ -21,7 +22,12 @@ pub(super) fn build(
     refuse_strays(document, wire)?;
     let mut mesh = match (&wire.obj, &wire.shape, &wire.vertices) {
         (Some(file), None, None) => read_obj(document, file, notes)?,
-        (None, Some(name), None) => shapes::generate(&shape(document, wire, name)?),
+        (None, Some(name), None) => {
+            let shape = shape(document, wire, name)?;
+            room_for(&shape)
+                .map_err(|error| document.place(name.span(), error, "too fine for this machine"))?;
+            shapes::generate(&shape)
+        }
         (None, None, Some(vertices)) => inline(document, wire, vertices)?,
         _ => {
             let message = "an object is one of: obj = \"FILE\", shape = \"NAME\", vertices and faces";
@@ -113,6 +119,15 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
         shape.set(key, *value.get_ref()).map_err(|message| document.error(value.span(), message, "here"))?;
     }
     Ok(shape)
+}
+
+/// Refuses a shape whose mesh the host cannot hold: half as many vertices as triangles, and half of all once more
+/// while the rest of the scene is joined to it.
+fn room_for(shape: &Shape) -> Result<()> {
+    let triangles = shape.triangles();
+    let bytes = Mesh::bytes(3, 2, 2) / 2;
+    let sum = format!("{bytes} B x {triangles} triangles");
+    Available::read().hold(bytes * triangles, "this shape", &sum)
 }
 
 /// Faces as lists of vertex numbers from 0, optionally with lists of normal numbers.

@@ -130,6 +130,10 @@ fn read_corners(
 /// `position`, `position/texture`, `position//normal` or `position/texture/normal`;
 /// a part after a slash may be empty.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
+    // A plain number, as in most meshes without normals.
+    if let Some(position) = plain_index(token, context.total.positions) {
+        return Ok((position, MISSING));
+    }
     let mut parts = token.split(|&byte| byte == b'/');
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
@@ -146,6 +150,19 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
         return Err(format!("{} has too many slashes; expected vertex/texture/normal", quoted(token)));
     }
     Ok((position, normal))
+}
+
+/// The zero-based index of a short number from 1 to `total`; `None` for anything else.
+fn plain_index(token: &[u8], total: usize) -> Option<u32> {
+    let mut value = 0_u32;
+    for byte in token {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return None;
+        }
+        value = value.checked_mul(10)?.checked_add(digit.into())?;
+    }
+    (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
 /// The zero-based index that `part` means: from 1, or from -1 backwards.

@@ -159,5 +159,50 @@ pub(super) fn quoted(token: &[u8]) -> String {
 
 /// A finite f32, or `None`.
 pub(super) fn number(token: &[u8]) -> Option<f32> {
-    std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f32| value.is_finite())
+    let parsed = || std::str::from_utf8(token).ok()?.parse().ok();
+    short_number(token).or_else(parsed).filter(|value: &f32| value.is_finite())
+}
+
+/// A decimal number of few digits, as most of a mesh are: integer and power of ten are then floats, and one division
+/// rounds once (Clinger, "How to Read Floating Point Numbers Accurately", 1990).
+fn short_number(token: &[u8]) -> Option<f32> {
+    const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
+    let digits = token.strip_prefix(b"-").unwrap_or(token);
+    let (mut integer, mut point) = (0_u32, None);
+    for (place, byte) in digits.iter().enumerate() {
+        match byte {
+            b'0'..=b'9' => integer = integer.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?,
+            b'.' if point.is_none() && digits.len() > 1 => point = Some(place),
+            _ => return None,
+        }
+    }
+    let decimals = point.map_or(0, |place| digits.len() - 1 - place);
+    if digits.is_empty() || integer > 1 << 24 {
+        return None;
+    }
+    let size = integer as f32 / POWERS.get(decimals)?;
+    Some(if digits.len() < token.len() { -size } else { size })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn short_numbers_are_what_the_standard_library_reads(text in "-?[0-9]{0,9}\\.?[0-9]{0,12}") {
+            if let Some(value) = short_number(text.as_bytes()) {
+                prop_assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_short_number_is_left_to_the_standard_library() {
+        for text in ["", "-", ".", "-.", "1e5", "+1", "--1", "1.2.3", "16777217", "0.00000000001", "nan"] {
+            assert_eq!(short_number(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(short_number(b"-0.0321981"), Some(-0.032_198_1));
+    }
 }

@@ -76,6 +76,20 @@ impl Shape {
         })
     }
 
+    /// How many triangles it aims for.
+    pub fn triangles(&self) -> u64 {
+        match *self {
+            Self::Ground => 2,
+            Self::Pyramid => 4,
+            Self::Teapot { fineness } => 64 * u64::from(fineness) * u64::from(fineness),
+            Self::Sphere { triangles }
+            | Self::TeapotOf { triangles }
+            | Self::Gourd { triangles }
+            | Self::Terrain { triangles, .. }
+            | Self::Interior { triangles } => triangles.into(),
+        }
+    }
+
     /// Sets a parameter by its name in scene files.
     ///
     /// # Errors

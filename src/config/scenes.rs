@@ -1,0 +1,74 @@
+//! The scenes of a config: files by name, and files with values set in them.
+
+use std::path::{Path, PathBuf};
+
+use toml::{Spanned, Value};
+
+use super::document::Document;
+use super::types::SceneChoice;
+use super::wire::{Experiment, SceneEntry, SceneValues};
+use crate::error::{Result, nearest_file};
+
+/// Every scene of the config, plain files first, each once.
+pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<Vec<SceneChoice>> {
+    let folder = config.parent().unwrap_or(Path::new(""));
+    let mut all = Vec::new();
+    for name in &wire.scenes {
+        all.push(SceneChoice::file(find(document, name, folder)?));
+    }
+    for entry in &wire.scene {
+        all.extend(product(document, entry, folder)?);
+    }
+    if all.is_empty() {
+        let error = document.error(0..0, "there is no scene", "expected scenes = [...] or [[scene]]");
+        return Err(error.with_help("add scenes = [\"FILE\"]; paths are relative to the config file"));
+    }
+    let mut kept: Vec<SceneChoice> = Vec::new();
+    for scene in all {
+        if !kept.contains(&scene) {
+            kept.push(scene);
+        }
+    }
+    Ok(kept)
+}
+
+fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<PathBuf> {
+    let path = folder.join(name.get_ref());
+    if path.is_file() {
+        return Ok(path);
+    }
+    let message = format!("there is no scene file '{}'", name.get_ref());
+    let error = document.error(name.span(), message, format!("{} is no file", path.display()));
+    Err(match nearest_file(&path) {
+        Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
+        None => error.with_help("paths are relative to the config file"),
+    })
+}
+
+/// Every combination of an entry's values.
+fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec<SceneChoice>> {
+    let mut choices = vec![SceneChoice::file(find(document, &entry.file, folder)?)];
+    for (key, values) in &entry.set {
+        let values = match values.get_ref() {
+            SceneValues::One(value) => vec![value],
+            SceneValues::List(list) => list.iter().collect(),
+        };
+        if values.is_empty() {
+            let message = format!("'{}' is empty", key.get_ref());
+            return Err(document.error(key.span(), message, "expected at least one value"));
+        }
+        let vary =
+            |choice: &SceneChoice| values.iter().map(|value| with(choice, key.get_ref(), value)).collect();
+        choices = choices.iter().flat_map(|choice| -> Vec<_> { vary(choice) }).collect();
+    }
+    Ok(choices)
+}
+
+/// A choice with one more value, named by the last part of its key.
+fn with(choice: &SceneChoice, key: &str, value: &Value) -> SceneChoice {
+    let mut choice = choice.clone();
+    let short = key.rsplit('.').next().unwrap_or(key);
+    choice.suffix.push_str(&format!("+{short}={value}"));
+    choice.overrides.push((key.to_owned(), value.clone()));
+    choice
+}

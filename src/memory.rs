@@ -1,0 +1,184 @@
+//! The host's memory: how much of it may still be taken, and how much this process took.
+
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Memory that this process may still take, and who says so.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Available {
+    /// Bytes; `u64::MAX` where nothing on this system tells.
+    pub bytes: u64,
+    /// The file it was read from.
+    pub source: String,
+}
+
+impl Available {
+    /// The least of what the machine has available and what the control groups of this process leave it.
+    pub fn read() -> Self {
+        let machine = read_text(Path::new(MEMINFO)).and_then(|text| meminfo_available(&text));
+        let machine = machine.map(|bytes| Self { bytes, source: MEMINFO.to_owned() });
+        let groups = read_text(Path::new("/proc/self/cgroup")).unwrap_or_default();
+        let folders = group_folders(&groups);
+        let groups = folders.iter().filter_map(|(folder, files)| group_available(folder, files));
+        let unknown = || Self { bytes: u64::MAX, source: "nothing".to_owned() };
+        groups.chain(machine).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
+    }
+
+    /// Refuses what takes more than there is, before it is taken: `what` names it, `sum` is its arithmetic.
+    pub fn hold(&self, bytes: u64, what: &str, sum: &str) -> Result<()> {
+        if bytes <= self.bytes {
+            return Ok(());
+        }
+        let message = format!(
+            "{what} needs about {} of this machine's memory ({sum} = {bytes} B), but only {} are available ({} B by {})",
+            readable(bytes),
+            readable(self.bytes),
+            self.bytes,
+            self.source
+        );
+        Err(Error::input(message)
+            .with_help("fewer triangles or pixels need less; so does ending other programs"))
+    }
+}
+
+const MEMINFO: &str = "/proc/meminfo";
+
+/// The most memory that this process has had at one time (VmHWM); none where the system does not tell.
+pub fn peak_bytes() -> Option<u64> {
+    kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmHWM:")
+}
+
+/// The memory that this process has at present (VmRSS); none where the system does not tell.
+pub fn resident_bytes() -> Option<u64> {
+    kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmRSS:")
+}
+
+/// "512 B", "3.4 MB", "1.2 GB": decimal, as memory needs are written.
+pub fn readable(bytes: u64) -> String {
+    let number = bytes as f64;
+    match bytes {
+        1_000_000_000.. => format!("{:.1} GB", number / 1e9),
+        1_000_000.. => format!("{:.1} MB", number / 1e6),
+        1_000.. => format!("{:.1} kB", number / 1e3),
+        _ => format!("{bytes} B"),
+    }
+}
+
+fn read_text(path: &Path) -> Option<String> {
+    std::fs::read_to_string(path).ok()
+}
+
+fn meminfo_available(text: &str) -> Option<u64> {
+    kibibytes(text, "MemAvailable:")
+}
+
+/// The value of a line such as `VmHWM:   1234 kB`, in bytes.
+fn kibibytes(text: &str, key: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+    line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
+}
+
+/// The names a version of control groups gives to limit, use and the part of it that can be given back.
+struct GroupFiles {
+    limit: &'static str,
+    used: &'static str,
+    reclaimable: &'static str,
+}
+
+const VERSION_1: GroupFiles = GroupFiles {
+    limit: "memory.limit_in_bytes",
+    used: "memory.usage_in_bytes",
+    reclaimable: "total_inactive_file",
+};
+const VERSION_2: GroupFiles =
+    GroupFiles { limit: "memory.max", used: "memory.current", reclaimable: "inactive_file" };
+
+/// Every folder whose limit holds for a process with this /proc/self/cgroup, innermost first. A container may see
+/// its own group as the root, so the root is always among them.
+fn group_folders(text: &str) -> Vec<(PathBuf, &'static GroupFiles)> {
+    let mut folders = Vec::new();
+    for line in text.lines() {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (parts.next(), parts.next()) else { continue };
+        let (root, files) = match controllers {
+            "" => ("/sys/fs/cgroup", &VERSION_2),
+            _ if controllers.split(',').any(|name| name == "memory") => ("/sys/fs/cgroup/memory", &VERSION_1),
+            _ => continue,
+        };
+        let relative = Path::new(path.trim_start_matches('/'));
+        folders.extend(relative.ancestors().map(|ancestor| (Path::new(root).join(ancestor), files)));
+    }
+    folders
+}
+
+fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
+    let text = |name: &str| read_text(&folder.join(name));
+    let bytes =
+        group_left(&text(files.limit)?, &text(files.used)?, &text("memory.stat")?, files.reclaimable)?;
+    Some(Available { bytes, source: folder.join(files.limit).display().to_string() })
+}
+
+/// What a limit leaves: pages of files that nobody needs are given back when memory is short.
+fn group_left(limit: &str, used: &str, stat: &str, reclaimable: &str) -> Option<u64> {
+    let limit: u64 = limit.trim().parse().ok()?; // version 2 says "max" where there is none
+    let used: u64 = used.trim().parse().ok()?;
+    let entry = |line: &str| line.strip_prefix(reclaimable)?.strip_prefix(' ')?.trim().parse::<u64>().ok();
+    let reclaimable = stat.lines().find_map(entry).unwrap_or(0);
+    Some(limit.saturating_sub(used.saturating_sub(reclaimable)))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_machines_memory_is_read_in_kibibytes() {
+        let text = "MemTotal:       24684160 kB\nMemFree: 1 kB\nMemAvailable:   23000000 kB\n";
+        assert_eq!(meminfo_available(text), Some(23_000_000 * 1024));
+        assert_eq!(meminfo_available("MemTotal: 5 kB\n"), None);
+    }
+
+    #[test]
+    fn a_groups_limit_leaves_what_is_not_used_or_can_be_given_back() {
+        let stat = "anon 5\ninactive_file 300\nactive_file 50\n";
+        assert_eq!(group_left("1000\n", "900\n", stat, "inactive_file"), Some(400));
+        assert_eq!(group_left("1000", "2000", "", "inactive_file"), Some(0));
+        assert_eq!(group_left("max\n", "900\n", stat, "inactive_file"), None);
+    }
+
+    #[test]
+    fn both_versions_of_control_groups_and_all_parents_count() {
+        let folders = |text| group_folders(text).into_iter().map(|(folder, _)| folder).collect::<Vec<_>>();
+        let [pod, slice, root] = ["a/b", "a", ""].map(|part| Path::new("/sys/fs/cgroup").join(part));
+        assert_eq!(folders("0::/a/b\n"), [pod, slice, root]);
+        let [own, root] = ["x", ""].map(|part| Path::new("/sys/fs/cgroup/memory").join(part));
+        assert_eq!(folders("5:devices:/\n4:memory,hugetlb:/x\n"), [own, root]);
+    }
+
+    #[test]
+    fn this_machine_tells_what_it_has_and_what_was_taken() {
+        if cfg!(target_os = "linux") {
+            let available = Available::read();
+            assert!((1 << 20..1 << 50).contains(&available.bytes), "{available:?}");
+            assert!(peak_bytes().is_some_and(|bytes| bytes > 1 << 20));
+        }
+    }
+
+    #[test]
+    fn too_much_is_refused_with_its_arithmetic() {
+        let available = Available { bytes: 1000, source: "a test".to_owned() };
+        assert!(available.hold(1000, "this", "10 B x 100").is_ok());
+        let message = available.hold(1010, "this", "10 B x 101").unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "this needs about 1.0 kB of this machine's memory (10 B x 101 = 1010 B), but only 1.0 kB are available (1000 B by a test)"
+        );
+    }
+
+    #[test]
+    fn bytes_are_readable() {
+        let all = [999, 1_500, 2_340_000, 12_000_000_000].map(readable);
+        assert_eq!(all, ["999 B", "1.5 kB", "2.3 MB", "12.0 GB"]);
+    }
+}

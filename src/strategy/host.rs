@@ -1,0 +1,142 @@
+//! What casting asks of the host's memory: the sum at its worst moment, before anything is allocated.
+
+use super::requirements::{Sum, global, node_bytes, scratch};
+use super::{Infeasible, Strategy, Workload};
+use crate::accel::Bvh;
+use crate::memory::Available;
+use crate::scene::Mesh;
+
+/// The program, its libraries and a driver: 93 MB with PoCL 3.1 and its kernels cached, 239 MB where LLVM 15 compiles
+/// them (one triangle, 64 x 40 pixels; 2026-11-20).
+const PROGRAM_BYTES: u64 = 240_000_000;
+/// The reference's tree: corners in double precision and a number a triangle, and at most a node of 72 bytes for each.
+const REFERENCE_BYTES: u64 = 80 + 72;
+/// The reference's sample of a pixel (88 bytes), its radiance, whether it is certain.
+const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
+/// Radiance read back, as 8 bits a channel, and the file made from it.
+const PICTURE_BYTES: u64 = 12 + 3 + 3;
+
+/// Bytes of the host's memory at every moment that could be the worst.
+#[derive(Clone, Debug)]
+pub struct HostNeeds {
+    moments: Vec<(&'static str, Sum)>,
+}
+
+impl HostNeeds {
+    /// What `strategy` needs for `workload`: with `shared`, where the device's memory is the host's; with
+    /// `verified`, where the image is compared with the reference.
+    pub fn of(strategy: &Strategy, workload: &Workload, shared: bool, verified: bool) -> Self {
+        let w = workload;
+        let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
+        let mut kept = Sum::default();
+        kept.add("program and driver", &[(PROGRAM_BYTES, " B")]);
+        kept.add("mesh", &[(mesh_bytes(w), " B")]);
+        let mut moments = Vec::new();
+        if strategy.needs_tree() {
+            let mut sum = kept.clone();
+            // As DeviceTree builds it: a wide node gathers larger leaves from these.
+            let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
+            let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
+            sum.add("tree in the making", &[(build_bytes, " B")]);
+            moments.push(("building the tree", sum));
+        }
+        let mut casting = kept.clone();
+        if strategy.needs_tree() {
+            let (bytes, nodes) = node_bytes(strategy, w);
+            casting.add("the host's copy of about", &[(bytes, " B"), (nodes, " nodes")]);
+            casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
+        }
+        if shared {
+            casting.join(global(strategy, w));
+            casting.join(scratch(strategy, w));
+        }
+        casting.add("picture", &[(PICTURE_BYTES, " B"), (pixels, " pixels")]);
+        moments.push(("casting", casting));
+        if verified {
+            let mut sum = kept;
+            sum.add("reference's tree", &[(REFERENCE_BYTES, " B"), (w.triangles as u64, " triangles")]);
+            sum.add("reference", &[(REFERENCE_PIXEL_BYTES + 12, " B"), (pixels, " pixels")]);
+            if shared {
+                sum.join(global(strategy, w));
+            }
+            moments.push(("verifying", sum));
+        }
+        Self { moments }
+    }
+
+    /// Bytes at the worst moment.
+    pub fn bytes(&self) -> u64 {
+        self.moments.iter().map(|(_, sum)| sum.bytes).max().unwrap_or(0)
+    }
+
+    /// Refuses what does not fit into what is available and `own_bytes`, the part of the needs that this process has
+    /// already, such as the program and the mesh.
+    pub fn check(&self, available: &Available, own_bytes: u64) -> Result<(), Infeasible> {
+        let limit = available.bytes.saturating_add(own_bytes);
+        let Some((moment, sum)) = self.moments.iter().max_by_key(|(_, sum)| sum.bytes) else { return Ok(()) };
+        sum.within(&format!("the host's memory ({moment})"), limit)
+            .map_err(|refused| Infeasible { reason: format!("{} by {}", refused.reason, available.source) })
+    }
+}
+
+/// Bytes of a mesh of a workload's sizes.
+fn mesh_bytes(w: &Workload) -> u64 {
+    Mesh::bytes(w.triangles as u64, w.positions as u64, w.normals as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::preset;
+    use super::*;
+
+    fn workload(triangles: usize, side: u32) -> Workload {
+        Workload {
+            triangles,
+            positions: triangles / 2,
+            normals: triangles / 2,
+            materials: 1,
+            lights: 1,
+            stack_size: 0,
+            image_size: [side, side],
+            local_size: [1, 1],
+        }
+    }
+
+    fn needs(name: &str, w: &Workload, shared: bool, verified: bool) -> HostNeeds {
+        let strategy = preset(name).map(|preset| preset.strategy);
+        HostNeeds::of(&strategy.unwrap_or_else(|error| panic!("{error}")), w, shared, verified)
+    }
+
+    #[test]
+    fn more_triangles_pixels_or_work_never_need_less() {
+        let small = workload(1_000_000, 1000);
+        let bytes = |w: &Workload, shared, verified| needs("tile", w, shared, verified).bytes();
+        let base = bytes(&small, true, false);
+        assert!(bytes(&workload(10_000_000, 1000), true, false) > base + 9_000_000 * 100);
+        assert!(bytes(&workload(1_000_000, 8000), true, false) > base + 63_000_000 * 20);
+        assert!(bytes(&small, true, true) > base);
+        assert!(bytes(&small, false, false) <= base);
+    }
+
+    #[test]
+    fn a_refusal_names_the_moment_and_every_term() {
+        let available = Available { bytes: 1_000_000_000, source: "a test".to_owned() };
+        let needs = needs("tile", &workload(10_000_000, 100), false, false);
+        let reason = needs.check(&available, 0).map_err(|refused| refused.reason).unwrap_err();
+        // 10 M x (2 x 32 + 4) B and twice 8,000,002 nodes of 32 B; a mesh of 10 M x (28 + 12 / 2 + 12 / 2) B.
+        assert_eq!(
+            reason,
+            "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \
+             + tree in the making 1192000128 B = 1832000128 B > 1000000000 B by a test"
+        );
+        assert!(needs.check(&available, 900_000_000).is_ok());
+    }
+
+    #[test]
+    fn without_a_tree_casting_is_the_worst_moment() {
+        let available = Available { bytes: 0, source: "a test".to_owned() };
+        let reason =
+            needs("deferred", &workload(10, 4000), true, false).check(&available, 0).unwrap_err().reason;
+        assert!(reason.contains("(casting)") && reason.contains("image 16 B x 16000000 pixels"), "{reason}");
+    }
+}

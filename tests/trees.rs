@@ -1,0 +1,136 @@
+//! Traversals with a tree, on the device against the reference: many lights, interiors, hills, and meshes at the ends of
+//! what a mesh can be.
+#![allow(missing_docs, reason = "a test binary has no documentation")]
+
+mod common;
+
+use common::Stand;
+use glam::Vec3;
+use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
+use raycl::strategy::{Strategy, preset};
+use std::path::Path;
+
+/// Neither side is a multiple of a tile.
+const SIZE: [u32; 2] = [75, 47];
+
+fn with_trees() -> [(Strategy, [u32; 2]); 3] {
+    [("tile", 1), ("bvh-packet", 4), ("bvh", 8)]
+        .map(|(name, side)| (preset(name).expect("a preset").strategy, [side, side]))
+}
+
+/// A scene of the repository with its first object made of so many triangles.
+fn coarse(name: &str, triangles: i64) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let overrides = [("object.0.triangles".to_owned(), toml::Value::from(triangles))];
+    load_scene_with(&path, &overrides).expect("a scene of the repository").scene
+}
+
+fn agrees(scene: Scene) {
+    let name = scene.name.clone();
+    let mut stand = Stand::new(scene, SIZE);
+    for (strategy, local_size) in with_trees() {
+        let verdict = stand.check(&strategy, local_size).expect("a device that holds it");
+        assert!(verdict.ok, "{name}, {strategy}: {:?}", verdict.reason);
+    }
+}
+
+#[test]
+fn many_lights_an_interior_and_hills() {
+    for (scene, triangles, lights) in
+        [("many-lights.toml", 2_000, 32), ("atrium.toml", 9_000, 4), ("terrain-10m.toml", 20_000, 1)]
+    {
+        let scene = coarse(scene, triangles);
+        assert_eq!(scene.lights.len(), lights, "{}", scene.name);
+        agrees(scene);
+    }
+}
+
+/// A scene in another unit of length: the same picture.
+fn scaled(mut scene: Scene, scale: f32) -> Scene {
+    scene.mesh.positions.iter_mut().for_each(|point| *point *= scale);
+    scene.camera.position *= scale;
+    scene.camera.z_near *= scale;
+    scene.shadow_bias *= scale;
+    for light in &mut scene.lights {
+        light.position *= scale;
+        light.power *= scale * scale;
+    }
+    scene.name = format!("{} times {scale}", scene.name);
+    scene
+}
+
+#[test]
+fn coordinates_from_a_millionth_to_a_million() {
+    for scale in [1e-6, 1e6] {
+        agrees(scaled(common::scene("gourd.toml"), scale));
+    }
+}
+
+/// A scene with its triangles changed.
+fn with_triangles(change: impl FnOnce(&mut Scene)) -> Scene {
+    let mut scene = common::scene("gourd.toml");
+    change(&mut scene);
+    scene
+}
+
+#[test]
+fn one_triangle_and_coincident_and_degenerate_ones() {
+    agrees(common::scene("triangle.toml"));
+    agrees(with_triangles(|scene| {
+        // Each twelve times, so that no plane tells the copies apart and leaves overflow.
+        let all = scene.mesh.triangles.clone();
+        scene.mesh.triangles = all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
+    }));
+    agrees(with_triangles(|scene| {
+        // A point and a line beside each triangle, and a thousand points in one place.
+        let all = scene.mesh.triangles.clone();
+        let flat = |positions: [u32; 3], triangle: &Triangle| Triangle { positions, ..*triangle };
+        for triangle in &all {
+            let [a, b, _] = triangle.positions;
+            scene.mesh.triangles.push(flat([a, a, a], triangle));
+            scene.mesh.triangles.push(flat([a, b, a], triangle));
+        }
+        scene.mesh.triangles.extend(std::iter::repeat_n(flat([0, 0, 0], &all[0]), 1000));
+    }));
+}
+
+#[test]
+fn no_triangle_is_all_background() {
+    let scene = with_triangles(|scene| scene.mesh.triangles.clear());
+    let background = scene.background.to_array();
+    let stand = Stand::new(scene, SIZE);
+    for (strategy, local_size) in with_trees() {
+        let image = stand.cast(&strategy, local_size).expect("an image");
+        assert!(image.pixels.iter().all(|pixel| *pixel == background), "{strategy}");
+    }
+}
+
+#[test]
+fn every_width_of_node_and_size_of_leaf_and_tile_gives_the_same_picture() {
+    let mut stand = Stand::new(coarse("interior.toml", 3_000), SIZE);
+    let base = |name| preset(name).expect("a preset").strategy;
+    let mut points = Vec::new();
+    for (node_width, leaf_size) in [("2", "4"), ("32", "32")] {
+        points.push((base("bvh-packet"), [("node_width", node_width), ("leaf_size", leaf_size)]));
+    }
+    for (node_width, tile) in [("16", "8x8"), ("16", "16x16")] {
+        points.push((base("tile"), [("node_width", node_width), ("tile", tile)]));
+    }
+    for (mut strategy, axes) in points {
+        axes.iter().for_each(|(axis, value)| strategy.set(axis, value).expect("a value"));
+        let verdict = stand.check(&strategy, [1, 1]).expect("a device that holds it");
+        assert!(verdict.ok, "{strategy}: {:?}", verdict.reason);
+    }
+}
+
+#[test]
+fn the_scene_of_ten_million_is_what_it_says_and_made_anew_each_time() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/terrain-10m.toml");
+    let text = std::fs::read_to_string(&path).expect("the scene");
+    assert!(text.contains("triangles = 10_000_000"), "{text}");
+    let [one, other] = [(); 2].map(|()| coarse("terrain-10m.toml", 50_000));
+    assert_eq!(one.mesh, other.mesh);
+    // Loading it as it is takes seconds in a test's build; `load_scene` of the smaller hills is the same code.
+    let hills = load_scene(&path.with_file_name("terrain.toml")).expect("the hills").scene;
+    assert!(hills.mesh.positions.iter().all(|point: &Vec3| point.is_finite()));
+}
