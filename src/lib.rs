@@ -16,12 +16,14 @@ pub mod error;
 pub mod experiment;
 pub mod image;
 pub mod launch;
+pub mod limits;
 pub mod measure;
 pub mod program;
 pub mod record;
 pub mod reference;
 pub mod report;
 pub mod scene;
+pub mod sensor;
 pub mod strategy;
 pub mod verify;
 

@@ -50,6 +50,9 @@ pub struct Args {
     /// The longest that one step of a point may take (a build with its first image; a frame), in seconds
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
+    /// Tell speed as a part of what the device can do at most: by a file of `raycl limits`, or measured now
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
+    limits: Option<String>,
     /// Print the points and what each needs, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -90,6 +93,7 @@ impl Args {
             resume: false,
             retry_failed: false,
             hang_limit: HANG_LIMIT,
+            limits: None,
             dry_run: false,
             set,
             json: false,
@@ -124,6 +128,9 @@ pub fn run(args: Args) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos))?;
+    if let Some(given) = &args.limits {
+        results.keep_limits(super::limits::for_run(given, patterns, args.cl_dir.as_deref())?)?;
+    }
     let mut workers = Processes::new(run.jobs(&out, args.fault))?;
     let records = run
         .execute(&mut results, observer(args.quiet, args.verbose).as_mut(), &mut workers, &interrupted)
@@ -212,6 +219,9 @@ fn environment(experiment: &Experiment, devices: &[&DeviceInfo]) -> Environment 
             vendor: info.vendor,
             driver: info.driver,
             kind: info.kind.name().to_owned(),
+            compute_capability: info.hardware.compute_capability,
+            max_clock_mhz: info.hardware.max_clock_mhz,
+            timer_resolution_ns: info.hardware.timer_resolution_ns,
         }
     };
     Environment {

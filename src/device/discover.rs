@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::limits::native_width;
-use super::{Device, DeviceInfo, DeviceKind, DeviceLimits};
+use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware};
 use crate::error::{Error, Result};
 
 /// What there is: devices, and platforms that have none.
@@ -108,6 +108,9 @@ fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
 fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     let mut asked = Asked { device, failure: None };
     let kind = DeviceKind::from_type(asked.number(Query::Type));
+    let extensions: Vec<String> =
+        asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect();
+    let raw = |query| ocl::core::get_device_info_raw(device.as_core(), query).ok();
     let mut info = DeviceInfo {
         platform: platform.name().unwrap_or_default().trim().to_owned(),
         platform_version: platform.version().unwrap_or_default().trim().to_owned(),
@@ -116,7 +119,8 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         version: asked.text(Query::Version),
         driver: asked.text(Query::DriverVersion),
         kind,
-        extensions: asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect(),
+        hardware: Hardware::ask(&extensions, raw),
+        extensions,
         limits: asked.limits(kind == DeviceKind::Cpu),
         twins_before: 0,
         label: String::new(),

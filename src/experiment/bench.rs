@@ -1,11 +1,11 @@
 //! A device with what points on it share, and all that a point must pass before it is timed.
 
 use crate::config::{LimitOverrides, NamedStrategy};
-use crate::device::{Device, DeviceLimits};
+use crate::device::{Device, DeviceLimits, Hardware};
 use crate::error::Result;
 use crate::image::Radiance;
 use crate::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
-use crate::program::{BuiltProgram, ProgramSpec};
+use crate::program::{BuiltProgram, MadeKernel, ProgramSpec};
 use crate::record::{Outcome, Record};
 use crate::scene::Scene;
 use crate::strategy::{Layout, LeafSize, NodeWidth, Requirements, Strategy, Traversal, Workload};
@@ -17,6 +17,7 @@ use std::collections::hash_map::Entry;
 pub struct Bench {
     queue: Queue,
     limits: DeviceLimits,
+    hardware: Hardware,
     /// The scene at hand, by its number, in the layouts uploaded so far.
     scene: usize,
     layouts: HashMap<Layout, DeviceScene>,
@@ -79,6 +80,7 @@ impl Bench {
         Ok(Self {
             queue: Queue::open(device.platform, device.device)?,
             limits: limits.apply(device.info.limits),
+            hardware: device.info.hardware.clone(),
             scene: usize::MAX,
             layouts: HashMap::new(),
             trees: HashMap::new(),
@@ -111,7 +113,18 @@ impl Bench {
             return Err(Refusal::new(Outcome::LaunchFailed, "the scene was not uploaded"));
         };
         let tree = self.tree(&named.strategy);
-        Ok(Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?)
+        let caster = Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?;
+        record.kernels = self.made(&program, &caster, workload);
+        Ok(caster)
+    }
+
+    /// What the compiler made of a frame's kernels.
+    fn made(&self, program: &BuiltProgram, caster: &Caster, workload: &Workload) -> Vec<MadeKernel> {
+        let (log, ptx) = (program.log(), program.ptx());
+        let capability = self.hardware.compute_capability.as_deref();
+        let items = workload.local_size.iter().product();
+        let made = |kernel| MadeKernel::of(kernel, self.queue.device, &log, &ptx).predicted(capability, items);
+        caster.kernels().map(made).collect()
     }
 
     /// Drops what belongs to another scene.

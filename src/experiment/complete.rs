@@ -2,7 +2,8 @@
 
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, Summary};
-use crate::record::{Outcome, Record};
+use crate::record::{Outcome, Record, significant};
+use crate::sensor::Sensed;
 
 /// Writes what a point's frames amount to into its record.
 pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) {
@@ -22,7 +23,35 @@ pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) 
     record.host_median_ms = median(&|frame| Some(frame.host_ms));
     record.primary_ms = median(&|frame| frame.primary_ms);
     record.shadow_ms = median(&|frame| frame.shadow_ms);
+    record.batch = frames.iter().filter_map(|frame| frame.batch).max();
+    record.sensed = Sensed::mean(frames.iter().filter_map(|frame| frame.sensed.as_ref()));
+    let throttled = |frame: &&FrameTimes| frame.sensed.is_some_and(|sensed| sensed.throttled);
+    record.throttled_samples = record.sensed.map(|_| frames.iter().filter(throttled).count() as u32);
     rates(record);
+    record.warning = warning(record);
+}
+
+/// What to mind in reading its times.
+fn warning(record: &Record) -> Option<String> {
+    let throttled = record.throttled_samples.filter(|count| *count > 0).map(|count| {
+        format!("the device throttled in {count} of {} samples", record.samples_ms.len())
+    });
+    let warnings: Vec<_> = launch_bound(record).into_iter().chain(throttled).collect();
+    (!warnings.is_empty()).then(|| warnings.join("; "))
+}
+
+/// Where the host takes longer to launch a frame than the device to cast it, the frame is too small to be compared.
+fn launch_bound(record: &Record) -> Option<String> {
+    if record.is_baseline() {
+        return None;
+    }
+    let (host_ms, frame_ms) = (record.host_median_ms?, record.median_ms?);
+    let us = |ms: f64| significant(1e3 * ms, 2);
+    (host_ms - frame_ms > frame_ms).then(|| {
+        let of = record.batch.map_or(String::new(), |batch| format!(", in batches of {batch}"));
+        let (host, device) = (us(host_ms), us(frame_ms));
+        format!("launching dominates: a frame takes {host} us by the host's clock and {device} us on the device{of}; larger images tell more")
+    })
 }
 
 /// Rays and tests a second. Where a strategy does not separate primary rays, the whole frame's time counts.
@@ -35,5 +64,37 @@ fn rates(record: &mut Record) {
     }
     if let (Some(rays), Some(ms)) = (record.shadow_rays, record.shadow_ms.filter(|ms| *ms > 0.0)) {
         record.shadow_rays_per_s = Some(rays as f64 / ms * 1e3);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn completed(frame_ms: f64, host_ms: f64, batch: Option<u32>) -> Record {
+        let frames = vec![FrameTimes { batch, ..FrameTimes::whole(frame_ms, host_ms) }; 5];
+        let mut record = Record { device: "gpu".into(), image_size: [8, 5], ..Record::default() };
+        complete(&mut record, &frames, StopReason::Precise);
+        record
+    }
+
+    #[test]
+    fn a_frame_shorter_than_its_launch_is_warned_of() {
+        let warning = completed(0.004, 0.03, Some(13)).warning.expect("a warning");
+        assert!(warning.contains("30 us") && warning.contains("4.0 us"), "{warning}");
+        assert!(warning.contains("batches of 13"), "{warning}");
+        assert_eq!(completed(0.004, 0.0075, None).warning, None);
+        assert_eq!(completed(5.0, 5.1, None).warning, None);
+    }
+
+    #[test]
+    fn throttled_samples_are_counted_and_sensors_averaged() {
+        let sensed = |throttled, clock| Some(Sensed { throttled, clock_mhz: Some(clock), ..Sensed::default() });
+        let frame = |throttled, clock| FrameTimes { sensed: sensed(throttled, clock), ..FrameTimes::whole(5.0, 5.1) };
+        let mut record = Record { device: "gpu".into(), ..Record::default() };
+        complete(&mut record, &[frame(true, 1000.0), frame(false, 2000.0)], StopReason::Precise);
+        let mean = record.sensed.expect("sensors");
+        assert_eq!((mean.clock_mhz, mean.throttled, record.throttled_samples), (Some(1500.0), true, Some(1)));
+        assert!(record.warning.expect("a warning").contains("1 of 2 samples"));
     }
 }

@@ -3,6 +3,7 @@
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::launch::FrameTimes;
+use crate::limits::Limits;
 use crate::record::{Record, Sample};
 
 /// Keeps what a run finds as soon as it is found.
@@ -18,6 +19,7 @@ pub struct Keeper<'a> {
 impl Keeper<'_> {
     /// Completes a record: first on disk, then heard of.
     pub fn keep(&mut self, mut record: Record) -> Result<()> {
+        Limits::apply(self.results.limits(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());
         self.results.record(&record)?;
         self.observer.finished(&record);
@@ -34,6 +36,8 @@ impl Keeper<'_> {
             primary_ms: times.primary_ms,
             shadow_ms: times.shadow_ms,
             host_ms: Some(times.host_ms),
+            batch: times.batch,
+            sensed: times.sensed,
         })
     }
 }

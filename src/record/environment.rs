@@ -62,6 +62,15 @@ pub struct DeviceEnvironment {
     pub driver: String,
     /// "cpu", "gpu" or "accelerator".
     pub kind: String,
+    /// Compute capability, where the driver tells it.
+    #[serde(default)]
+    pub compute_capability: Option<String>,
+    /// The highest clock, as the driver says.
+    #[serde(default)]
+    pub max_clock_mhz: Option<u64>,
+    /// The step of the clock that profiling reads.
+    #[serde(default)]
+    pub timer_resolution_ns: Option<u64>,
 }
 
 impl Environment {

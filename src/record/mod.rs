@@ -26,6 +26,6 @@ pub use summary::{Group, groups};
 pub(crate) use summary::{interval, median};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
-pub(crate) use terminal::word;
+pub(crate) use terminal::{percent, word};
 pub use types::{HOST, Outcome, Record, Sample};
 pub use whole::{TEMPORARY_PREFIX, sync_folder, write_whole};
