@@ -45,8 +45,14 @@ fn limits_are_measured_and_a_run_tells_its_part_of_them() {
     let kept: Value = serde_json::from_str(&place.text("limits.json")).expect("JSON");
     for figure in FIGURES {
         let found = &kept[0][figure];
-        assert!(found["median"].as_f64().is_some_and(|value| value > 0.0 && value.is_finite()), "{figure}: {found}");
-        assert!(found["repeats"].as_u64() >= Some(5) && found["q1"].as_f64() <= found["q3"].as_f64(), "{found}");
+        assert!(
+            found["median"].as_f64().is_some_and(|value| value > 0.0 && value.is_finite()),
+            "{figure}: {found}"
+        );
+        assert!(
+            found["repeats"].as_u64() >= Some(5) && found["q1"].as_f64() <= found["q3"].as_f64(),
+            "{found}"
+        );
     }
     let fma = kept[0]["fma_per_s"]["median"].as_f64().expect("a rate");
 
@@ -69,7 +75,8 @@ fn limits_are_measured_and_a_run_tells_its_part_of_them() {
     assert_eq!(place.text("out/limits.json"), place.text("limits.json"));
     has(&place.text("out/summary.md"), &["of limit"]);
 
-    let missing = place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--limits=none.json"], 2);
+    let missing =
+        place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--limits=none.json"], 2);
     has(&missing, &["none.json"]);
 }
 

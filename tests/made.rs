@@ -91,7 +91,8 @@ fn compile_keeps_source_log_binary_and_what_was_made() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let device = device();
     let arguments = ["compile", "scene.toml", "--device", &device, "--out", "made", "--local-size", "4x2"];
-    let text = place.output(&[&arguments[..], &["--strategy", "naive", "--strategy", "deferred,width=4"]].concat());
+    let text =
+        place.output(&[&arguments[..], &["--strategy", "naive", "--strategy", "deferred,width=4"]].concat());
     has(&text, &["naive at 4 x 2", "cast_frame", "deferred,width=4", "cast_primary", "shade_nearest"]);
     for folder in ["made/naive", "made/deferred-width-4"] {
         let made: Value = serde_json::from_str(&place.text(&format!("{folder}/made.json"))).expect("JSON");

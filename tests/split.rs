@@ -15,7 +15,8 @@ fn render(place: &Place, devices: Option<&str>, strategy: &str, picture: &str) -
         None => arguments.extend(["--device", "portable computing language"]),
     }
     let mut command = place.raycl(&arguments);
-    let output = command.env("POCL_DEVICES", "pthread pthread").assert().success().get_output().stdout.clone();
+    let output =
+        command.env("POCL_DEVICES", "pthread pthread").assert().success().get_output().stdout.clone();
     serde_json::from_slice(&output).expect("JSON")
 }
 

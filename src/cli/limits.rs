@@ -37,8 +37,10 @@ pub struct Args {
 /// Measures the devices one after another.
 pub fn run(args: Args) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let all: Vec<Limits> =
-        devices(args.device.as_deref())?.iter().map(|device| measure(device, &sources)).collect::<Result<_>>()?;
+    let all: Vec<Limits> = devices(args.device.as_deref())?
+        .iter()
+        .map(|device| measure(device, &sources))
+        .collect::<Result<_>>()?;
     if let Some(path) = &args.out {
         Limits::write(&all, path)?;
     }

@@ -2,8 +2,8 @@
 
 mod choice;
 pub mod compare;
-pub mod compile;
 pub mod compare_images;
+pub mod compile;
 pub mod completions;
 pub mod devices;
 pub mod limits;

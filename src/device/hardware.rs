@@ -105,7 +105,8 @@ mod tests {
             UUID_KHR => Some((0..16).collect()),
             _ => None,
         };
-        let found = Hardware::ask(&extensions(&["cl_nv_device_attribute_query", "cl_khr_device_uuid"]), answers);
+        let found =
+            Hardware::ask(&extensions(&["cl_nv_device_attribute_query", "cl_khr_device_uuid"]), answers);
         assert_eq!(found.compute_capability.as_deref(), Some("9.0"));
         assert_eq!(found.pci_bus.as_deref(), Some("0000:1b:01.0"));
         assert_eq!((found.max_clock_mhz, found.timer_resolution_ns), (Some(1980), Some(1000)));

@@ -113,7 +113,8 @@ impl Bench {
             return Err(Refusal::new(Outcome::LaunchFailed, "the scene was not uploaded"));
         };
         let tree = self.tree(&named.strategy);
-        let caster = Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?;
+        let caster =
+            Caster::new(&self.queue, &program, &named.strategy, workload, scene, device_scene, tree)?;
         record.kernels = self.made(&program, &caster, workload);
         Ok(caster)
     }
@@ -123,7 +124,8 @@ impl Bench {
         let (log, ptx) = (program.log(), program.ptx());
         let capability = self.hardware.compute_capability.as_deref();
         let items = workload.local_size.iter().product();
-        let made = |kernel| MadeKernel::of(kernel, self.queue.device, &log, &ptx).predicted(capability, items);
+        let made =
+            |kernel| MadeKernel::of(kernel, self.queue.device, &log, &ptx).predicted(capability, items);
         caster.kernels().map(made).collect()
     }
 

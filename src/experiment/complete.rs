@@ -33,9 +33,10 @@ pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) 
 
 /// What to mind in reading its times.
 fn warning(record: &Record) -> Option<String> {
-    let throttled = record.throttled_samples.filter(|count| *count > 0).map(|count| {
-        format!("the device throttled in {count} of {} samples", record.samples_ms.len())
-    });
+    let throttled = record
+        .throttled_samples
+        .filter(|count| *count > 0)
+        .map(|count| format!("the device throttled in {count} of {} samples", record.samples_ms.len()));
     let warnings: Vec<_> = launch_bound(record).into_iter().chain(throttled).collect();
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
@@ -89,8 +90,10 @@ mod tests {
 
     #[test]
     fn throttled_samples_are_counted_and_sensors_averaged() {
-        let sensed = |throttled, clock| Some(Sensed { throttled, clock_mhz: Some(clock), ..Sensed::default() });
-        let frame = |throttled, clock| FrameTimes { sensed: sensed(throttled, clock), ..FrameTimes::whole(5.0, 5.1) };
+        let sensed =
+            |throttled, clock| Some(Sensed { throttled, clock_mhz: Some(clock), ..Sensed::default() });
+        let frame =
+            |throttled, clock| FrameTimes { sensed: sensed(throttled, clock), ..FrameTimes::whole(5.0, 5.1) };
         let mut record = Record { device: "gpu".into(), ..Record::default() };
         complete(&mut record, &[frame(true, 1000.0), frame(false, 2000.0)], StopReason::Precise);
         let mean = record.sensed.expect("sensors");

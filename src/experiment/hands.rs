@@ -93,7 +93,8 @@ impl<'a> Hands<'a> {
             Some(batch) => batch,
             None => {
                 let shortest_ms = warm_up(|| frame(1), timing.warmup, timing.time_limit_ms);
-                let timer_ns = self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
+                let timer_ns =
+                    self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
                 batch_size(shortest_ms, timer_ns)
             }
         };

@@ -103,7 +103,8 @@ mod tests {
 
     #[test]
     fn what_is_sent_arrives() {
-        let times = FrameTimes { primary_ms: Some(0.07), batch: Some(7), ..FrameTimes::whole(0.1, 1.0 / 3.0) };
+        let times =
+            FrameTimes { primary_ms: Some(0.07), batch: Some(7), ..FrameTimes::whole(0.1, 1.0 / 3.0) };
         for reply in
             [Reply::Started, Reply::Sample(times), Reply::Checked { record: Box::default(), ready: true }]
         {

@@ -1,7 +1,7 @@
 //! Everything one point needs to cast a frame again and again.
 
-use super::buffers::allocate;
 use super::band::Band;
+use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::scene::DeviceScene;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};

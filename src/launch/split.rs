@@ -68,7 +68,8 @@ impl Split<'_> {
         let speeds = at_once(&stands, |stand| self.speed(stand))?;
         let costs = stands.first().map_or(Ok(Vec::new()), |stand| self.costs(stand))?;
         let bands = cut(self.group_rows(&self.workload), &costs, &speeds);
-        let pairs: Vec<(&Stand, Band)> = stands.iter().zip(bands).filter(|(_, band)| !band.is_empty()).collect();
+        let pairs: Vec<(&Stand, Band)> =
+            stands.iter().zip(bands).filter(|(_, band)| !band.is_empty()).collect();
         let parts = at_once(&pairs, |(stand, band)| self.cast_band(stand, band.clone()))?;
         let [width, height] = self.workload.image_size;
         let mut image = Radiance { width, height, pixels: Vec::new() };
@@ -150,9 +151,8 @@ impl Split<'_> {
         let row_pixels = workload.group_height(self.strategy);
         let rows = [band.start, band.end].map(|row| (row as u32 * row_pixels).min(height));
         let caster = self.caster(stand, workload, band).map_err(failed)?;
-        let frames = (0..self.repeat.max(1) + 1)
-            .map(|_| caster.cast().map_err(failed))
-            .collect::<Result<Vec<_>>>()?;
+        let frames =
+            (0..self.repeat.max(1) + 1).map(|_| caster.cast().map_err(failed)).collect::<Result<Vec<_>>>()?;
         let start = Instant::now();
         let (part, hits) = caster.read_rows(rows).map_err(failed)?;
         let share = Share {

@@ -149,7 +149,11 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     out.read(&mut mark[..]).enq().map_err(failed)?;
     expect("a launch", f64::from(mark[0]), 7.0)?;
     let of = |values: Vec<f64>| Figure::of(&values);
-    Ok([of(single.iter().map(|one| one.0).collect()), of(single.iter().map(|one| one.1).collect()), of(batched)])
+    Ok([
+        of(single.iter().map(|one| one.0).collect()),
+        of(single.iter().map(|one| one.1).collect()),
+        of(batched),
+    ])
 }
 
 fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {

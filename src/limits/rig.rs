@@ -74,7 +74,13 @@ impl<'a> Rig<'a> {
     }
 
     /// A kernel of `items` work-items in groups of `group`; the caller adds its arguments.
-    pub fn kernel<'b>(&self, program: &'b Program, name: &'b str, items: usize, group: usize) -> KernelBuilder<'b> {
+    pub fn kernel<'b>(
+        &self,
+        program: &'b Program,
+        name: &'b str,
+        items: usize,
+        group: usize,
+    ) -> KernelBuilder<'b> {
         let mut kernel = Kernel::builder();
         kernel.program(program).name(name).queue(self.queue.commands.clone());
         kernel.global_work_size(items).local_work_size(group);

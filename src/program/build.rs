@@ -74,7 +74,8 @@ impl BuiltProgram {
 /// As [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), of a bare handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
-    extensions.is_ok_and(|names| names.to_string().split_whitespace().any(|name| name == "cl_nv_compiler_options"))
+    extensions
+        .is_ok_and(|names| names.to_string().split_whitespace().any(|name| name == "cl_nv_compiler_options"))
 }
 
 /// The compiler's words without the frames of asterisks that `ocl` puts around them.

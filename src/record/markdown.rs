@@ -127,7 +127,7 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let all = || std::iter::once(&header).chain(rows);
     // A rule narrower than three is no rule to some readers.
     let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
-    let widths: [usize; 9] = std::array::from_fn(widest);
+    let widths: [usize; COLUMNS] = std::array::from_fn(widest);
     let rule: [String; COLUMNS] = std::array::from_fn(|place| {
         let end = if LEFT.contains(&place) { "-" } else { ":" };
         "-".repeat(widths[place] - 1) + end
@@ -146,8 +146,7 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
 /// What to mind in reading some times.
 fn warnings(group: &Group<'_>) -> String {
     let warned = group.ranked().into_iter().filter_map(|record| Some((record, record.warning.as_ref()?)));
-    let lines: String =
-        warned.map(|(record, warning)| format!("- {}: {warning}\n", title(record))).collect();
+    let lines: String = warned.map(|(record, warning)| format!("- {}: {warning}\n", title(record))).collect();
     if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
 }
 

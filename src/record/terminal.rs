@@ -125,11 +125,15 @@ fn legend(groups: &[Group<'_>]) -> String {
     if kernels().any(|group| !group.winners().is_empty()) {
         text.push_str("* fastest; several: their 95% intervals overlap, which is a tie\n");
     }
-    let warned = kernels().flat_map(|group| group.ranked()).filter_map(|one| Some((one, one.warning.as_ref()?)));
+    let warned =
+        kernels().flat_map(|group| group.ranked()).filter_map(|one| Some((one, one.warning.as_ref()?)));
     if let Some((record, warning)) = warned.clone().next() {
         let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
         let count = warned.count();
-        text.push_str(&format!("! mind {count} of these times, for example {}{size}: {warning}\n", record.name));
+        text.push_str(&format!(
+            "! mind {count} of these times, for example {}{size}: {warning}\n",
+            record.name
+        ));
     }
     let mut told: Vec<(String, &str)> = Vec::new();
     for (record, reason) in kernels().flat_map(|group| group.failures()) {

@@ -42,10 +42,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     }
     let chart = Chart {
         title: format!("Predicted occupancy against measured speed: {}", group_title(group)),
-        x_label: format!(
-            "predicted occupancy of a multiprocessor, % (CC {})",
-            sm.compute_capability
-        ),
+        x_label: format!("predicted occupancy of a multiprocessor, % (CC {})", sm.compute_capability),
         y_label: "measured speed, % of the strategy's best".into(),
         across: Across::Numbers(Kind::Linear),
         up: Kind::Linear,

@@ -69,7 +69,8 @@ fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Op
     let between: Vec<&(Instant, Reading)> =
         readings.iter().filter(|(at, _)| (start..=end).contains(at)).collect();
     let before = readings.iter().rev().find(|(at, _)| *at < start);
-    let seen: Vec<&(Instant, Reading)> = if between.is_empty() { before.into_iter().collect() } else { between };
+    let seen: Vec<&(Instant, Reading)> =
+        if between.is_empty() { before.into_iter().collect() } else { between };
     let sensed: Vec<Sensed> = seen.iter().map(|(_, reading)| reading.sensed()).collect();
     let mut mean = Sensed::mean(sensed.iter())?;
     mean.power_w = counted_power_w(&seen).or(mean.power_w);

@@ -27,7 +27,9 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         ));
     }
     if as_json {
-        return points.iter().try_for_each(|(record, kernel)| super::super::print_json(&object(record, kernel)));
+        return points
+            .iter()
+            .try_for_each(|(record, kernel)| super::super::print_json(&object(record, kernel)));
     }
     super::super::print(text(&points))
 }
@@ -62,7 +64,8 @@ fn object(record: &Record, kernel: &MadeKernel) -> serde_json::Value {
 }
 
 fn text(points: &[(&Record, MadeKernel)]) -> String {
-    let header = ["point", "local size", "registers", "__local B", "groups", "occupancy", "limited by", "median ms"];
+    let header =
+        ["point", "local size", "registers", "__local B", "groups", "occupancy", "limited by", "median ms"];
     let mut table = super::super::table(&header, 1);
     for (record, kernel) in points {
         table.add_row([

@@ -117,7 +117,14 @@ fn text(report: &Report) -> String {
     let ms = |value: f64| format!("{value:.2}");
     for row in &report.devices {
         let rows = format!("{} to {}", row.rows[0], row.rows[1]);
-        table.add_row([row.device.clone(), rows, ms(row.build_ms), ms(row.upload_ms), ms(row.frame_ms), ms(row.read_ms)]);
+        table.add_row([
+            row.device.clone(),
+            rows,
+            ms(row.build_ms),
+            ms(row.upload_ms),
+            ms(row.frame_ms),
+            ms(row.read_ms),
+        ]);
     }
     let [width, height] = report.image_size;
     format!(

@@ -28,8 +28,11 @@ impl Census {
 impl std::fmt::Display for Census {
     /// "ld.global 12, st.global 4, calls 1".
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut parts: Vec<String> = self.instructions.iter().map(|(name, n)| format!("{name} {n}")).collect();
-        parts.extend((self.private_array_bytes > 0).then(|| format!("private array {} B", self.private_array_bytes)));
+        let mut parts: Vec<String> =
+            self.instructions.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        parts.extend(
+            (self.private_array_bytes > 0).then(|| format!("private array {} B", self.private_array_bytes)),
+        );
         parts.extend((self.calls > 0).then(|| format!("calls {}", self.calls)));
         f.write_str(&parts.join(", "))
     }
