@@ -161,6 +161,7 @@ fn execute(
         sources: &Sources::Embedded,
         limit: Duration::from_millis(30),
         retry_failed: false,
+        spread: false,
     };
     let mut results = Results::resume(folder, &Environment::default())?;
     run.execute(&mut results, &mut (), mock, interrupted)
@@ -282,6 +283,7 @@ fn a_refused_frame_costs_its_point_only() {
         sources: &Sources::Embedded,
         limit: Duration::from_secs(1),
         retry_failed: false,
+        spread: false,
     };
     let mut results = Results::create(folder.path(), &Environment::default()).expect("a folder");
     let mut refusing = Refusing(Mock::new(|_| Act::Answer));

@@ -3,9 +3,9 @@
 use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
-use crate::device::{DeviceInfo, select_infos};
+use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Forecast, Processes, Results, Run, dry_run, find_devices};
+use crate::experiment::{Fault, Forecast, Processes, Results, Run, Spawner, dry_run, find_devices};
 use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Record, summary_terminal};
 use crate::strategy::Requirements;
@@ -50,6 +50,9 @@ pub struct Args {
     /// The longest that one step of a point may take (a build with its first image; a frame), in seconds
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
+    /// Share the points among the devices, which must be of one kind, instead of measuring each on all
+    #[arg(long)]
+    spread: bool,
     /// Tell speed as a part of what the device can do at most: by a file of `raycl limits`, or measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     limits: Option<String>,
@@ -93,6 +96,7 @@ impl Args {
             resume: false,
             retry_failed: false,
             hang_limit: HANG_LIMIT,
+            spread: false,
             limits: None,
             dry_run: false,
             set,
@@ -121,7 +125,11 @@ pub fn run(args: Args) -> Result<()> {
         sources: &sources,
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
+        spread: args.spread,
     };
+    if args.spread {
+        check_alike(&infos)?;
+    }
     if args.dry_run {
         return forecast(&dry_run(&run)?, args.json);
     }
@@ -131,10 +139,18 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(given) = &args.limits {
         results.keep_limits(super::limits::for_run(given, patterns, args.cl_dir.as_deref())?)?;
     }
-    let mut workers = Processes::new(run.jobs(&out, args.fault))?;
-    let records = run
-        .execute(&mut results, observer(args.quiet, args.verbose).as_mut(), &mut workers, &interrupted)
-        .map_err(|error| say_how_to_resume(error, &args, &out))?;
+    let mut observer = observer(args.quiet, args.verbose);
+    let workers = || Processes::new(run.jobs(&out, args.fault));
+    let measured = if args.spread {
+        let mut spawners: Vec<Box<dyn Spawner + Send>> = Vec::new();
+        for _ in &infos {
+            spawners.push(Box::new(workers()?));
+        }
+        run.execute_spread(&mut results, observer.as_mut(), spawners, &interrupted)
+    } else {
+        run.execute(&mut results, observer.as_mut(), &mut workers()?, &interrupted)
+    };
+    let records = measured.map_err(|error| say_how_to_resume(error, &args, &out))?;
     report(&args, &out, &records)
 }
 
@@ -177,6 +193,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
     words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
     words.extend(args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]));
+    words.extend(args.spread.then(|| "--spread".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }

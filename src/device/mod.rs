@@ -1,11 +1,13 @@
 //! Which OpenCL devices there are, what they can hold, and which one is meant.
 
+mod alike;
 mod discover;
 mod hardware;
 mod limits;
 pub mod occupancy;
 mod select;
 
+pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
 pub use hardware::Hardware;
 pub use limits::DeviceLimits;

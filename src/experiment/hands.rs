@@ -42,13 +42,20 @@ pub struct Hands<'a> {
     entries: HashMap<usize, Entry>,
     /// The device's sensors, where it has any.
     watch: Option<Watch>,
+    /// The device in whose name it measures, where that is another.
+    stands_for: Option<DeviceInfo>,
 }
 
 impl<'a> Hands<'a> {
     /// Hands without work yet.
-    pub fn new(drafter: Drafter<'a>, plan: Plan, checker: Checker<'a>) -> Self {
+    pub fn new(
+        drafter: Drafter<'a>,
+        plan: Plan,
+        checker: Checker<'a>,
+        stands_for: Option<DeviceInfo>,
+    ) -> Self {
         let watch = checker.device().and_then(|device| watch(&device.info.hardware));
-        Self { drafter, plan, checker, scene: None, group: None, entries: HashMap::new(), watch }
+        Self { drafter, plan, checker, scene: None, group: None, entries: HashMap::new(), watch, stands_for }
     }
 
     /// Does what a request asks.
@@ -66,8 +73,10 @@ impl<'a> Hands<'a> {
             self.group = Some(point);
         }
         let at = scene(&mut self.scene, &self.drafter, point.scene)?;
-        let device = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
+        let own = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
+        let device = self.stands_for.as_ref().filter(|_| own.is_some()).or(own);
         let mut record = self.drafter.draft(&point, device, at)?;
+        record.measured_on = own.filter(|_| self.stands_for.is_some()).map(DeviceInfo::slug);
         if record.key != key {
             return Err(changed(device));
         }

@@ -3,7 +3,7 @@
 use crate::record::Record;
 
 /// Hears what a run is doing. A progress bar is one; tests use another.
-pub trait Observer {
+pub trait Observer: Send {
     /// The run begins: it has this many points.
     fn begins(&mut self, points: usize);
     /// An earlier run has finished this many of them.

@@ -22,6 +22,9 @@ pub struct Job {
     pub device_count: usize,
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; none where the run has baselines only.
     pub device: Option<String>,
+    /// The device of whose kind it is, and in whose name it measures, where points are spread over several.
+    #[serde(default)]
+    pub stands_for: Option<DeviceInfo>,
     /// The folder of kernels that replaces those built in.
     pub cl_dir: Option<PathBuf>,
     /// The folder of results, for pictures.

@@ -59,6 +59,9 @@ pub struct Record {
     pub scene: String,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
+    /// Which of several devices of this kind it was measured on, where points were spread over them.
+    #[serde(default)]
+    pub measured_on: Option<String>,
     /// The strategy's name in the config.
     pub name: String,
     /// The preset it is, if it is one.
