@@ -12,8 +12,10 @@ use std::time::Instant;
 
 /// Parts of the trial frame whose costs are measured.
 const PARTS: usize = 32;
-/// Rows of pixels of the trial frame, at most.
-const TRIAL_ROWS: u32 = 512;
+/// Rows of pixels of the first trial frame; each later one has twice as many, until it takes long enough.
+const TRIAL_ROWS: u32 = 256;
+/// A shorter frame does not fill a device, and tells nothing of where the work lies.
+const TRIAL_MS: f64 = 5.0;
 
 /// What is cast.
 pub struct Split<'a> {
@@ -65,8 +67,11 @@ impl Split<'_> {
     /// Casts the frame on all devices at once; the image, how many pixels hit, and each device's share.
     pub fn cast(&self, devices: &[Device]) -> Result<(Radiance, usize, Vec<Share>)> {
         let stands = at_once(devices, |device| self.stand(device))?;
-        let speeds = at_once(&stands, |stand| self.speed(stand))?;
-        let costs = stands.first().map_or(Ok(Vec::new()), |stand| self.costs(stand))?;
+        let Some(first) = stands.first() else { return Err(failed("there is none")) };
+        let trial = self.trial(first)?;
+        // Speeds are frames a millisecond.
+        let speeds = at_once(&stands, |stand| self.whole_ms(stand, &trial).map(|ms| 1.0 / ms))?;
+        let costs = self.costs(first, &trial)?;
         let bands = cut(self.group_rows(&self.workload), &costs, &speeds);
         let pairs: Vec<(&Stand, Band)> =
             stands.iter().zip(bands).filter(|(_, band)| !band.is_empty()).collect();
@@ -112,24 +117,30 @@ impl Split<'_> {
         Caster::of_band(queue, program, self.strategy, workload, self.scene, scene, tree.as_ref(), Some(band))
     }
 
-    /// The frame in few pixels.
-    fn trial(&self, stand: &Stand) -> Workload {
+    /// The frame in as few pixels as keep a device busy for a while, or in all of its own.
+    fn trial(&self, stand: &Stand) -> Result<Workload> {
         let [width, height] = stand.workload.image_size;
-        let smaller = height.div_ceil(TRIAL_ROWS).max(1);
-        Workload { image_size: [width.div_ceil(smaller), height.div_ceil(smaller)], ..stand.workload }
+        let mut rows = TRIAL_ROWS;
+        loop {
+            let smaller = height.div_ceil(rows).max(1);
+            let image_size = [width.div_ceil(smaller), height.div_ceil(smaller)];
+            let trial = Workload { image_size, ..stand.workload };
+            if smaller == 1 || self.whole_ms(stand, &trial)? >= TRIAL_MS {
+                return Ok(trial);
+            }
+            rows *= 2;
+        }
     }
 
-    /// Trial frames a millisecond.
-    fn speed(&self, stand: &Stand) -> Result<f64> {
-        let trial = self.trial(stand);
-        let caster = self.caster(stand, &trial, 0..self.group_rows(&trial)).map_err(failed)?;
-        Ok(1.0 / fastest_ms(&caster)?)
+    /// What a whole frame takes.
+    fn whole_ms(&self, stand: &Stand, trial: &Workload) -> Result<f64> {
+        let caster = self.caster(stand, trial, 0..self.group_rows(trial)).map_err(failed)?;
+        fastest_ms(&caster)
     }
 
     /// What each part of the trial frame takes, from top to bottom.
-    fn costs(&self, stand: &Stand) -> Result<Vec<f64>> {
-        let trial = self.trial(stand);
-        let rows = self.group_rows(&trial);
+    fn costs(&self, stand: &Stand, trial: &Workload) -> Result<Vec<f64>> {
+        let rows = self.group_rows(trial);
         let mut costs = Vec::new();
         for part in 0..PARTS {
             let band = rows * part / PARTS..rows * (part + 1) / PARTS;
@@ -138,7 +149,7 @@ impl Split<'_> {
                 return Ok(Vec::new());
             }
             let groups = band.len() as f64;
-            let caster = self.caster(stand, &trial, band).map_err(failed)?;
+            let caster = self.caster(stand, trial, band).map_err(failed)?;
             // Parts differ by a row: their cost is that of a row.
             costs.push(fastest_ms(&caster)? / groups);
         }

@@ -11,16 +11,19 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use std::time::Instant;
 
-/// CHAINS in cl/limits/fma.cl.
+/// CHAINS in cl/limits/fma.cl, and its STEPS.
 const CHAINS: u64 = 16;
+const FMA_STEPS: u64 = 8;
+/// STEPS in cl/limits/latency.cl.
+const STEPS: i32 = 16;
 /// SLOTS in cl/limits/local.cl.
 const SLOTS: u64 = 8;
 /// A buffer that no cache holds, where the device has room for it.
 const LARGE_BYTES: u64 = 512 << 20;
 /// Bytes from one step of the global chase to the next, at least: a cache's line.
 const LINE_BYTES: usize = 128;
-/// Entries of the chases in private and `__local` memory.
-const ENTRIES: u64 = 64;
+/// Entries of the chases in private and `__local` memory; a prime, so that where a chase ends tells that it ran.
+const ENTRIES: u64 = 61;
 /// Launches of a batch.
 const BATCH: u32 = 500;
 
@@ -28,7 +31,7 @@ const BATCH: u32 = 500;
 pub fn measure(device: &Device, sources: &Sources) -> Result<Limits> {
     let rig = Rig::open(device, sources)?;
     let [launch_device_us, launch_host_us, launch_batched_us] = launch(&rig)?;
-    let latency = rig.program("limits/latency.cl", &[("ENTRIES", ENTRIES)])?;
+    let chases = rig.program("limits/latency.cl", &[("ENTRIES", ENTRIES)])?;
     let info = &device.info;
     Ok(Limits {
         device: info.label.clone(),
@@ -43,10 +46,10 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Limits> {
         launch_device_us,
         launch_host_us,
         launch_batched_us,
-        private_ns: chain(&rig, &latency)?,
-        private_array_ns: chase(&rig, &latency, "chase_private")?,
-        local_ns: chase(&rig, &latency, "chase_local")?,
-        global_ns: chase_global(&rig, &latency)?,
+        private_ns: chain(&rig, &chases)?,
+        private_array_ns: chase(&rig, &chases, "chase_private")?,
+        local_ns: chase(&rig, &chases, "chase_local")?,
+        global_ns: chase_global(&rig, &chases)?,
     })
 }
 
@@ -56,8 +59,9 @@ fn rates(work: f64, seconds: &[f64]) -> Figure {
     Figure::of(&rates)
 }
 
-fn nanoseconds(seconds: &[f64]) -> Figure {
-    Figure::of(&seconds.iter().map(|s| s * 1e9).collect::<Vec<_>>())
+/// Nanoseconds a step, of seconds a loop of STEPS steps.
+fn latency(seconds: &[f64]) -> Figure {
+    Figure::of(&seconds.iter().map(|s| s * 1e9 / f64::from(STEPS)).collect::<Vec<_>>())
 }
 
 fn expect(what: &str, found: f64, expected: f64) -> Result<()> {
@@ -75,10 +79,10 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let seconds = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
-    let per_loop = CHAINS * width;
+    let chains = CHAINS * width;
     // Every chain nears 1 / (1 - 0.5).
-    expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * per_loop as f64)?;
-    Ok(rates((items as u64 * per_loop) as f64, &seconds))
+    expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
+    Ok(rates((items as u64 * chains * FMA_STEPS) as f64, &seconds))
 }
 
 /// Bytes for a large buffer: what fits with room to spare, in whole lines.
@@ -175,10 +179,10 @@ fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let mut value = [0.0_f32];
     out.read(&mut value[..]).enq().map_err(failed)?;
     expect("the chain", f64::from(value[0]), 2.0)?;
-    Ok(nanoseconds(&seconds))
+    Ok(latency(&seconds))
 }
 
-/// Every step goes on by this many entries, coprime to their number.
+/// Every step goes on by this many entries, as good as any.
 const STRIDE: i32 = 13;
 
 fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Figure> {
@@ -193,9 +197,9 @@ fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Fi
     })?;
     let mut at = [0];
     out.read(&mut at[..]).enq().map_err(failed)?;
-    let expected = (i64::from(loops) * i64::from(STRIDE)) % ENTRIES as i64;
+    let expected = (i64::from(loops) * i64::from(STEPS) * i64::from(STRIDE)) % ENTRIES as i64;
     expect(name, f64::from(at[0]) + 1.0, expected as f64 + 1.0)?;
-    Ok(nanoseconds(&seconds))
+    Ok(latency(&seconds))
 }
 
 /// One random cycle through all lines of a large buffer; each launch goes on where the one before ended.
@@ -209,12 +213,13 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let mut kernel = rig.kernel(program, "chase_global", 1, 1);
     kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    let (mut at, mut steps) = (0_i32, 0);
+    // A large buffer is slow: so few loops that their steps fit a number.
+    let (mut at, mut steps) = (0_i32, 0_i32);
     let seconds = rig.per_loop(&kernel, |loops| {
         for _ in 0..steps {
             at = next[at as usize];
         }
-        steps = loops;
+        steps = loops * STEPS;
         kernel.set_arg(1, at).map_err(failed)
     })?;
     let mut found = [0];
@@ -223,7 +228,7 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
         at = next[at as usize];
     }
     expect("the chase", f64::from(found[0]) + 1.0, f64::from(at) + 1.0)?;
-    Ok(nanoseconds(&seconds))
+    Ok(latency(&seconds))
 }
 
 /// Entries `stride` apart, each holding where the next of one random cycle lies.
