@@ -11,10 +11,10 @@ use raycl::launch::Caster;
 use raycl::strategy::preset;
 use serde_json::Value;
 
-fn render(place: &Place, devices: Option<&str>, strategy: &str, picture: &str) -> Value {
+fn render(place: &Place, devices: Option<&str>, [strategy, local]: [&str; 2], picture: &str) -> Value {
     let scene = repository("scenes/still-life.toml");
     let mut arguments = vec!["render", scene.to_str().expect("UTF-8"), "--json", "-o", picture];
-    arguments.extend(["--width", "75", "--height", "61", "--strategy", strategy, "--local-size", "4x2"]);
+    arguments.extend(["--width", "75", "--height", "61", "--strategy", strategy, "--local-size", local]);
     match devices {
         Some(devices) => arguments.extend(["--devices", devices, "--verify"]),
         None => arguments.extend(["--device", "portable computing language"]),
@@ -28,7 +28,15 @@ fn render(place: &Place, devices: Option<&str>, strategy: &str, picture: &str) -
 #[test]
 fn two_devices_cast_the_pixels_of_one() {
     let place = Place::new();
-    for strategy in ["naive-scratch", "deferred,width=4", "bvh", "tiled-common-origin", "naive"] {
+    // A tile of 32 x 16 pixels is a work-group.
+    for strategy in [
+        ["naive-scratch", "4x2"],
+        ["deferred,width=4", "4x2"],
+        ["bvh", "4x2"],
+        ["tiled-common-origin", "4x2"],
+        ["naive", "4x2"],
+        ["tile", "1x1"],
+    ] {
         let one = render(&place, None, strategy, "one.exr");
         let two = render(&place, Some("portable computing language"), strategy, "two.exr");
         let rows: Vec<[u64; 2]> = two["devices"]
@@ -43,7 +51,7 @@ fn two_devices_cast_the_pixels_of_one() {
         assert_eq!(two["strategy"], one["strategy"]);
         let longest = two["devices"].as_array().into_iter().flatten().filter_map(|d| d["frame_ms"].as_f64());
         assert_eq!(two["frame_ms"].as_f64(), longest.reduce(f64::max));
-        assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy}: other pixels");
+        assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
     }
 }
 

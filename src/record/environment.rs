@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::whole::write_whole;
+use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 
 /// All that a result may depend on besides its record.
@@ -71,6 +72,25 @@ pub struct DeviceEnvironment {
     /// The step of the clock that profiling reads.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
+}
+
+impl DeviceEnvironment {
+    /// What an environment keeps of a device.
+    pub fn of(info: &DeviceInfo) -> Self {
+        let info = info.clone();
+        Self {
+            device: info.label,
+            platform: info.platform,
+            platform_version: info.platform_version,
+            version: info.version,
+            vendor: info.vendor,
+            driver: info.driver,
+            kind: info.kind.name().to_owned(),
+            compute_capability: info.hardware.compute_capability,
+            max_clock_mhz: info.hardware.max_clock_mhz,
+            timer_resolution_ns: info.hardware.timer_resolution_ns,
+        }
+    }
 }
 
 impl Environment {
