@@ -16,6 +16,7 @@ pub mod error;
 pub mod experiment;
 pub mod image;
 pub mod launch;
+pub mod limits;
 pub mod measure;
 pub mod memory;
 pub mod program;
@@ -23,6 +24,7 @@ pub mod record;
 pub mod reference;
 pub mod report;
 pub mod scene;
+pub mod sensor;
 pub mod strategy;
 pub mod verify;
 

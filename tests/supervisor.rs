@@ -5,7 +5,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::Error;
 use raycl::config::{self, Experiment};
-use raycl::device::{DeviceInfo, DeviceKind, DeviceLimits};
+use raycl::device::{DeviceInfo, DeviceKind, DeviceLimits, Hardware};
 use raycl::experiment::{Death, Refusal, Reply, Request, Results, Run, Spawner, Wait, Worker};
 use raycl::launch::FrameTimes;
 use raycl::program::Sources;
@@ -45,8 +45,6 @@ fn device() -> DeviceInfo {
         driver: "1".into(),
         kind: DeviceKind::Cpu,
         extensions: Vec::new(),
-        max_clock_mhz: None,
-        compute_capability: None,
         limits: DeviceLimits {
             local_bytes: 1 << 15,
             constant_bytes: 1 << 16,
@@ -58,6 +56,7 @@ fn device() -> DeviceInfo {
             native_width: 1,
             is_cpu: true,
         },
+        hardware: Hardware::default(),
         twins_before: 0,
         label: "mock".into(),
         unusable: None,
@@ -128,7 +127,7 @@ impl Worker for MockWorker {
                 *counts.casts.entry(*point).or_default() += 1;
                 // Some number; how many samples are taken is the config's to say.
                 let ms = CASTS.fetch_add(1, Ordering::Relaxed) as f64 % 7.0 + 1.0;
-                Reply::Sample(FrameTimes { frame_ms: ms, primary_ms: None, shadow_ms: None, host_ms: ms })
+                Reply::Sample(FrameTimes::whole(ms, ms))
             }
         };
         let scene = Scene { request, requests: counts.requests };
@@ -162,6 +161,7 @@ fn execute(
         sources: &Sources::Embedded,
         limit: Duration::from_millis(30),
         retry_failed: false,
+        spread: false,
     };
     let mut results = Results::resume(folder, &Environment::default())?;
     run.execute(&mut results, &mut (), mock, interrupted)
@@ -283,6 +283,7 @@ fn a_refused_frame_costs_its_point_only() {
         sources: &Sources::Embedded,
         limit: Duration::from_secs(1),
         retry_failed: false,
+        spread: false,
     };
     let mut results = Results::create(folder.path(), &Environment::default()).expect("a folder");
     let mut refusing = Refusing(Mock::new(|_| Act::Answer));

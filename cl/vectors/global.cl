@@ -6,5 +6,5 @@
 #define WORKING_PARAMETERS , __global float *scratch
 #define WORKING_LOCALS
 #define BIND_WORKING(working)                                                                   \
-    working.first = (__global varying *)scratch + 3 * (get_global_id(1) * get_global_size(0) + get_global_id(0));   \
+    working.first = (__global varying *)scratch + 3 * ((get_global_id(1) - get_global_offset(1)) * get_global_size(0) + get_global_id(0)); \
     working.stride = 3 * get_global_size(0) * get_global_size(1);

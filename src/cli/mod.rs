@@ -3,8 +3,10 @@
 mod choice;
 pub mod compare;
 pub mod compare_images;
+pub mod compile;
 pub mod completions;
 pub mod devices;
+pub mod limits;
 pub mod occupancy;
 mod output;
 mod progress;
@@ -62,6 +64,10 @@ enum Command {
         #[arg(long)]
         list: bool,
     },
+    /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
+    Compile(compile::Args),
+    /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
+    Limits(limits::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -82,6 +88,8 @@ impl Cli {
             Command::Strategies(args) => strategies::run(args),
             Command::Worker { list: true } => crate::experiment::list_devices(),
             Command::Worker { list: false } => crate::experiment::serve(),
+            Command::Compile(args) => compile::run(args),
+            Command::Limits(args) => limits::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

@@ -1,6 +1,7 @@
 //! `raycl occupancy`: the paper's Figure 5 for any compute capability.
 
 mod paper;
+mod results;
 
 use std::str::FromStr;
 
@@ -14,11 +15,12 @@ use crate::error::{Error, Result};
 #[command(after_help = "Examples:
   raycl occupancy --paper
   raycl occupancy --compute-capability 9.0 --registers 40
+  raycl occupancy --results results/figure-8
   raycl occupancy --compute-capability 2.0 --registers 63 --local-bytes-per-item 108 --local-sizes 8x8,16x16")]
 pub struct Args {
-    /// Compute capability, 2.0 to 9.0
-    #[arg(long, value_name = "MAJOR.MINOR", default_value = "8.6", conflicts_with = "paper")]
-    compute_capability: String,
+    /// Compute capability, 2.0 to 9.0 [default: 8.6; with --results each device's own]
+    #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper")]
+    compute_capability: Option<String>,
     /// Registers a work-item
     #[arg(
         long,
@@ -49,6 +51,9 @@ pub struct Args {
     /// Local sizes, as in 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
+    /// Predict the points of a run, from the registers in its records: a folder of results, or its records.jsonl
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
+    results: Option<std::path::PathBuf>,
     /// Print the paper's own table beside what its 63 registers really allow
     #[arg(long)]
     paper: bool,
@@ -120,7 +125,10 @@ pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);
     }
-    let sm = multiprocessor(&args.compute_capability)?;
+    if let Some(path) = &args.results {
+        return results::run(path, args.compute_capability.as_deref(), args.json);
+    }
+    let sm = multiprocessor(args.compute_capability.as_deref().unwrap_or("8.6"))?;
     if args.registers == 0 {
         return Err(Error::input("--registers 0: a work-item needs at least 1 register"));
     }

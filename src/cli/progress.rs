@@ -196,28 +196,27 @@ fn line(record: &Record) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::cell::RefCell;
-    use std::rc::Rc;
+    use std::sync::{Arc, Mutex};
 
     /// Writes down what it hears.
     #[derive(Clone, Default)]
-    struct Heard(Rc<RefCell<Vec<String>>>);
+    struct Heard(Arc<Mutex<Vec<String>>>);
 
     impl Observer for Heard {
         fn begins(&mut self, points: usize) {
-            self.0.borrow_mut().push(format!("begins {points}"));
+            self.0.lock().expect("no test panicked").push(format!("begins {points}"));
         }
         fn resumes(&mut self, done: usize) {
-            self.0.borrow_mut().push(format!("resumes {done}"));
+            self.0.lock().expect("no test panicked").push(format!("resumes {done}"));
         }
         fn works_on(&mut self, what: &str) {
-            self.0.borrow_mut().push(what.to_owned());
+            self.0.lock().expect("no test panicked").push(what.to_owned());
         }
         fn finished(&mut self, _: &Record) {
-            self.0.borrow_mut().push("finished".into());
+            self.0.lock().expect("no test panicked").push("finished".into());
         }
         fn ends(&mut self) {
-            self.0.borrow_mut().push("ends".into());
+            self.0.lock().expect("no test panicked").push("ends".into());
         }
     }
 
@@ -236,7 +235,7 @@ mod tests {
         assert_eq!(stages.done(), 3);
         stages.end();
         let expected = ["begins 5", "a: timing", "finished", "resumes 2", "b: timing", "finished", "ends"];
-        assert_eq!(*heard.0.borrow(), expected);
+        assert_eq!(*heard.0.lock().expect("no test panicked"), expected);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! `raycl render`: a picture of a scene, now.
 
 mod report;
+mod split;
 
 use super::choice::{
     is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
@@ -28,6 +29,7 @@ use std::time::Instant;
   raycl render bunny.obj -o bunny.exr --width 1920 --height 1080
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
   raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4
+  raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
   raycl render scenes/gourd.toml --json --repeat 10 | jq .primary_rays_per_s
 
 `raycl strategies` lists presets and axes, `raycl devices` the devices.")]
@@ -46,6 +48,9 @@ pub struct Args {
     /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
     #[arg(long)]
     device: Option<String>,
+    /// Cast the frame on all devices that this means, a band of its rows on each: all, gpu, a word of their name
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
+    devices: Option<String>,
     /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
     #[arg(long)]
     strategy: Option<String>,
@@ -77,6 +82,9 @@ pub struct Args {
 
 /// Renders one picture, or with `--watch` one after every change.
 pub fn run(args: Args) -> Result<()> {
+    if let Some(devices) = &args.devices {
+        return split::run(&args, devices);
+    }
     if !args.watch {
         return render(&args);
     }
@@ -272,6 +280,7 @@ fn medians(frames: &[FrameTimes]) -> FrameTimes {
         primary_ms: median(&|frame| frame.primary_ms),
         shadow_ms: median(&|frame| frame.shadow_ms),
         host_ms: median(&|frame| Some(frame.host_ms)).unwrap_or(0.0),
+        ..FrameTimes::default()
     }
 }
 

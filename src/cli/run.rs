@@ -6,9 +6,9 @@ mod forecast;
 use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
-use crate::device::{DeviceInfo, select_infos};
+use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, dry_run, find_devices};
+use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices};
 use crate::program::Sources;
 use crate::record::{Record, summary_terminal};
 use crate::report::quote;
@@ -55,6 +55,12 @@ pub struct Args {
     /// The longest that one step of a point may take (a build with its first image; a frame), in seconds
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
+    /// Share the points among the devices, which must be of one kind, instead of measuring each on all
+    #[arg(long)]
+    spread: bool,
+    /// Tell speed as a part of what the device can do at most: by a file of `raycl limits`, or measured now
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
+    limits: Option<String>,
     /// Print the points and what each needs, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -95,6 +101,8 @@ impl Args {
             resume,
             retry_failed: false,
             hang_limit: HANG_LIMIT,
+            spread: false,
+            limits: None,
             dry_run: false,
             set,
             json: false,
@@ -130,14 +138,29 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
         sources: &sources,
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
+        spread: args.spread,
     };
+    if args.spread {
+        check_alike(&infos)?;
+    }
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    let mut workers = Processes::new(run.jobs(&out, args.fault))?;
-    let records = run
-        .execute(&mut results, observer, &mut workers, &interrupted)
-        .map_err(|error| say_how_to_resume(error, args, &out))?;
+    if let Some(given) = &args.limits {
+        let patterns = patterns(args, &experiment);
+        results.keep_limits(super::limits::for_run(given, patterns, args.cl_dir.as_deref())?)?;
+    }
+    let workers = || Processes::new(run.jobs(&out, args.fault));
+    let measured = if args.spread {
+        let mut spawners: Vec<Box<dyn Spawner + Send>> = Vec::new();
+        for _ in &infos {
+            spawners.push(Box::new(workers()?));
+        }
+        run.execute_spread(&mut results, observer, spawners, &interrupted)
+    } else {
+        run.execute(&mut results, observer, &mut workers()?, &interrupted)
+    };
+    let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
     Ok((out, records))
 }
 
@@ -154,7 +177,11 @@ fn chosen<'d>(
     experiment: &Experiment,
     devices: &'d [DeviceInfo],
 ) -> Result<Vec<&'d DeviceInfo>> {
-    select_infos(devices, if args.device.is_empty() { &experiment.devices } else { &args.device })
+    select_infos(devices, patterns(args, experiment))
+}
+
+fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
+    if args.device.is_empty() { &experiment.devices } else { &args.device }
 }
 
 /// Prints what the run would do.
@@ -170,7 +197,11 @@ fn foresee(args: &Args) -> Result<()> {
         sources: &sources,
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
+        spread: args.spread,
     };
+    if args.spread {
+        check_alike(&infos)?;
+    }
     forecast(&dry_run(&run)?, args.json)
 }
 
@@ -213,6 +244,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
     words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
     words.extend(args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]));
+    words.extend(args.spread.then(|| "--spread".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }

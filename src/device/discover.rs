@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::limits::native_width;
-use super::{Device, DeviceInfo, DeviceKind, DeviceLimits};
+use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware};
 use crate::error::{Error, Result};
 
 /// What there is: devices, and platforms that have none.
@@ -108,6 +108,9 @@ fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
 fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     let mut asked = Asked { device, failure: None };
     let kind = DeviceKind::from_type(asked.number(Query::Type));
+    let extensions: Vec<String> =
+        asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect();
+    let raw = |query| ocl::core::get_device_info_raw(device.as_core(), query).ok();
     let mut info = DeviceInfo {
         platform: platform.name().unwrap_or_default().trim().to_owned(),
         platform_version: platform.version().unwrap_or_default().trim().to_owned(),
@@ -116,30 +119,15 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         version: asked.text(Query::Version),
         driver: asked.text(Query::DriverVersion),
         kind,
-        extensions: asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect(),
+        hardware: Hardware::ask(&extensions, raw),
+        extensions,
         limits: asked.limits(kind == DeviceKind::Cpu),
-        max_clock_mhz: may_tell(device, Query::MaxClockFrequency as u32).filter(|mhz| *mhz > 0),
-        compute_capability: compute_capability(device),
         twins_before: 0,
         label: String::new(),
         unusable: None,
     };
     info.unusable = asked.why_unusable();
     Device { info, platform, device }
-}
-
-/// A number that a device may refuse to tell without being the worse for it.
-fn may_tell(device: ocl::Device, query: u32) -> Option<u32> {
-    let bytes = ocl::core::get_device_info_raw(device.as_core(), query).ok()?;
-    parse_numbers(&bytes).first().and_then(|number| u32::try_from(*number).ok())
-}
-
-/// What `cl_nv_device_attribute_query` tells of an NVIDIA device.
-fn compute_capability(device: ocl::Device) -> Option<String> {
-    /// CL_DEVICE_COMPUTE_CAPABILITY_MAJOR_NV and _MINOR_NV.
-    const MAJOR_MINOR: [u32; 2] = [0x4000, 0x4001];
-    let [major, minor] = MAJOR_MINOR.map(|query| may_tell(device, query));
-    Some(format!("{}.{}", major?, minor?))
 }
 
 /// A device under questioning, with the first question it failed to answer.

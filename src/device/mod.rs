@@ -1,11 +1,15 @@
 //! Which OpenCL devices there are, what they can hold, and which one is meant.
 
+mod alike;
 mod discover;
+mod hardware;
 mod limits;
 pub mod occupancy;
 mod select;
 
+pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
+pub use hardware::Hardware;
 pub use limits::DeviceLimits;
 pub use select::{pick_default, select, select_infos};
 
@@ -82,10 +86,9 @@ pub struct DeviceInfo {
     pub extensions: Vec<String>,
     /// What it can hold.
     pub limits: DeviceLimits,
-    /// The highest clock of its compute units, MHz, where its driver tells.
-    pub max_clock_mhz: Option<u32>,
-    /// An NVIDIA device's compute capability, such as "9.0".
-    pub compute_capability: Option<String>,
+    /// What it tells of its hardware beyond that.
+    #[serde(default)]
+    pub hardware: Hardware,
     /// Devices of the same platform and name found before this one.
     pub twins_before: usize,
     /// What records call it: its name, or its slug where another device has the same name.
@@ -133,6 +136,11 @@ impl DeviceInfo {
         Builtins { reduce: !simulated, prefetch: !simulated && self.kind == DeviceKind::Cpu }
     }
 
+    /// Whether its compiler takes options that make it print registers and spills, and its binaries are PTX.
+    pub fn prints_resources(&self) -> bool {
+        self.has_extension("cl_nv_compiler_options")
+    }
+
     /// Whether its extensions include `name`.
     pub fn has_extension(&self, name: &str) -> bool {
         self.extensions.iter().any(|extension| extension == name)
@@ -172,8 +180,7 @@ pub(crate) mod tests {
             kind,
             extensions: vec!["cl_khr_fp64".into()],
             limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
-            max_clock_mhz: Some(2450),
-            compute_capability: None,
+            hardware: Hardware::default(),
             twins_before: 0,
             label: name.into(),
             unusable: None,

@@ -1,12 +1,12 @@
 //! A device with what points on it share, and all that a point must pass before it is timed.
 
 use crate::config::{LimitOverrides, NamedStrategy};
-use crate::device::{Device, DeviceLimits};
+use crate::device::{Device, DeviceLimits, Hardware};
 use crate::error::Result;
 use crate::image::Radiance;
 use crate::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::memory::{Available, resident_bytes};
-use crate::program::{BuiltProgram, ProgramSpec};
+use crate::program::{BuiltProgram, MadeKernel, ProgramSpec};
 use crate::record::{Outcome, Record};
 use crate::scene::Scene;
 use crate::strategy::{
@@ -20,6 +20,7 @@ use std::collections::hash_map::Entry;
 pub struct Bench {
     queue: Queue,
     limits: DeviceLimits,
+    hardware: Hardware,
     /// The scene at hand, by its number, in the layouts uploaded so far.
     scene: usize,
     layouts: HashMap<LayoutKind, DeviceScene>,
@@ -100,6 +101,7 @@ impl Bench {
         Ok(Self {
             queue: Queue::open(device.platform, device.device)?,
             limits: limits.apply(device.info.limits),
+            hardware: device.info.hardware.clone(),
             scene: usize::MAX,
             layouts: HashMap::new(),
             trees: HashMap::new(),
@@ -139,7 +141,18 @@ impl Bench {
         let shared = Requirements::of(&named.strategy, &Workload { image_size: [0, 0], ..*workload });
         self.shared_bytes.insert(kind(&named.strategy), shared.global_bytes);
         self.point_bytes += needs.global_bytes - shared.global_bytes + needs.scratch_bytes;
+        record.kernels = self.made(&program, &caster, workload);
         Ok(caster)
+    }
+
+    /// What the compiler made of a frame's kernels.
+    fn made(&self, program: &BuiltProgram, caster: &Caster, workload: &Workload) -> Vec<MadeKernel> {
+        let (log, ptx) = (program.log(), program.ptx());
+        let capability = self.hardware.compute_capability.as_deref();
+        let items = workload.local_size.iter().product();
+        let made =
+            |kernel| MadeKernel::of(kernel, self.queue.device, &log, &ptx).predicted(capability, items);
+        caster.kernels().map(made).collect()
     }
 
     /// Says that no point is ready any more: those of another group come.

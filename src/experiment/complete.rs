@@ -2,7 +2,8 @@
 
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, Summary};
-use crate::record::{Outcome, Record};
+use crate::record::{Outcome, Record, significant};
+use crate::sensor::Sensed;
 
 /// Writes what a point's frames amount to into its record.
 pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) {
@@ -22,7 +23,39 @@ pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) 
     record.host_median_ms = median(&|frame| Some(frame.host_ms));
     record.primary_ms = median(&|frame| frame.primary_ms);
     record.shadow_ms = median(&|frame| frame.shadow_ms);
+    record.batch = frames.iter().filter_map(|frame| frame.batch).max();
+    record.sensed = Sensed::mean(frames.iter().filter_map(|frame| frame.sensed.as_ref()));
+    let throttled = |frame: &&FrameTimes| frame.sensed.is_some_and(|sensed| sensed.throttled);
+    record.throttled_samples = record.sensed.map(|_| frames.iter().filter(throttled).count() as u32);
     rates(record);
+    record.warning = warning(record, frames);
+}
+
+/// What to mind in reading its times.
+fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
+    let throttled = record
+        .throttled_samples
+        .filter(|count| *count > 0)
+        .map(|count| format!("the device throttled in {count} of {} samples", record.samples_ms.len()));
+    let warnings: Vec<_> = launch_bound(record, frames).into_iter().chain(throttled).collect();
+    (!warnings.is_empty()).then(|| warnings.join("; "))
+}
+
+/// Where launching a frame takes longer than casting it, the frame is too small to be compared. The least of each counts:
+/// whatever else runs on the host makes launching longer.
+fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
+    if record.is_baseline() || frames.is_empty() {
+        return None;
+    }
+    let least = |of: fn(&FrameTimes) -> f64| frames.iter().map(of).fold(f64::INFINITY, f64::min);
+    let (launch_ms, frame_ms) =
+        (least(|frame| frame.host_ms - frame.frame_ms), least(|frame| frame.frame_ms));
+    let us = |ms: f64| significant(1e3 * ms, 2);
+    (launch_ms > frame_ms).then(|| {
+        let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
+        let (launch, device) = (us(launch_ms), us(frame_ms));
+        format!("launching dominates: it takes {launch} us a frame{batched}, the device {device} us; larger images tell more")
+    })
 }
 
 /// Rays and tests a second. Where a strategy does not separate primary rays, the whole frame's time counts.
@@ -35,5 +68,39 @@ fn rates(record: &mut Record) {
     }
     if let (Some(rays), Some(ms)) = (record.shadow_rays, record.shadow_ms.filter(|ms| *ms > 0.0)) {
         record.shadow_rays_per_s = Some(rays as f64 / ms * 1e3);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn completed(frame_ms: f64, host_ms: f64, batch: Option<u32>) -> Record {
+        let frames = vec![FrameTimes { batch, ..FrameTimes::whole(frame_ms, host_ms) }; 5];
+        let mut record = Record { device: "gpu".into(), image_size: [8, 5], ..Record::default() };
+        complete(&mut record, &frames, StopReason::Precise);
+        record
+    }
+
+    #[test]
+    fn a_frame_shorter_than_its_launch_is_warned_of() {
+        let warning = completed(0.004, 0.03, Some(13)).warning.expect("a warning");
+        assert!(warning.contains("26 us a frame") && warning.contains("4.0 us"), "{warning}");
+        assert!(warning.contains("batches of 13"), "{warning}");
+        assert_eq!(completed(0.004, 0.0075, None).warning, None);
+        assert_eq!(completed(5.0, 5.1, None).warning, None);
+    }
+
+    #[test]
+    fn throttled_samples_are_counted_and_sensors_averaged() {
+        let sensed =
+            |throttled, clock| Some(Sensed { throttled, clock_mhz: Some(clock), ..Sensed::default() });
+        let frame =
+            |throttled, clock| FrameTimes { sensed: sensed(throttled, clock), ..FrameTimes::whole(5.0, 5.1) };
+        let mut record = Record { device: "gpu".into(), ..Record::default() };
+        complete(&mut record, &[frame(true, 1000.0), frame(false, 2000.0)], StopReason::Precise);
+        let mean = record.sensed.expect("sensors");
+        assert_eq!((mean.clock_mhz, mean.throttled, record.throttled_samples), (Some(1500.0), true, Some(1)));
+        assert!(record.warning.expect("a warning").contains("1 of 2 samples"));
     }
 }

@@ -1,7 +1,7 @@
 //! Points of one scene, size and device: each is checked, then those that passed are timed together.
 
 use super::complete::complete;
-use super::keeper::Keeper;
+use super::keeper::Keep;
 use super::rounds::{Rounds, Start, measure};
 use super::supervisor::{Supervisor, Task};
 use crate::config::Timing;
@@ -33,11 +33,11 @@ pub fn measure_group(
     group: Vec<Open>,
     timing: &Timing,
     supervisor: &mut Supervisor<'_>,
-    keeper: &mut Keeper<'_>,
+    keeper: &mut impl Keep,
 ) -> Result<()> {
     let mut passed = Vec::new();
     for mut open in group {
-        keeper.observer.works_on(&format!("checking {}", open.label));
+        keeper.works_on(&format!("checking {}", open.label));
         match supervisor.check(open.task())? {
             Ok((record, true)) => {
                 open.record = *record;
@@ -58,24 +58,23 @@ pub fn measure_group(
 }
 
 /// Where an earlier run left off: every point's samples, and a round that none of them has a sample of.
-fn start(points: &[Open], keeper: &Keeper<'_>) -> Start {
-    let samples = &keeper.results.past().samples;
-    let of = |open: &Open| samples.get(&open.record.key).cloned().unwrap_or_default();
+fn start(points: &[Open], keeper: &impl Keep) -> Start {
+    let of = |open: &Open| keeper.past(&open.record.key);
     let (frames, rounds): (Vec<_>, Vec<u32>) = points.iter().map(of).unzip();
     Start { frames, round: rounds.into_iter().max().unwrap_or(0) }
 }
 
 /// A group whose samples and records are kept as they come.
-struct Timed<'b, 's, 'k> {
+struct Timed<'b, 's, K> {
     points: &'b [Open],
     supervisor: &'b mut Supervisor<'s>,
-    keeper: &'b mut Keeper<'k>,
+    keeper: &'b mut K,
 }
 
-impl Rounds for Timed<'_, '_, '_> {
+impl<K: Keep> Rounds for Timed<'_, '_, K> {
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
         let open = &self.points[point];
-        self.keeper.observer.works_on(&format!("timing {}", open.label));
+        self.keeper.works_on(&format!("timing {}", open.label));
         match self.supervisor.cast(open.task())? {
             Ok(times) => Ok(Some(times)),
             Err(refusal) => self.keeper.keep(refusal.write_into(open.record.clone())).map(|()| None),

@@ -9,7 +9,10 @@ use crate::config::Baseline;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::launch::{Caster, FrameTimes};
+use crate::measure::batch_size;
+use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
+use std::time::Instant;
 
 /// A point that passed its check and can be cast again and again.
 pub enum Ready {
@@ -22,7 +25,8 @@ pub enum Ready {
 /// A point to be cast, and whether it was warmed up.
 struct Entry {
     ready: Ready,
-    warm: bool,
+    /// Frames of a sample, once it is warm.
+    batch: Option<u32>,
 }
 
 /// Does what is asked of one device.
@@ -35,12 +39,22 @@ pub struct Hands<'a> {
     /// The points at hand: those of one group that passed.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
+    /// The device's sensors, where it has any.
+    watch: Option<Watch>,
+    /// The device in whose name it measures, where that is another.
+    stands_for: Option<DeviceInfo>,
 }
 
 impl<'a> Hands<'a> {
     /// Hands without work yet.
-    pub fn new(drafter: Drafter<'a>, plan: Plan, checker: Checker<'a>) -> Self {
-        Self { drafter, plan, checker, scene: None, group: None, entries: HashMap::new() }
+    pub fn new(
+        drafter: Drafter<'a>,
+        plan: Plan,
+        checker: Checker<'a>,
+        stands_for: Option<DeviceInfo>,
+    ) -> Self {
+        let watch = checker.device().and_then(|device| watch(&device.info.hardware));
+        Self { drafter, plan, checker, scene: None, group: None, entries: HashMap::new(), watch, stands_for }
     }
 
     /// Does what a request asks.
@@ -59,13 +73,15 @@ impl<'a> Hands<'a> {
             self.group = Some(point);
         }
         let at = scene(&mut self.scene, &self.drafter, point.scene)?;
-        let device = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
+        let own = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
+        let device = self.stands_for.as_ref().filter(|_| own.is_some()).or(own);
         let mut record = self.drafter.draft(&point, device, at)?;
+        record.measured_on = own.filter(|_| self.stands_for.is_some()).map(DeviceInfo::slug);
         if record.key != key {
             return Err(changed(device));
         }
         let ready = match self.checker.check(&point, &at.scene, &mut record)? {
-            Ok(ready) => self.entries.insert(number, Entry { ready, warm: false }).is_none(),
+            Ok(ready) => self.entries.insert(number, Entry { ready, batch: None }).is_none(),
             Err(refusal) => {
                 record = refusal.write_into(record);
                 false
@@ -81,11 +97,24 @@ impl<'a> Hands<'a> {
         else {
             return Err(no_such_point());
         };
-        let mut frame = || frame(&entry.ready, point, at);
-        if !std::mem::replace(&mut entry.warm, true) {
-            warm_up(&mut frame, timing.warmup, timing.time_limit_ms);
-        }
-        Ok(match frame() {
+        let frame = |batch| frame(&entry.ready, point, at, batch);
+        let batch = match entry.batch {
+            Some(batch) => batch,
+            None => {
+                let shortest_ms = warm_up(|| frame(1), timing.warmup, timing.time_limit_ms);
+                let timer_ns =
+                    self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
+                batch_size(shortest_ms, timer_ns)
+            }
+        };
+        entry.batch = Some(batch);
+        let start = Instant::now();
+        let sample = frame(batch);
+        let sense = |ms| self.watch.as_ref()?.sense(start, Instant::now(), ms);
+        Ok(match sample {
+            Ok(times) if point.device.is_some() => {
+                Reply::Sample(FrameTimes { sensed: sense(times.frame_ms), ..times })
+            }
             Ok(times) => Reply::Sample(times),
             Err(refusal) => Reply::Refused(refusal),
         })
@@ -106,28 +135,31 @@ fn scene<'s>(
     slot.as_ref().map(|(_, scene)| scene).ok_or_else(no_such_point)
 }
 
-fn frame(ready: &Ready, point: &Point, at: &Hashed) -> std::result::Result<FrameTimes, Refusal> {
+fn frame(ready: &Ready, point: &Point, at: &Hashed, batch: u32) -> std::result::Result<FrameTimes, Refusal> {
     match ready {
-        Ready::Kernel(caster) => Ok(caster.cast()?),
+        Ready::Kernel(caster) => Ok(caster.cast_batch(batch)?),
         Ready::Host(baseline) => Ok(host::cast(*baseline, &at.scene, point.image_size).1),
     }
 }
 
 /// Casts frames that are not kept; the check has cast one already, so where frames are long in comparison
 /// with the time limit fewer will do. A frame that fails here fails again when it is timed, and is told then.
+/// Gives the shortest part of the fastest frame; infinity where there was none.
 fn warm_up(
-    frame: &mut impl FnMut() -> std::result::Result<FrameTimes, Refusal>,
+    frame: impl Fn() -> std::result::Result<FrameTimes, Refusal>,
     frames: u32,
     time_limit_ms: f64,
-) {
-    let mut spent_ms = 0.0;
+) -> f64 {
+    let (mut spent_ms, mut shortest_ms) = (0.0, f64::INFINITY);
     for _ in 0..frames {
         let Ok(times) = frame() else { break };
         spent_ms += times.host_ms;
+        shortest_ms = shortest_ms.min(times.shortest_ms());
         if spent_ms > 0.1 * time_limit_ms {
             break;
         }
     }
+    shortest_ms
 }
 
 fn no_such_point() -> Error {

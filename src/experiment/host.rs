@@ -17,5 +17,5 @@ pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, Fra
     let start = Instant::now();
     let image = caster(scene, size);
     let frame_ms = start.elapsed().as_secs_f64() * 1e3;
-    (image, FrameTimes { frame_ms, primary_ms: None, shadow_ms: None, host_ms: frame_ms })
+    (image, FrameTimes::whole(frame_ms, frame_ms))
 }

@@ -3,7 +3,20 @@
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::launch::FrameTimes;
+use crate::limits::Limits;
 use crate::record::{Record, Sample};
+
+/// What measuring points hands its findings to.
+pub trait Keep {
+    /// Tells what is being done now, in a few words.
+    fn works_on(&mut self, what: &str);
+    /// Completes a record.
+    fn keep(&mut self, record: Record) -> Result<()>;
+    /// Keeps a sample of a point.
+    fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()>;
+    /// An earlier session's samples of a point, and the round after their last.
+    fn past(&self, key: &str) -> (Vec<FrameTimes>, u32);
+}
 
 /// Keeps what a run finds as soon as it is found.
 pub struct Keeper<'a> {
@@ -15,9 +28,18 @@ pub struct Keeper<'a> {
     pub done: Vec<Record>,
 }
 
-impl Keeper<'_> {
-    /// Completes a record: first on disk, then heard of.
-    pub fn keep(&mut self, mut record: Record) -> Result<()> {
+impl Keep for Keeper<'_> {
+    fn works_on(&mut self, what: &str) {
+        self.observer.works_on(what);
+    }
+
+    fn past(&self, key: &str) -> (Vec<FrameTimes>, u32) {
+        self.results.past().samples.get(key).cloned().unwrap_or_default()
+    }
+
+    /// First on disk, then heard of.
+    fn keep(&mut self, mut record: Record) -> Result<()> {
+        Limits::apply(self.results.limits(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());
         self.results.record(&record)?;
         self.observer.finished(&record);
@@ -25,8 +47,7 @@ impl Keeper<'_> {
         Ok(())
     }
 
-    /// Keeps a sample of a point.
-    pub fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()> {
+    fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()> {
         self.results.sample(&Sample {
             key: key.to_owned(),
             round,
@@ -34,6 +55,8 @@ impl Keeper<'_> {
             primary_ms: times.primary_ms,
             shadow_ms: times.shadow_ms,
             host_ms: Some(times.host_ms),
+            batch: times.batch,
+            sensed: times.sensed,
         })
     }
 }

@@ -26,6 +26,7 @@ mod protocol;
 mod results;
 mod rounds;
 mod run;
+mod spread;
 mod supervisor;
 mod views;
 mod worker;

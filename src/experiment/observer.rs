@@ -3,7 +3,7 @@
 use crate::record::Record;
 
 /// Hears what a run is doing. A progress bar is one; tests use another.
-pub trait Observer {
+pub trait Observer: Send {
     /// Of several runs, this one is next.
     fn enters(&mut self, _stage: &str) {}
     /// The run begins: it has this many points.

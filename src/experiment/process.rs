@@ -3,6 +3,7 @@
 use super::protocol::{Job, Reply, Request};
 use super::supervisor::{Death, Spawner, Wait, Worker};
 use crate::error::{Error, Result};
+use crate::program::CACHE_DISABLE;
 use serde::Serialize;
 use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::path::PathBuf;
@@ -45,6 +46,10 @@ impl Spawner for Processes {
         command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // What it says last goes into records: a message is enough.
         command.env("RUST_BACKTRACE", "0");
+        // Registers are printed only by a compiler that compiles; who wants its cache sets the variable.
+        if std::env::var_os(CACHE_DISABLE).is_none() {
+            command.env(CACHE_DISABLE, "1");
+        }
         let mut child = command.spawn().map_err(failed)?;
         let mut worker = WorkerProcess {
             requests: child.stdin.take(),

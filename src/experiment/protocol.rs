@@ -22,6 +22,9 @@ pub struct Job {
     pub device_count: usize,
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; none where the run has baselines only.
     pub device: Option<String>,
+    /// The device of whose kind it is, and in whose name it measures, where points are spread over several.
+    #[serde(default)]
+    pub stands_for: Option<DeviceInfo>,
     /// The folder of kernels that replaces those built in.
     pub cl_dir: Option<PathBuf>,
     /// The folder of results, for pictures.
@@ -103,7 +106,8 @@ mod tests {
 
     #[test]
     fn what_is_sent_arrives() {
-        let times = FrameTimes { frame_ms: 0.1, primary_ms: Some(0.07), shadow_ms: None, host_ms: 1.0 / 3.0 };
+        let times =
+            FrameTimes { primary_ms: Some(0.07), batch: Some(7), ..FrameTimes::whole(0.1, 1.0 / 3.0) };
         for reply in
             [Reply::Started, Reply::Sample(times), Reply::Checked { record: Box::default(), ready: true }]
         {

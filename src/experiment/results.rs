@@ -3,6 +3,7 @@
 use super::lock::Lock;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
+use crate::limits::{self, Limits};
 use crate::record::{
     Environment, JsonLines, Record, Sample, TEMPORARY_PREFIX, read_lines, summary_csv, summary_markdown,
     sync_folder, write_whole,
@@ -18,6 +19,7 @@ pub struct Results {
     records: JsonLines<Record>,
     samples: JsonLines<Sample>,
     past: Past,
+    limits: Vec<Limits>,
     _lock: Lock,
 }
 
@@ -66,6 +68,7 @@ impl Results {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
+            limits: kept_limits(folder)?,
             past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
             _lock: lock,
         };
@@ -76,6 +79,18 @@ impl Results {
     /// What was there when it was opened.
     pub fn past(&self) -> &Past {
         &self.past
+    }
+
+    /// What its devices can do at most, where that was measured.
+    pub fn limits(&self) -> &[Limits] {
+        &self.limits
+    }
+
+    /// Keeps what devices can do at most.
+    pub fn keep_limits(&mut self, limits: Vec<Limits>) -> Result<()> {
+        Limits::write(&limits, &self.folder.join(limits::FILE))?;
+        self.limits = limits;
+        Ok(())
     }
 
     /// Keeps a record.
@@ -113,6 +128,8 @@ impl Past {
                 primary_ms: sample.primary_ms,
                 shadow_ms: sample.shadow_ms,
                 host_ms: sample.host_ms.unwrap_or(sample.ms),
+                batch: sample.batch,
+                sensed: sample.sensed,
             };
             let (frames, round) = past.samples.entry(sample.key).or_default();
             frames.push(times);
@@ -120,6 +137,12 @@ impl Past {
         }
         past
     }
+}
+
+/// The limits an earlier session kept here.
+fn kept_limits(folder: &Path) -> Result<Vec<Limits>> {
+    let path = folder.join(limits::FILE);
+    if path.exists() { Limits::read(&path) } else { Ok(Vec::new()) }
 }
 
 /// Writes the environment; that of the run before keeps a name of its own.

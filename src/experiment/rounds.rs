@@ -66,7 +66,7 @@ fn judge(
     rounds: &mut impl Rounds,
 ) -> Result<Option<Vec<FrameTimes>>> {
     let samples_ms: Vec<f64> = frames.iter().map(|frame| frame.frame_ms).collect();
-    let elapsed_ms = frames.iter().map(|frame| frame.host_ms).sum();
+    let elapsed_ms = frames.iter().map(FrameTimes::elapsed_ms).sum();
     match rule.stop(&samples_ms, elapsed_ms).filter(|_| !frames.is_empty()) {
         None => Ok(Some(frames)),
         Some(reason) => rounds.stopped(point, frames, reason).map(|()| None),
@@ -93,7 +93,7 @@ mod tests {
                 return Ok(None);
             }
             let ms = (point + 1) as f64 + 0.1 * (casts % 3) as f64;
-            Ok(Some(FrameTimes { frame_ms: ms, primary_ms: None, shadow_ms: None, host_ms: ms }))
+            Ok(Some(FrameTimes::whole(ms, ms)))
         }
         fn sampled(&mut self, _point: usize, _round: u32, _times: &FrameTimes) -> Result<()> {
             Ok(())
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn an_earlier_runs_samples_count() -> Result<()> {
-        let times = FrameTimes { frame_ms: 1.0, primary_ms: None, shadow_ms: None, host_ms: 1.0 };
+        let times = FrameTimes::whole(1.0, 1.0);
         let before =
             |samples: usize| (0..samples).map(|i| FrameTimes { frame_ms: i as f64 + 1.0, ..times }).collect();
         let mut fake = Fake::default();

@@ -4,6 +4,7 @@ use super::draft::{Drafter, Hashed};
 use super::group::{Open, measure_group};
 use super::keeper::Keeper;
 use super::protocol::Job;
+use super::spread::measure_spread;
 use super::supervisor::{Spawner, Supervisor};
 use super::{Fault, Observer, Plan, Results};
 use crate::config::{Experiment, SceneChoice};
@@ -31,12 +32,18 @@ pub struct Run<'a> {
     pub limit: Duration,
     /// Whether failed points of an earlier run are tried again.
     pub retry_failed: bool,
+    /// Whether points are spread over the devices, which are alike, instead of each being measured on all.
+    pub spread: bool,
 }
 
 impl Run<'_> {
     /// The plan.
     pub fn plan(&self) -> Plan {
-        Plan::new(self.experiment, self.devices.len())
+        Plan::new(self.experiment, self.planned_devices())
+    }
+
+    fn planned_devices(&self) -> usize {
+        if self.spread { self.devices.len().min(1) } else { self.devices.len() }
     }
 
     /// The experiment's scenes, in its order.
@@ -50,8 +57,9 @@ impl Run<'_> {
             config: self.experiment.path.clone(),
             text: self.experiment.source.clone(),
             overrides: self.overrides.to_vec(),
-            device_count: self.devices.len(),
+            device_count: self.planned_devices(),
             device,
+            stands_for: self.devices.first().filter(|_| self.spread).map(|&device| device.clone()),
             cl_dir: match self.sources {
                 Sources::Embedded => None,
                 Sources::Folder(folder) => Some(folder.clone()),
@@ -74,6 +82,33 @@ impl Run<'_> {
         spawner: &mut dyn Spawner,
         interrupted: &AtomicBool,
     ) -> Result<Vec<Record>> {
+        self.measure(results, observer, |groups, keeper| {
+            let mut supervisor = Supervisor::new(spawner, interrupted, self.limit);
+            let timing = &self.experiment.timing;
+            groups.into_iter().try_for_each(|group| measure_group(group, timing, &mut supervisor, keeper))
+        })
+    }
+
+    /// The same with groups of points spread over the devices, `spawners[i]` starting the workers of device `i`.
+    pub fn execute_spread(
+        &self,
+        results: &mut Results,
+        observer: &mut dyn Observer,
+        spawners: Vec<Box<dyn Spawner + Send>>,
+        interrupted: &AtomicBool,
+    ) -> Result<Vec<Record>> {
+        self.measure(results, observer, |groups, keeper| {
+            measure_spread(self, groups, keeper, spawners, interrupted)
+        })
+    }
+
+    /// Hands the points that the results lack to `measure`, and summarises what came of all.
+    fn measure(
+        &self,
+        results: &mut Results,
+        observer: &mut dyn Observer,
+        measure: impl FnOnce(Vec<Vec<Open>>, &mut Keeper<'_>) -> Result<()>,
+    ) -> Result<Vec<Record>> {
         let plan = self.plan();
         let groups = self.open_points(&plan)?;
         let keys: HashSet<&str> = groups.iter().flatten().map(|open| open.record.key.as_str()).collect();
@@ -84,15 +119,8 @@ impl Run<'_> {
         observer.resumes(done.len());
         let mut missing = Missing::without(&done);
         let mut keeper = Keeper { results, observer, done };
-        let mut supervisor = Supervisor::new(spawner, interrupted, self.limit);
-        let mut end = Ok(());
-        for group in groups {
-            end = measure_group(missing.of(group), &self.experiment.timing, &mut supervisor, &mut keeper);
-            if end.is_err() {
-                break;
-            }
-        }
-        drop(supervisor);
+        let groups = groups.into_iter().map(|group| missing.of(group)).collect();
+        let end = measure(groups, &mut keeper);
         keeper.observer.ends();
         let done = keeper.done;
         let summary = results.summarise(&done, &self.experiment.question, &self.experiment.expectation);

@@ -35,7 +35,8 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     let sources = job.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let drafter = Drafter { experiment: &experiment, sources: &sources };
     let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
-    let mut hands = Hands::new(drafter, Plan::new(&experiment, job.device_count), checker);
+    let plan = Plan::new(&experiment, job.device_count);
+    let mut hands = Hands::new(drafter, plan, checker, job.stands_for.clone());
     reply(&Reply::Started)?;
     while let Ok(line) = lines.recv() {
         let request: Request = parse(&line)?;

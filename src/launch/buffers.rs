@@ -2,6 +2,7 @@
 
 use super::Queue;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
+use std::ops::Range;
 
 /// A buffer the kernels only read, holding `values`.
 pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> {
@@ -35,19 +36,23 @@ pub fn upload_with<T: OclPrm>(
     Ok(buffer)
 }
 
-/// What `work` makes of a buffer's values: read in place where the device shares the host's memory.
+/// What `work` makes of some of a buffer's values: read in place where the device shares the host's memory.
 pub fn read_with<T: OclPrm, R>(
     queue: &Queue,
     buffer: &Buffer<T>,
+    values: Range<usize>,
     work: impl FnOnce(&[T]) -> R,
 ) -> ocl::Result<R> {
+    if values.is_empty() {
+        return Ok(work(&[]));
+    }
     if !queue.shares_memory {
-        let mut values = vec![T::default(); buffer.len()];
-        buffer.read(&mut values).enq()?;
-        return Ok(work(&values));
+        let mut copy = vec![T::default(); values.len()];
+        buffer.cmd().read(&mut copy[..]).offset(values.start).enq()?;
+        return Ok(work(&copy));
     }
     let mut mapped = map(buffer, MapFlags::new().read())?;
-    let result = work(&mapped);
+    let result = work(&mapped[values]);
     mapped.unmap().enq()?;
     Ok(result)
 }

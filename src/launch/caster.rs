@@ -1,5 +1,6 @@
 //! Everything one point needs to cast a frame again and again.
 
+use super::band::Band;
 use super::buffers::{allocate, read_with};
 use super::frame::{FrameTimes, Phase};
 use super::scene::DeviceScene;
@@ -97,6 +98,7 @@ struct Parts<'a> {
     working: &'a Working,
     prepared: Option<&'a Buffer<f32>>,
     tree: Option<&'a DeviceTree>,
+    band: Option<Band>,
 }
 
 impl Caster {
@@ -109,6 +111,22 @@ impl Caster {
         scene: &Scene,
         device_scene: &DeviceScene,
         tree: Option<&DeviceTree>,
+    ) -> Result<Self, LaunchError> {
+        Self::of_band(queue, program, strategy, workload, scene, device_scene, tree, None)
+    }
+
+    /// The same for some rows of work-groups only. Buffers are the whole frame's; what is prepared or rasterised
+    /// before pixels are cast is so for all of it.
+    #[allow(clippy::too_many_arguments, reason = "a frame needs them all")]
+    pub fn of_band(
+        queue: &Queue,
+        program: &BuiltProgram,
+        strategy: &Strategy,
+        workload: &Workload,
+        scene: &Scene,
+        device_scene: &DeviceScene,
+        tree: Option<&DeviceTree>,
+        band: Option<Band>,
     ) -> Result<Self, LaunchError> {
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
@@ -128,6 +146,7 @@ impl Caster {
             working: &working,
             prepared: prepared.as_ref(),
             tree,
+            band,
         };
         let mut steps = Steps::new();
         if let Some(prepared) = &prepared {
@@ -156,23 +175,42 @@ impl Caster {
 
     /// Casts the frame once and waits for it.
     pub fn cast(&self) -> Result<FrameTimes, LaunchError> {
+        self.cast_batch(1)
+    }
+
+    /// Casts the frame `frames` times, waits for the last, and gives the mean times of one.
+    pub fn cast_batch(&self, frames: u32) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
-        let mut events = Vec::with_capacity(self.steps.len());
-        for (phase, step) in &self.steps {
-            events.push((*phase, step.enqueue(&self.queue)?));
+        let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
+        for _ in 0..frames {
+            for (phase, step) in &self.steps {
+                events.push((*phase, step.enqueue(&self.queue)?));
+            }
         }
         self.queue.commands.finish()?;
-        Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3)?)
+        Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3, frames)?)
+    }
+
+    /// The kernels of a frame, in their order.
+    pub fn kernels(&self) -> impl Iterator<Item = &Kernel> {
+        self.steps.iter().filter_map(|(_, step)| step.kernel())
     }
 
     /// Reads the image of the last frame, and how many of its pixels hit something.
     pub fn read(&self) -> Result<(Radiance, usize), LaunchError> {
+        self.read_rows([0, self.size[1]])
+    }
+
+    /// Reads the image's rows from the first up to, without, the last; they may be none.
+    pub fn read_rows(&self, [first, end]: [u32; 2]) -> Result<(Radiance, usize), LaunchError> {
         self.check_heap()?;
-        let (pixels, hits) = read_with(&self.queue, &self.image, |values| {
+        let [width, height] = [self.size[0], end - first];
+        let rows = width as usize * first as usize..width as usize * end as usize;
+        let (pixels, hits) = read_with(&self.queue, &self.image, rows, |values| {
             let pixels = values.par_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
             (pixels, values.par_iter().filter(|pixel| pixel[3] > 0.0).count())
         })?;
-        Ok((Radiance { width: self.size[0], height: self.size[1], pixels }, hits))
+        Ok((Radiance { width, height, pixels }, hits))
     }
 
     /// Fails where the last kernel took more from the heap than there was.
@@ -229,7 +267,13 @@ impl<'a> Parts<'a> {
         finish: impl FnOnce(&mut KernelBuilder<'a>),
     ) -> Result<Kernel, LaunchError> {
         let mut kernel = self.kernel(name);
-        kernel.global_work_size(self.workload.global_size(self.strategy));
+        let mut size = self.workload.global_size(self.strategy);
+        if let Some(band) = &self.band {
+            let items = self.workload.local_size[1] as usize;
+            size[1] = band.len() * items;
+            kernel.global_work_offset([0, band.start * items]);
+        }
+        kernel.global_work_size(size);
         kernel.local_work_size(self.workload.local_size.map(|n| n as usize));
         match self.tree {
             Some(DeviceTree { nodes, leaves, surfaces: Some(surfaces), .. }) => {

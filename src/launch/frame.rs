@@ -1,5 +1,6 @@
 //! The device times of one frame.
 
+use crate::sensor::Sensed;
 use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,8 @@ pub enum Phase {
 }
 
 /// The times of one frame, in milliseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct FrameTimes {
     /// Device time: the sum over its commands of their end less their start.
     pub frame_ms: f64,
@@ -26,6 +28,10 @@ pub struct FrameTimes {
     pub shadow_ms: Option<f64>,
     /// The same frame by the host's clock, from enqueueing to completion.
     pub host_ms: f64,
+    /// Frames of the batch that these times are the mean of; none for one frame alone.
+    pub batch: Option<u32>,
+    /// What the device's sensors showed meanwhile.
+    pub sensed: Option<Sensed>,
 }
 
 /// How long a finished command ran, in milliseconds of the device's clock.
@@ -38,12 +44,29 @@ fn duration_ms(event: &Event) -> ocl::Result<f64> {
 }
 
 impl FrameTimes {
-    /// Sums the times of a frame's finished commands. What lies between commands, where some drivers
-    /// compile a kernel that they launch for the first time, is in `host_ms` only.
-    pub fn of(steps: &[(Phase, Event)], host_ms: f64) -> ocl::Result<Self> {
+    /// The times of a frame that is not made of passes.
+    pub fn whole(frame_ms: f64, host_ms: f64) -> Self {
+        Self { frame_ms, host_ms, ..Self::default() }
+    }
+
+    /// Milliseconds of the host's clock that the sample took, all frames of its batch together.
+    pub fn elapsed_ms(&self) -> f64 {
+        self.host_ms * f64::from(self.batch.unwrap_or(1))
+    }
+
+    /// Its shortest part: a pass where there are passes.
+    pub fn shortest_ms(&self) -> f64 {
+        let passes = [self.primary_ms, self.shadow_ms];
+        passes.into_iter().flatten().fold(self.frame_ms, f64::min)
+    }
+
+    /// Sums the times of finished commands and divides by the `frames` that they are of. What lies between commands,
+    /// where some drivers compile a kernel that they launch for the first time, is in `host_ms` only.
+    pub fn of(steps: &[(Phase, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
+        let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());
         for (phase, event) in steps {
-            durations_ms.push((*phase, duration_ms(event)?));
+            durations_ms.push((*phase, duration_ms(event)? / f64::from(frames)));
         }
         let of_phase = |wanted: Phase| {
             let times = durations_ms.iter().filter(|(phase, _)| *phase == wanted).map(|(_, ms)| ms);
@@ -53,7 +76,9 @@ impl FrameTimes {
             frame_ms: durations_ms.iter().map(|(_, ms)| ms).sum(),
             primary_ms: of_phase(Phase::Primary),
             shadow_ms: of_phase(Phase::Shadow),
-            host_ms,
+            host_ms: host_ms / f64::from(frames),
+            batch: (frames > 1).then_some(frames),
+            sensed: None,
         })
     }
 }

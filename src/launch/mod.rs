@@ -3,20 +3,24 @@
 //! A [`Queue`] is a device ready for commands; a [`DeviceScene`] the scene in its memory, in one layout; a
 //! [`Caster`] everything one point needs to cast a frame again and again.
 
+mod band;
 mod buffers;
 mod caster;
 mod frame;
 mod queue;
 mod rays;
 mod scene;
+mod split;
 mod steps;
 mod tree;
 
+pub use band::{Band, cut};
 pub use caster::{Caster, LaunchError};
 pub use frame::FrameTimes;
 pub use queue::Queue;
 pub use rays::{Ray, cast_rays};
 pub use scene::DeviceScene;
+pub use split::{Share, Split};
 pub use tree::DeviceTree;
 
 /// The kernels' mark for a ray that hits nothing: NO_HIT in cl/shared/hit.cl.

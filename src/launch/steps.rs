@@ -17,6 +17,14 @@ pub(super) enum Step {
 }
 
 impl Step {
+    /// The kernel it runs.
+    pub fn kernel(&self) -> Option<&Kernel> {
+        match self {
+            Self::Fill(..) => None,
+            Self::Run(kernel) => Some(kernel),
+        }
+    }
+
     /// Puts the command into the queue.
     pub fn enqueue(&self, queue: &Queue) -> ocl::Result<Event> {
         let mut event = Event::empty();

@@ -3,11 +3,13 @@
 //!
 //! Nothing here touches a device or a clock: times come in as milliseconds.
 
+mod batch;
 mod compare;
 mod order;
 mod stopping;
 mod summary;
 
+pub use batch::batch_size;
 pub use compare::{Verdict, compare, winners};
 pub use order::round_order;
 pub use stopping::{StopReason, StoppingRule};

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::clocks::Clocks;
 use super::git::git_state;
 use super::whole::write_whole;
+use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 
 /// All that a result may depend on besides its record.
@@ -94,12 +95,35 @@ pub struct DeviceEnvironment {
     /// Compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
-    /// The highest clock of its compute units, MHz, where its driver tells.
-    #[serde(default)]
-    pub max_clock_mhz: Option<u32>,
-    /// An NVIDIA device's compute capability, such as "9.0".
+    /// Compute capability, where the driver tells it.
     #[serde(default)]
     pub compute_capability: Option<String>,
+    /// The highest clock, as the driver says.
+    #[serde(default)]
+    pub max_clock_mhz: Option<u64>,
+    /// The step of the clock that profiling reads.
+    #[serde(default)]
+    pub timer_resolution_ns: Option<u64>,
+}
+
+impl DeviceEnvironment {
+    /// What an environment keeps of a device.
+    pub fn of(info: &DeviceInfo) -> Self {
+        let info = info.clone();
+        Self {
+            device: info.label,
+            platform: info.platform,
+            platform_version: info.platform_version,
+            version: info.version,
+            vendor: info.vendor,
+            driver: info.driver,
+            kind: info.kind.name().to_owned(),
+            compute_units: Some(info.limits.compute_units),
+            compute_capability: info.hardware.compute_capability,
+            max_clock_mhz: info.hardware.max_clock_mhz,
+            timer_resolution_ns: info.hardware.timer_resolution_ns,
+        }
+    }
 }
 
 impl Environment {

@@ -4,9 +4,12 @@ use std::fmt::Write;
 
 use super::numbers::{align_points, by, duration, ms, significant};
 use super::summary::{Group, groups, median, scene_notes};
+use super::terminal::percent;
 use super::types::{HOST, Record};
 
-const HEADER: [&str; 9] = [
+/// Columns of a table.
+const COLUMNS: usize = 10;
+const HEADER: [&str; COLUMNS] = [
     "strategy",
     "local size",
     "median ms",
@@ -15,10 +18,11 @@ const HEADER: [&str; 9] = [
     "n",
     "Mrays/s",
     "Gtests/s",
+    "of limit",
     "outcome",
 ];
 /// Columns of words stand to the left, numbers to the right.
-const LEFT: [usize; 2] = [0, 8];
+const LEFT: [usize; 2] = [0, 9];
 /// Columns whose points are aligned.
 const DECIMAL: [usize; 4] = [2, 3, 6, 7];
 
@@ -35,6 +39,7 @@ pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -
             text.push('\n');
         }
         text.push_str(&table(group));
+        text.push_str(&warnings(group));
         text.push_str(&failures(group));
     }
     let notes = scene_notes(records);
@@ -46,7 +51,8 @@ pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
          quartiles. The interval is a 95% bootstrap interval of the median; records whose intervals overlap \
          the best one's are a tie. Rays are primary rays; tests are primary rays x triangles over the time of the \
-         primary pass, or of the frame where passes are fused.\n",
+         primary pass, or of the frame where passes are fused. \"of limit\" is their arithmetic as a part of the multiply-adds that \
+         the device was measured to do.\n",
     );
     text
 }
@@ -99,7 +105,7 @@ fn table(group: &Group<'_>) -> String {
     lay_out(&rows)
 }
 
-fn row(record: &Record, wins: bool) -> [String; 9] {
+fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
     let time = median(record);
     let number = |value: Option<f64>, text: fn(f64) -> String| {
         value.filter(|_| time.is_some()).map_or("-".into(), text)
@@ -115,22 +121,23 @@ fn row(record: &Record, wins: bool) -> [String; 9] {
         record.samples_ms.len().to_string(),
         number(record.rays_per_s, |rays| significant(rays / 1e6, 3)),
         number(record.tests_per_s, |tests| significant(tests / 1e9, 3)),
+        number(record.limit_fraction, percent),
         record.outcome.name().into(),
     ]
 }
 
 /// A Markdown table whose source is aligned as well.
-fn lay_out(rows: &[[String; 9]]) -> String {
+fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
     // A rule narrower than three is no rule to some readers.
     let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
-    let widths: [usize; 9] = std::array::from_fn(widest);
-    let rule: [String; 9] = std::array::from_fn(|place| {
+    let widths: [usize; COLUMNS] = std::array::from_fn(widest);
+    let rule: [String; COLUMNS] = std::array::from_fn(|place| {
         let end = if LEFT.contains(&place) { "-" } else { ":" };
         "-".repeat(widths[place] - 1) + end
     });
-    let line = |row: &[String; 9]| {
+    let line = |row: &[String; COLUMNS]| {
         let pad = |(place, cell): (usize, &String)| {
             let width = widths[place];
             if LEFT.contains(&place) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
@@ -139,6 +146,13 @@ fn lay_out(rows: &[[String; 9]]) -> String {
     };
     let body: String = rows.iter().map(line).collect();
     line(&header) + &line(&rule) + &body
+}
+
+/// What to mind in reading some times.
+fn warnings(group: &Group<'_>) -> String {
+    let warned = group.ranked().into_iter().filter_map(|record| Some((record, record.warning.as_ref()?)));
+    let lines: String = warned.map(|(record, warning)| format!("- {}: {warning}\n", title(record))).collect();
+    if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
 }
 
 /// Why some points have no time.

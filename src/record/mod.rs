@@ -30,6 +30,6 @@ pub use summary::{Group, groups, scene_notes};
 pub(crate) use summary::{interval, median};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
-pub(crate) use terminal::word;
+pub(crate) use terminal::{percent, word};
 pub use types::{HOST, Outcome, Record, Sample};
 pub use whole::{TEMPORARY_PREFIX, sync_folder, write_whole};

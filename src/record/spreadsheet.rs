@@ -43,6 +43,14 @@ struct Row<'a> {
     constant_bytes: Option<u64>,
     scratch_bytes: Option<u64>,
     private_bytes: Option<u64>,
+    batch: Option<u32>,
+    limit_fraction: Option<f64>,
+    registers: Option<u32>,
+    spill_store_bytes: Option<u64>,
+    occupancy: Option<f64>,
+    clock_mhz: Option<f64>,
+    energy_mj: Option<f64>,
+    throttled_samples: Option<u32>,
 }
 
 impl<'a> Row<'a> {
@@ -83,6 +91,14 @@ impl<'a> Row<'a> {
             constant_bytes: record.constant_bytes,
             scratch_bytes: record.scratch_bytes,
             private_bytes: record.private_bytes,
+            batch: record.batch,
+            limit_fraction: record.limit_fraction,
+            registers: record.main_kernel().and_then(|kernel| kernel.resources.registers),
+            spill_store_bytes: record.main_kernel().and_then(|kernel| kernel.resources.spill_store_bytes),
+            occupancy: record.main_kernel().and_then(|kernel| kernel.occupancy),
+            clock_mhz: record.sensed.and_then(|sensed| sensed.clock_mhz),
+            energy_mj: record.sensed.and_then(|sensed| sensed.energy_mj),
+            throttled_samples: record.throttled_samples,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
-use super::numbers::{by, duration, ms};
+use super::numbers::{by, duration, ms, significant};
 use super::summary::{Group, groups, median, scene_notes};
 use super::types::{HOST, Outcome, Record};
 
@@ -60,7 +60,30 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
         });
         table.add_row(std::iter::once(Cell::new(name)).chain(cells));
     }
-    format!("{}, {}, {}: median ms\n{table}\n", group.scene, by(group.image_size), group.device)
+    let limit = limit_line(group);
+    format!("{}, {}, {}: median ms\n{table}\n{limit}", group.scene, by(group.image_size), group.device)
+}
+
+/// The largest part of the device's arithmetic limit that each strategy reaches; nothing where no limit is known.
+fn limit_line(group: &Group<'_>) -> String {
+    let mut parts: Vec<(&str, f64)> = Vec::new();
+    for record in group.ranked() {
+        let Some(fraction) = record.limit_fraction else { continue };
+        match parts.iter_mut().find(|(name, _)| *name == record.name) {
+            Some((_, most)) => *most = most.max(fraction),
+            None => parts.push((&record.name, fraction)),
+        }
+    }
+    if parts.is_empty() {
+        return String::new();
+    }
+    let parts: Vec<_> = parts.iter().map(|(name, part)| format!("{name} {}", percent(*part))).collect();
+    format!("of the device's arithmetic limit: {}\n", parts.join(", "))
+}
+
+/// "2.4%".
+pub(crate) fn percent(part: f64) -> String {
+    format!("{}%", significant(100.0 * part, 2))
 }
 
 fn number(text: String) -> Cell {
@@ -70,11 +93,16 @@ fn number(text: String) -> Cell {
 fn cell(record: &Record, wins: bool) -> Cell {
     match median(record) {
         Some(time) if wins => {
-            number(format!("*{}", ms(time))).fg(Color::Green).add_attribute(Attribute::Bold)
+            number(format!("*{}{}", ms(time), mark(record))).fg(Color::Green).add_attribute(Attribute::Bold)
         }
-        Some(time) => number(ms(time)),
+        Some(time) => number(format!("{}{}", ms(time), mark(record))),
         None => number(word(record)).fg(Color::Yellow),
     }
+}
+
+/// Marks a time that comes with a warning.
+fn mark(record: &Record) -> &'static str {
+    if record.warning.is_some() { "!" } else { "" }
 }
 
 /// Why there is no time, in a word: what is too small, or what failed.
@@ -97,6 +125,16 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     if kernels().any(|group| !group.winners().is_empty()) {
         text.push_str("* fastest; several: their 95% intervals overlap, which is a tie\n");
+    }
+    let warned =
+        kernels().flat_map(|group| group.ranked()).filter_map(|one| Some((one, one.warning.as_ref()?)));
+    if let Some((record, warning)) = warned.clone().next() {
+        let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+        let count = warned.count();
+        text.push_str(&format!(
+            "! mind {count} of these times, for example {}{size}: {warning}\n",
+            record.name
+        ));
     }
     let mut told: Vec<(String, &str)> = Vec::new();
     for (record, reason) in kernels().flat_map(|group| group.failures()) {

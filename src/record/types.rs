@@ -1,5 +1,7 @@
 //! One point's record and one sample's line. `docs/format.md` documents every field.
 
+use crate::program::MadeKernel;
+use crate::sensor::Sensed;
 use serde::{Deserialize, Serialize};
 
 /// What `device` says in the records of baselines.
@@ -57,6 +59,9 @@ pub struct Record {
     pub scene: String,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
+    /// Which of several devices of this kind it was measured on, where points were spread over them.
+    #[serde(default)]
+    pub measured_on: Option<String>,
     /// The strategy's name in the config.
     pub name: String,
     /// The preset it is, if it is one.
@@ -137,6 +142,27 @@ pub struct Record {
     pub tests_image: Option<String>,
     /// How many nodes of a tree each pixel's rays visit, in false colour.
     pub nodes_image: Option<String>,
+    /// Frames of each timed sample, where one alone is too short for the device's timer.
+    #[serde(default)]
+    pub batch: Option<u32>,
+    /// What the compiler made of the frame's kernels, in their order.
+    #[serde(default)]
+    pub kernels: Vec<MadeKernel>,
+    /// Floating-point operations of a ray-triangle test, a multiply-add counting as one.
+    #[serde(default)]
+    pub operations_per_test: Option<u32>,
+    /// Multiply-adds a second that the device was measured to do.
+    #[serde(default)]
+    pub fma_per_s: Option<f64>,
+    /// `tests_per_s` x `operations_per_test` over `fma_per_s`.
+    #[serde(default)]
+    pub limit_fraction: Option<f64>,
+    /// The mean of what the device's sensors showed while its samples were taken.
+    #[serde(default)]
+    pub sensed: Option<Sensed>,
+    /// Samples that were taken while the device throttled.
+    #[serde(default)]
+    pub throttled_samples: Option<u32>,
     /// The hash of source, defines and build options.
     pub program_hash: Option<String>,
     /// The seed of the order of rounds.
@@ -152,6 +178,11 @@ impl Record {
     /// Whether its rays walk a tree, each by itself or a tile of them together.
     pub fn walks_tree(&self) -> bool {
         ["traversal=bvh", "traversal=tile"].iter().any(|way| self.strategy.contains(way))
+    }
+
+    /// The kernel that casts primary rays, alone or with the rest of the frame: the first but preparations.
+    pub fn main_kernel(&self) -> Option<&MadeKernel> {
+        self.kernels.iter().find(|kernel| kernel.name != "prepare_origins")
     }
 
     /// Whether it is a caster on the host.
@@ -175,4 +206,10 @@ pub struct Sample {
     pub shadow_ms: Option<f64>,
     /// The host's clock around it.
     pub host_ms: Option<f64>,
+    /// Frames that these times are the mean of, cast in one batch; none for a frame alone.
+    #[serde(default)]
+    pub batch: Option<u32>,
+    /// What the device's sensors showed meanwhile.
+    #[serde(default)]
+    pub sensed: Option<Sensed>,
 }

@@ -45,25 +45,27 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     }
     let chart = Chart {
         title: format!("Does predicted occupancy rank local sizes? {}", group_title(group)),
-        x_label: format!(
-            "predicted occupancy of a multiprocessor, % (CC {}, {REGISTERS} registers)",
-            sm.compute_capability
-        ),
+        x_label: format!("predicted occupancy of a multiprocessor, % (CC {})", sm.compute_capability),
         y_label: "measured speed, % of the strategy's best".into(),
         across: Across::Numbers(Kind::Linear),
         up: Kind::Linear,
         diagonal: false,
         series,
     };
-    let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability), ranking(&ranks));
+    let told = group.records.iter().any(|record| known(record).0.is_some());
+    let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability, told), ranking(&ranks));
     Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
 }
 
 const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The \
                            prediction is judged by what it is for, the speed.";
 
-fn whose(compute_capability: Option<&str>) -> String {
+fn whose(compute_capability: Option<&str>, told: bool) -> String {
     match compute_capability {
+        Some(cc) if told => format!(
+            "The prediction is for this device's compute capability, {cc}, from the registers and `__local` bytes of each \
+             built kernel."
+        ),
         Some(cc) => format!(
             "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not \
              tell a kernel's registers."
@@ -92,11 +94,20 @@ fn ranking(ranks: &[f64]) -> String {
 
 fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     let [across, down] = record.local_size?;
-    let predicted = occupancy(sm, REGISTERS, record.local_bytes.unwrap_or(0), across * down);
+    let (registers, local_bytes) = known(record);
+    let predicted = occupancy(sm, registers.unwrap_or(REGISTERS), local_bytes, across * down);
     let percent = 100.0 * predicted.fraction;
     let tip =
         format!("{}\npredicted occupancy {percent:.0}% (limited by {})", tip(record), predicted.limiter);
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
+}
+
+/// The registers that the compiler told, and the `__local` bytes of a group.
+fn known(record: &Record) -> (Option<u32>, u64) {
+    let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
+    let registers = kernel.and_then(|kernel| kernel.resources.registers);
+    let bytes = kernel.map(|kernel| kernel.group_local_bytes());
+    (registers, bytes.or(record.local_bytes).unwrap_or(0))
 }
 
 /// Spearman's rank correlation of x and y; none for fewer than four marks, or where one of them does not vary.

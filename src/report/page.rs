@@ -9,7 +9,7 @@ use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, series_name, size_name, times};
 use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
-use crate::record::{Group, HOST, Outcome, Record, by, groups, interval, median, ms, significant};
+use crate::record::{Group, HOST, Outcome, Record, by, groups, interval, median, ms, percent, significant};
 use askama::Template;
 
 /// The style sheet every page carries.
@@ -63,6 +63,8 @@ pub struct Row {
     slower: String,
     rays: String,
     tests: String,
+    made: String,
+    limit: String,
     outcome: &'static str,
     why: String,
     wins: bool,
@@ -260,6 +262,8 @@ fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
         rays: number(record.rays_per_s, &|rays| significant(rays / 1e6, 3)),
         tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
         outcome: record.outcome.name(),
+        made: super::words::made(record).unwrap_or_default(),
+        limit: number(record.limit_fraction, &percent),
         why: match time {
             Some(_) => record.warning.clone().unwrap_or_default(),
             None => first_line(record).to_owned(),

@@ -1,7 +1,7 @@
 //! What the report's parts say of a record in the same words.
 
 use super::plot::palette::Look;
-use crate::record::{Group, HOST, Record, by, duration, interval, median, ms, significant};
+use crate::record::{Group, HOST, Record, by, duration, interval, median, ms, percent, significant};
 
 /// Series names and their looks: a strategy looks the same wherever it is shown.
 #[derive(Clone, Debug, Default)]
@@ -61,8 +61,21 @@ pub fn tip(record: &Record) -> String {
         }
         _ => lines.push(format!("{}: {}", record.outcome.name(), first_line(record))),
     }
+    lines.extend(made(record));
+    lines.extend(record.limit_fraction.map(|part| format!("{} of the arithmetic limit", percent(part))));
     lines.extend(record.warning.clone());
     lines.join("\n")
+}
+
+/// What the compiler made of its main kernel, where that is known: "168 registers, 12 B spilled, occupancy 19%".
+pub fn made(record: &Record) -> Option<String> {
+    let kernel = record.main_kernel()?;
+    let registers = kernel.resources.registers.map(|count| format!("{count} registers"));
+    let spilled = kernel.resources.spill_store_bytes.filter(|bytes| *bytes > 0);
+    let occupancy = kernel.occupancy.map(|part| format!("occupancy {}", percent(part)));
+    let spilled = spilled.map(|bytes| format!("{bytes} B spilled"));
+    let parts: Vec<String> = registers.into_iter().chain(spilled).chain(occupancy).collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
 }
 
 /// Which rule ended the sampling, in brackets.

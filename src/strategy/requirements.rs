@@ -48,11 +48,7 @@ pub struct Workload {
 impl Workload {
     /// Work-items across and down: one a block of pixels, whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
-        let block = if strategy.traversal == Traversal::Tile {
-            strategy.tile.pixels()
-        } else {
-            strategy.width.block()
-        };
+        let block = block(strategy);
         let across = |pixels: u32, block: usize, local: u32| {
             (pixels as usize).div_ceil(block).next_multiple_of(local as usize)
         };
@@ -72,9 +68,19 @@ impl Workload {
         }
     }
 
+    /// Rows of pixels that a row of work-groups covers.
+    pub fn group_height(&self, strategy: &Strategy) -> u32 {
+        block(strategy).1 as u32 * self.local_size[1]
+    }
+
     fn work_group_items(&self) -> u64 {
         u64::from(self.local_size[0]) * u64::from(self.local_size[1])
     }
+}
+
+/// Pixels across and down that a work-item covers.
+fn block(strategy: &Strategy) -> (usize, usize) {
+    if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.width.block() }
 }
 
 /// Bytes a strategy needs.

@@ -7,28 +7,13 @@ use crate::record::{DeviceEnvironment, Environment, Host, Source};
 
 /// The machine, the devices, the program and the files of a run that begins now.
 pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &Sources) -> Environment {
-    let device = |device: &&DeviceInfo| {
-        let info = (*device).clone();
-        DeviceEnvironment {
-            device: info.label,
-            platform: info.platform,
-            platform_version: info.platform_version,
-            version: info.version,
-            vendor: info.vendor,
-            driver: info.driver,
-            kind: info.kind.name().to_owned(),
-            compute_units: Some(info.limits.compute_units),
-            max_clock_mhz: info.max_clock_mhz,
-            compute_capability: info.compute_capability,
-        }
-    };
     Environment {
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
         git_revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
         started: jiff::Timestamp::now().to_string(),
         command_line: std::env::args().collect(),
         host: Host::read(),
-        devices: devices.iter().map(device).collect(),
+        devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),
         build_options: vec!["-cl-std=CL1.2".to_owned(), "-cl-kernel-arg-info".to_owned()],
         config_path: experiment.path.display().to_string(),
         config: experiment.source.clone(),

@@ -1,0 +1,52 @@
+// One work-item that needs every result before its next step, in each kind of memory.
+
+#ifndef ENTRIES
+#error "ENTRIES: of the chases in private and __local memory"
+#endif
+
+// STEPS steps a loop, so that counting loops does not count.
+#define STEPS 16
+#define DO_STEPS(DO) DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO
+
+// Private values in registers: a multiply-add that waits for the one before.
+__kernel void chain_private(const int loops, const float factor, const float addend, __global float *out) {
+    float value = out[0];
+    for (int loop = 0; loop < loops; loop++) {
+        DO_STEPS(value = fma(value, factor, addend);)
+    }
+    out[0] = value;
+}
+
+// next[i] = (i + stride) % ENTRIES, from wherever it lies.
+#define FILL(next) \
+    for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
+
+// A private array, indexed by what only the last read tells: not in registers.
+__kernel void chase_private(const int loops, const int stride, __global int *out) {
+    volatile int next[ENTRIES];
+    FILL(next)
+    int at = 0;
+    for (int loop = 0; loop < loops; loop++) {
+        DO_STEPS(at = next[at];)
+    }
+    out[0] = at;
+}
+
+__kernel void chase_local(const int loops, const int stride, __global int *out) {
+    __local volatile int next[ENTRIES];
+    FILL(next)
+    int at = 0;
+    for (int loop = 0; loop < loops; loop++) {
+        DO_STEPS(at = next[at];)
+    }
+    out[0] = at;
+}
+
+// `next` holds one cycle through all of a buffer larger than any cache.
+__kernel void chase_global(const int loops, const int start, const __global int *restrict next, __global int *out) {
+    int at = start;
+    for (int loop = 0; loop < loops; loop++) {
+        DO_STEPS(at = next[at];)
+    }
+    out[0] = at;
+}

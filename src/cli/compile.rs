@@ -1,0 +1,182 @@
+//! `raycl compile`: builds a scene's kernels and keeps what the compiler made of them.
+
+use super::choice::{one_device, parse_size, parse_strategy};
+use crate::device::Device;
+use crate::error::{Error, Result};
+use crate::launch::{Caster, DeviceScene, DeviceTree, Queue};
+use crate::program::made::is_ptx;
+use crate::program::{BuiltProgram, CACHE_DISABLE, MadeKernel, ProgramSpec, Sources};
+use crate::record::write_whole;
+use crate::scene::{Scene, load_scene};
+use crate::strategy::{Requirements, Strategy, Workload};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `raycl compile`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl compile scenes/teapot.toml --strategy naive --out made
+  raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
+  raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
+
+Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory
+instructions, predicted occupancy) and the program's binary: binary.ptx where it is PTX text, else binary.bin.
+Nothing is cast. Registers are printed by some compilers only, memory instructions known of PTX only.")]
+pub struct Args {
+    /// A scene TOML or an OBJ file: sizes of __local arrays and stacks depend on it
+    scene: PathBuf,
+    /// A preset, axes, or both: naive; deferred,width=4; may be given several times
+    #[arg(long, required = true)]
+    strategy: Vec<String>,
+    /// Work-items of a work-group
+    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
+    local_size: [u32; 2],
+    /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
+    #[arg(long)]
+    device: Option<String>,
+    /// The folder for what is made; without it nothing is kept
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object a strategy
+    #[arg(long)]
+    json: bool,
+    /// Use the kernels of this folder instead of those built in
+    #[arg(long, value_name = "DIR")]
+    cl_dir: Option<PathBuf>,
+}
+
+/// What a strategy's program became.
+#[derive(Debug, Serialize)]
+struct Made {
+    device: String,
+    strategy: String,
+    local_size: [u32; 2],
+    program_hash: String,
+    build_ms: f64,
+    binary_is_ptx: bool,
+    kernels: Vec<MadeKernel>,
+}
+
+/// The image's size decides nothing that is compiled.
+const IMAGE_SIZE: [u32; 2] = [64, 64];
+
+/// Builds every strategy.
+pub fn run(args: Args) -> Result<()> {
+    disable_caches();
+    let scene = load_scene(&args.scene)?.scene;
+    let strategies: Vec<Strategy> =
+        args.strategy.iter().map(|text| parse_strategy(text)).collect::<Result<_>>()?;
+    strategies.iter().try_for_each(|strategy| strategy.check())?;
+    let device = one_device(args.device.as_deref())?;
+    let queue = Queue::open(device.platform, device.device)?;
+    for (text, strategy) in args.strategy.iter().zip(&strategies) {
+        let (made, files) = compile(&args, &device, &queue, &scene, strategy)?;
+        if let Some(out) = &args.out {
+            keep(&out.join(folder_name(text)), &made, &files)?;
+        }
+        match args.json {
+            true => super::print_json(&made)?,
+            false => super::print(text_of(text, &made))?,
+        }
+    }
+    match &args.out {
+        Some(out) if !args.json => super::print(format!("Kept in {}", out.display())),
+        _ => Ok(()),
+    }
+}
+
+/// Compilers print registers only when they compile.
+fn disable_caches() {
+    if std::env::var_os(CACHE_DISABLE).is_none() {
+        // SAFETY: the command has just begun: no driver is loaded and no other thread runs that could read the
+        // environment meanwhile.
+        unsafe { std::env::set_var(CACHE_DISABLE, "1") };
+    }
+}
+
+/// Names and contents of what is kept beside `made.json`.
+type Files = Vec<(&'static str, Vec<u8>)>;
+
+fn compile(
+    args: &Args,
+    device: &Device,
+    queue: &Queue,
+    scene: &Scene,
+    strategy: &Strategy,
+) -> Result<(Made, Files)> {
+    let failed = |what: &str, error: &dyn std::fmt::Display| Error::run(format!("{what} failed: {error}"));
+    let mut workload = Workload::of(scene, IMAGE_SIZE, args.local_size);
+    Requirements::check(strategy, &workload, &device.info.limits).map_err(|infeasible| {
+        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
+    })?;
+    let tree = DeviceTree::build(queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
+    workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let spec = ProgramSpec::new(&sources, strategy, &workload, device.info.builtins())?;
+    let program = BuiltProgram::build(&queue.context, queue.device, &spec)
+        .map_err(|error| failed("the build", &error))?;
+    let uploaded =
+        DeviceScene::upload(queue, scene, strategy).map_err(|error| failed("uploading the scene", &error))?;
+    let caster = Caster::new(queue, &program, strategy, &workload, scene, &uploaded, tree.as_ref())
+        .map_err(|error| failed("preparing the frame", &error))?;
+    let (log, ptx) = (program.log(), program.ptx());
+    let capability = device.info.hardware.compute_capability.as_deref();
+    let items = args.local_size.iter().product();
+    let made = |kernel| MadeKernel::of(kernel, queue.device, &log, &ptx).predicted(capability, items);
+    let kernels = caster.kernels().map(made).collect();
+    let binary = if args.out.is_some() { program.binary() } else { Vec::new() };
+    let binary_is_ptx = !ptx.is_empty() || is_ptx(&binary);
+    let made = Made {
+        device: device.info.label.clone(),
+        strategy: strategy.to_string(),
+        local_size: args.local_size,
+        program_hash: spec.hash(),
+        build_ms: program.build_ms,
+        binary_is_ptx,
+        kernels,
+    };
+    let files = vec![
+        ("source.cl", spec.source.into_bytes()),
+        ("options.txt", format!("{}\n", spec.options).into_bytes()),
+        ("build.log", format!("{log}\n").into_bytes()),
+        (if binary_is_ptx { "binary.ptx" } else { "binary.bin" }, binary),
+    ];
+    Ok((made, files))
+}
+
+/// Writes a strategy's folder.
+fn keep(folder: &Path, made: &Made, files: &Files) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Error::input(format!("cannot make {}: {error}", folder.display())))?;
+    for (name, bytes) in files {
+        write_whole(&folder.join(name), bytes)?;
+    }
+    let text = serde_json::to_string_pretty(made).map_err(|error| Error::run(error.to_string()))?;
+    write_whole(&folder.join("made.json"), format!("{text}\n").as_bytes())
+}
+
+/// "deferred,width=4" as a folder is called.
+fn folder_name(strategy: &str) -> String {
+    let kept = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
+    strategy.chars().map(kept).collect()
+}
+
+fn text_of(name: &str, made: &Made) -> String {
+    let header =
+        ["kernel", "registers", "spills B", "__local B", "largest group", "occupancy", "memory instructions"];
+    let mut table = super::table(&header, 1);
+    let number = |value: Option<u64>| value.map_or("-".to_owned(), |value| value.to_string());
+    for kernel in &made.kernels {
+        table.add_row([
+            kernel.name.clone(),
+            number(kernel.resources.registers.map(u64::from)),
+            number(kernel.resources.spill_store_bytes),
+            kernel.group_local_bytes().to_string(),
+            number(kernel.work_group_size),
+            kernel.occupancy.map_or("-".to_owned(), |part| format!("{:.0}%", 100.0 * part)),
+            kernel.census.as_ref().map_or("not PTX".to_owned(), |census| census.to_string()),
+        ]);
+    }
+    let [x, y] = made.local_size;
+    format!("{name} at {x} x {y} on {}, built in {:.0} ms\n{table}", made.device, made.build_ms)
+}

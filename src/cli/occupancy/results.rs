@@ -1,0 +1,110 @@
+//! Predicted occupancy beside measured speed, for the points of a run whose registers are known.
+
+use crate::device::occupancy::multiprocessor;
+use crate::error::{Error, Result};
+use crate::program::MadeKernel;
+use crate::record::{Record, by, median, ms, read_lines};
+use serde_json::json;
+use std::path::Path;
+
+/// Prints a row a point of the run in `path`, a folder of results or its records.jsonl. With a compute capability, the
+/// prediction is made for that one instead of the device's own.
+pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
+    if let Some(name) = compute_capability {
+        multiprocessor(name)?;
+    }
+    let path = if path.is_dir() { path.join("records.jsonl") } else { path.to_owned() };
+    if !path.exists() {
+        return Err(Error::input(format!("there is no {}", path.display()))
+            .with_help("--results takes a folder that `raycl run` wrote, or its records.jsonl"));
+    }
+    let records: Vec<Record> = read_lines(&path)?.lines;
+    let points: Vec<(&Record, MadeKernel)> =
+        records.iter().filter_map(|record| Some((record, predicted(record, compute_capability)?))).collect();
+    if points.is_empty() {
+        return Err(Error::run(format!("{} has no point whose registers are known", path.display())).with_help(
+            "OpenCL does not tell a kernel's registers: only a compiler that prints them into its build log does",
+        ));
+    }
+    if as_json {
+        return points
+            .iter()
+            .try_for_each(|(record, kernel)| super::super::print_json(&object(record, kernel)));
+    }
+    super::super::print(text(&points))
+}
+
+/// The kernel that decides a point's speed, with its prediction.
+fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<MadeKernel> {
+    let kernel = record.main_kernel()?.clone();
+    let items = record.local_size?.iter().product();
+    kernel.resources.registers?;
+    let kernel = match compute_capability {
+        Some(_) => kernel.predicted(compute_capability, items),
+        None => kernel,
+    };
+    kernel.occupancy.is_some().then_some(kernel)
+}
+
+fn object(record: &Record, kernel: &MadeKernel) -> serde_json::Value {
+    json!({
+        "scene": record.scene,
+        "device": record.device,
+        "image_size": record.image_size,
+        "name": record.name,
+        "local_size": record.local_size,
+        "kernel": kernel.name,
+        "registers": kernel.resources.registers,
+        "local_bytes": kernel.group_local_bytes(),
+        "groups": kernel.resident_groups,
+        "occupancy": kernel.occupancy,
+        "limited_by": kernel.occupancy_limited_by,
+        "median_ms": median(record),
+    })
+}
+
+fn text(points: &[(&Record, MadeKernel)]) -> String {
+    let header =
+        ["point", "local size", "registers", "__local B", "groups", "occupancy", "limited by", "median ms"];
+    let mut table = super::super::table(&header, 1);
+    for (record, kernel) in points {
+        table.add_row([
+            format!("{} {}, {}: {}", record.scene, by(record.image_size), record.device, record.name),
+            record.local_size.map_or(String::new(), by),
+            kernel.resources.registers.map_or(String::new(), |count| count.to_string()),
+            kernel.group_local_bytes().to_string(),
+            kernel.resident_groups.map_or(String::new(), |groups| groups.to_string()),
+            kernel.occupancy.map_or(String::new(), |part| format!("{:.0}%", 100.0 * part)),
+            kernel.occupancy_limited_by.clone().unwrap_or_default(),
+            median(record).map_or("-".to_owned(), ms),
+        ]);
+    }
+    table.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::made::Resources;
+
+    fn record(registers: Option<u32>) -> Record {
+        let resources = Resources { registers, ..Resources::default() };
+        let kernel = MadeKernel { name: "cast_frame".into(), resources, ..MadeKernel::default() };
+        let kernel = kernel.predicted(Some("9.0"), 256);
+        Record { local_size: Some([16, 16]), kernels: vec![kernel], ..Record::default() }
+    }
+
+    #[test]
+    fn a_point_is_predicted_for_its_device_or_for_another() {
+        let own = predicted(&record(Some(128)), None).expect("a prediction");
+        let other = predicted(&record(Some(128)), Some("7.5")).expect("a prediction");
+        assert_eq!((own.occupancy, other.occupancy), (Some(0.25), Some(0.5)));
+        assert!(text(&[(&record(Some(128)), own)]).contains("25%"));
+    }
+
+    #[test]
+    fn points_of_unknown_registers_are_left_out() {
+        assert!(predicted(&record(None), Some("9.0")).is_none());
+        assert!(predicted(&Record::default(), None).is_none());
+    }
+}

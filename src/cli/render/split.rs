@@ -1,0 +1,142 @@
+//! `raycl render --devices`: one frame on several devices.
+
+use super::{Args, check, default_output, medians, ms_since, scene_overrides, strategy, timed};
+use crate::device::{Device, discover, select};
+use crate::error::Result;
+use crate::image::{check_path, save};
+use crate::launch::{Share, Split};
+use crate::program::Sources;
+use crate::scene::load_scene_with;
+use crate::strategy::Workload;
+use serde::Serialize;
+use std::time::Instant;
+
+/// The fields of `--json`.
+#[derive(Serialize)]
+struct Report {
+    scene: String,
+    triangles: usize,
+    strategy: String,
+    local_size: [u32; 2],
+    image_size: [u32; 2],
+    /// The longest of the devices' times: they cast at once.
+    frame_ms: f64,
+    /// The longest of the devices' transfers.
+    upload_ms: f64,
+    /// The longest of the devices' transfers.
+    read_ms: f64,
+    /// Pixels over the longest device time of a frame, shading and shadow rays included.
+    primary_rays_per_s: f64,
+    devices: Vec<Row>,
+    /// Frames the times are medians of.
+    frames: u32,
+    /// The whole command.
+    total_ms: f64,
+    output: String,
+}
+
+/// One device's part.
+#[derive(Serialize)]
+struct Row {
+    device: String,
+    /// The first row of its pixels, and the one after the last.
+    rows: [u32; 2],
+    frame_ms: f64,
+    primary_ms: Option<f64>,
+    shadow_ms: Option<f64>,
+    build_ms: f64,
+    upload_ms: f64,
+    read_ms: f64,
+}
+
+impl From<Share> for Row {
+    fn from(share: Share) -> Self {
+        let times = medians(&share.frames);
+        Self {
+            device: share.device,
+            rows: share.rows,
+            frame_ms: times.frame_ms,
+            primary_ms: times.primary_ms,
+            shadow_ms: times.shadow_ms,
+            build_ms: share.build_ms,
+            upload_ms: share.upload_ms,
+            read_ms: share.read_ms,
+        }
+    }
+}
+
+/// Renders one picture on every device that `pattern` means.
+pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
+    let start = Instant::now();
+    let output = args.output.clone().unwrap_or_else(|| default_output(args));
+    check_path(&output)?;
+    let loaded = load_scene_with(&args.scene, &scene_overrides(args)?)?;
+    let scene = &loaded.scene;
+    let found = discover()?;
+    let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
+    // One strategy for all, as the pixels are to be the same.
+    let (strategy, local_size) = strategy(args, &devices[0], scene.mesh.triangles.len())?;
+    let workload = Workload::of(scene, [args.width, args.height], local_size);
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
+    let (image, _, shares) = split.cast(&devices)?;
+    if args.verify {
+        check(scene, &image, &strategy)?;
+    }
+    let (saved, _) = timed(|| save(&image, scene.display, &output));
+    saved?;
+    let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
+    let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
+    let pixels = f64::from(args.width) * f64::from(args.height);
+    let frame_ms = longest(|row| row.frame_ms);
+    let report = Report {
+        scene: scene.name.clone(),
+        triangles: scene.mesh.triangles.len(),
+        strategy: strategy.to_string(),
+        local_size,
+        image_size: [args.width, args.height],
+        frame_ms,
+        upload_ms: longest(|row| row.upload_ms),
+        read_ms: longest(|row| row.read_ms),
+        primary_rays_per_s: pixels / frame_ms * 1e3,
+        devices: rows,
+        frames: args.repeat,
+        total_ms: ms_since(start),
+        output: output.display().to_string(),
+    };
+    match (args.json, args.quiet) {
+        (true, _) => super::super::print_json(&report),
+        (false, true) => Ok(()),
+        (false, false) => super::super::print(text(&report)),
+    }
+}
+
+fn text(report: &Report) -> String {
+    let header = ["device", "rows", "build ms", "upload ms", "frame ms", "read ms"];
+    let mut table = super::super::table(&header, 1);
+    let ms = |value: f64| format!("{value:.2}");
+    for row in &report.devices {
+        let rows = format!("{} to {}", row.rows[0], row.rows[1]);
+        table.add_row([
+            row.device.clone(),
+            rows,
+            ms(row.build_ms),
+            ms(row.upload_ms),
+            ms(row.frame_ms),
+            ms(row.read_ms),
+        ]);
+    }
+    let [width, height] = report.image_size;
+    format!(
+        "scene     {}: {} triangles\nstrategy  {}\nsize      {width} x {height} pixels\n{table}\nframe     {:.2} ms, the \
+         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\npicture   {}",
+        report.scene,
+        report.triangles,
+        report.strategy,
+        report.frame_ms,
+        report.frames,
+        report.upload_ms,
+        report.read_ms,
+        report.output
+    )
+}

@@ -1,0 +1,125 @@
+//! What a device tells of its hardware beyond OpenCL's core: compute capability, clock, timer, place on the bus.
+//! Everything here may be missing; nothing makes a device unusable.
+
+use serde::{Deserialize, Serialize};
+
+/// Answers to queries that not every driver knows.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Hardware {
+    /// Compute capability as in "9.0" (cl_nv_device_attribute_query).
+    pub compute_capability: Option<String>,
+    /// The highest clock, as the driver says.
+    pub max_clock_mhz: Option<u64>,
+    /// The step of the clock that profiling reads.
+    pub timer_resolution_ns: Option<u64>,
+    /// Domain, bus, device and function as in "0000:1b:00.0".
+    pub pci_bus: Option<String>,
+    /// The 16 bytes of its UUID in hexadecimal digits.
+    pub uuid: Option<String>,
+}
+
+const MAX_CLOCK_FREQUENCY: u32 = 0x100C;
+const PROFILING_TIMER_RESOLUTION: u32 = 0x1025;
+const COMPUTE_CAPABILITY_MAJOR_NV: u32 = 0x4000;
+const COMPUTE_CAPABILITY_MINOR_NV: u32 = 0x4001;
+const PCI_BUS_ID_NV: u32 = 0x4008;
+const PCI_SLOT_ID_NV: u32 = 0x4009;
+const PCI_DOMAIN_ID_NV: u32 = 0x400A;
+const PCI_BUS_INFO_KHR: u32 = 0x410F;
+const UUID_KHR: u32 = 0x106A;
+
+impl Hardware {
+    /// What a device with these extensions answers; `ask` gives the bytes of a query, or none where it fails.
+    pub fn ask(extensions: &[String], ask: impl Fn(u32) -> Option<Vec<u8>>) -> Self {
+        let has = |name: &str| extensions.iter().any(|extension| extension == name);
+        let attributes = has("cl_nv_device_attribute_query");
+        let number = |query| ask(query).and_then(|bytes| first_number(&bytes));
+        let of_nv = |query| attributes.then(|| number(query)).flatten();
+        let khr_bus = || has("cl_khr_pci_bus_info").then(|| bus_of(&ask(PCI_BUS_INFO_KHR)?)).flatten();
+        let nv_bus = || {
+            let (bus, slot) = (of_nv(PCI_BUS_ID_NV)?, of_nv(PCI_SLOT_ID_NV)?);
+            Some(bus_name(of_nv(PCI_DOMAIN_ID_NV).unwrap_or(0), bus, slot >> 3, slot & 7))
+        };
+        let uuid = || has("cl_khr_device_uuid").then(|| uuid_of(&ask(UUID_KHR)?)).flatten();
+        let capability = of_nv(COMPUTE_CAPABILITY_MAJOR_NV).zip(of_nv(COMPUTE_CAPABILITY_MINOR_NV));
+        Self {
+            compute_capability: capability.map(|(major, minor)| format!("{major}.{minor}")),
+            max_clock_mhz: number(MAX_CLOCK_FREQUENCY).filter(|mhz| *mhz > 0),
+            timer_resolution_ns: number(PROFILING_TIMER_RESOLUTION).filter(|ns| *ns > 0),
+            pci_bus: khr_bus().or_else(nv_bus),
+            uuid: uuid(),
+        }
+    }
+}
+
+/// A scalar of 4 or 8 bytes.
+fn first_number(bytes: &[u8]) -> Option<u64> {
+    match bytes.len() {
+        4 => Some(u64::from(u32::from_ne_bytes(bytes.try_into().ok()?))),
+        8 => Some(u64::from_ne_bytes(bytes.try_into().ok()?)),
+        _ => None,
+    }
+}
+
+/// cl_device_pci_bus_info_khr: domain, bus, device, function.
+fn bus_of(bytes: &[u8]) -> Option<String> {
+    let (words, rest) = bytes.as_chunks::<4>();
+    let words: Vec<u64> = words.iter().map(|word| u64::from(u32::from_ne_bytes(*word))).collect();
+    match (words.as_slice(), rest) {
+        (&[domain, bus, device, function], []) => Some(bus_name(domain, bus, device, function)),
+        _ => None,
+    }
+}
+
+fn bus_name(domain: u64, bus: u64, device: u64, function: u64) -> String {
+    format!("{domain:04x}:{bus:02x}:{device:02x}.{function}")
+}
+
+fn uuid_of(bytes: &[u8]) -> Option<String> {
+    let known = bytes.len() == 16 && bytes.iter().any(|byte| *byte != 0);
+    known.then(|| bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extensions(names: &[&str]) -> Vec<String> {
+        names.iter().map(|&name| name.to_owned()).collect()
+    }
+
+    fn word(value: u32) -> Option<Vec<u8>> {
+        Some(value.to_ne_bytes().to_vec())
+    }
+
+    #[test]
+    fn a_device_that_knows_the_queries_is_described() {
+        let answers = |query| match query {
+            COMPUTE_CAPABILITY_MAJOR_NV => word(9),
+            COMPUTE_CAPABILITY_MINOR_NV | PCI_DOMAIN_ID_NV => word(0),
+            PCI_BUS_ID_NV => word(0x1b),
+            PCI_SLOT_ID_NV => word(0x08),
+            MAX_CLOCK_FREQUENCY => word(1980),
+            PROFILING_TIMER_RESOLUTION => Some(1000_u64.to_ne_bytes().to_vec()),
+            UUID_KHR => Some((0..16).collect()),
+            _ => None,
+        };
+        let found =
+            Hardware::ask(&extensions(&["cl_nv_device_attribute_query", "cl_khr_device_uuid"]), answers);
+        assert_eq!(found.compute_capability.as_deref(), Some("9.0"));
+        assert_eq!(found.pci_bus.as_deref(), Some("0000:1b:01.0"));
+        assert_eq!((found.max_clock_mhz, found.timer_resolution_ns), (Some(1980), Some(1000)));
+        assert_eq!(found.uuid.as_deref(), Some("000102030405060708090a0b0c0d0e0f"));
+        let khr: Vec<u8> = [1_u32, 0xc2, 3, 0].iter().flat_map(|n| n.to_ne_bytes()).collect();
+        let found = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(khr.clone()));
+        assert_eq!(found.pci_bus.as_deref(), Some("0001:c2:03.0"));
+    }
+
+    #[test]
+    fn a_device_that_knows_none_is_left_undescribed() {
+        assert_eq!(Hardware::ask(&[], |_| None), Hardware::default());
+        let odd = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(vec![1, 2, 3]));
+        assert_eq!(odd, Hardware::default());
+    }
+}

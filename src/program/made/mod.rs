@@ -1,0 +1,116 @@
+//! What a device's compiler made of a kernel: registers, spills, bytes, and which memory its instructions reach.
+//!
+//! The driver answers for sizes, its build log for registers where it prints them, and the program's binary for
+//! memory instructions where it is PTX text. What a device does not tell stays empty.
+
+mod log;
+mod ptx;
+
+pub use log::{Resources, resources};
+pub use ptx::{Census, census, is_ptx};
+
+use crate::device::occupancy::{multiprocessor, occupancy};
+use ocl::Kernel;
+use ocl::enums::{KernelWorkGroupInfo as Query, KernelWorkGroupInfoResult as Answer};
+use serde::{Deserialize, Serialize};
+
+/// One built kernel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct MadeKernel {
+    /// Its name in the source.
+    pub name: String,
+    /// Work-items of the largest work-group it can run with.
+    pub work_group_size: Option<u64>,
+    /// The local size's granularity that the driver prefers: a warp, or a vector.
+    pub preferred_multiple: Option<u64>,
+    /// `__local` bytes a work-group, as the driver says.
+    pub local_bytes: Option<u64>,
+    /// Private bytes a work-item in memory, as the driver says.
+    pub private_bytes: Option<u64>,
+    /// What the build log tells.
+    #[serde(flatten)]
+    pub resources: Resources,
+    /// Memory instructions of the binary; none where it is not PTX.
+    pub census: Option<Census>,
+    /// Work-groups that a multiprocessor is predicted to hold at once.
+    pub resident_groups: Option<u64>,
+    /// Their warps among all it could hold, 0 to 1.
+    pub occupancy: Option<f64>,
+    /// What keeps it from holding more.
+    pub occupancy_limited_by: Option<String>,
+}
+
+impl MadeKernel {
+    /// What the driver, the build log and the binary (PTX, or empty) tell of a kernel.
+    pub fn of(kernel: &Kernel, device: ocl::Device, log: &str, ptx: &str) -> Self {
+        let name = kernel.name().unwrap_or_default();
+        let ask = |query| number(kernel.wg_info(device, query).ok()?);
+        Self {
+            work_group_size: ask(Query::WorkGroupSize),
+            preferred_multiple: ask(Query::PreferredWorkGroupSizeMultiple),
+            local_bytes: ask(Query::LocalMemSize),
+            private_bytes: ask(Query::PrivateMemSize),
+            resources: resources(log, &name),
+            census: census(ptx, &name),
+            name,
+            ..Self::default()
+        }
+    }
+
+    /// Predicts how many groups of `items` work-items a multiprocessor of a compute capability holds. Nothing
+    /// is predicted where the registers are not known, or the capability is not.
+    #[must_use]
+    pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
+        let sm = compute_capability.and_then(|name| multiprocessor(name).ok());
+        if let (Some(sm), Some(registers)) = (sm, self.resources.registers) {
+            let found = occupancy(sm, registers, self.group_local_bytes(), items);
+            self.resident_groups = Some(found.groups);
+            self.occupancy = Some(found.fraction);
+            self.occupancy_limited_by = Some(found.limiter.to_string());
+        }
+        self
+    }
+
+    /// `__local` bytes a work-group: the build log's where it has them.
+    pub fn group_local_bytes(&self) -> u64 {
+        self.resources.shared_bytes.or(self.local_bytes).unwrap_or(0)
+    }
+}
+
+fn number(answer: Answer) -> Option<u64> {
+    match answer {
+        Answer::WorkGroupSize(n) | Answer::PreferredWorkGroupSizeMultiple(n) => Some(n as u64),
+        Answer::LocalMemSize(n) | Answer::PrivateMemSize(n) => Some(n),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kernel(registers: Option<u32>) -> MadeKernel {
+        let resources = Resources { registers, ..Resources::default() };
+        MadeKernel { name: "cast_frame".into(), local_bytes: Some(6912), resources, ..MadeKernel::default() }
+    }
+
+    #[test]
+    fn occupancy_follows_from_registers_and_local_bytes() {
+        let made = kernel(Some(168)).predicted(Some("9.0"), 64);
+        assert_eq!((made.resident_groups, made.occupancy), (Some(6), Some(12.0 / 64.0)));
+        assert_eq!(made.occupancy_limited_by.as_deref(), Some("registers"));
+        assert_eq!(kernel(None).predicted(Some("9.0"), 64).occupancy, None);
+        assert_eq!(kernel(Some(40)).predicted(Some("99.0"), 64).occupancy, None);
+        assert_eq!(kernel(Some(40)).predicted(None, 64).occupancy, None);
+    }
+
+    #[test]
+    fn a_line_of_json_holds_all_and_an_older_one_less() {
+        let made = kernel(Some(40)).predicted(Some("9.0"), 256);
+        let line = serde_json::to_string(&made).unwrap();
+        assert!(line.contains("\"registers\":40"), "{line}");
+        assert_eq!(serde_json::from_str::<MadeKernel>(&line).unwrap(), made);
+        assert_eq!(serde_json::from_str::<MadeKernel>(r#"{"name":"a"}"#).unwrap().name, "a");
+    }
+}

@@ -1,0 +1,188 @@
+//! A census of memory instructions in PTX text, kernel by kernel: how many of the program's instructions load,
+//! store or change memory of each address space. Counts are static: a loop's body counts once.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Memory instructions inside one kernel's body.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Census {
+    /// Instructions by what they do and the space they reach: "ld.global", "st.shared", "ld.global.nc" (through the
+    /// read-only cache), "atom.global"; "ld.generic" where the space is known only when it runs. `ld.param` reads the
+    /// kernel's arguments, `.local` is private memory outside registers.
+    pub instructions: BTreeMap<String, u32>,
+    /// Bytes of private arrays that were not kept in registers (the `.local` depot), a work-item.
+    pub private_array_bytes: u64,
+    /// Calls, whose callees are not counted here.
+    pub calls: u32,
+}
+
+impl Census {
+    /// How many instructions reach a space ("global", "shared", "local", "const", "param", "generic").
+    pub fn reach(&self, space: &str) -> u32 {
+        let reaches = |name: &&String| name.split('.').nth(1) == Some(space);
+        self.instructions.keys().filter(reaches).map(|name| self.instructions[name]).sum()
+    }
+}
+
+impl std::fmt::Display for Census {
+    /// "ld.global 12, st.global 4, calls 1".
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut parts: Vec<String> =
+            self.instructions.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        parts.extend(
+            (self.private_array_bytes > 0).then(|| format!("private array {} B", self.private_array_bytes)),
+        );
+        parts.extend((self.calls > 0).then(|| format!("calls {}", self.calls)));
+        f.write_str(&parts.join(", "))
+    }
+}
+
+/// Whether a program's binary is PTX text.
+pub fn is_ptx(binary: &[u8]) -> bool {
+    let head = String::from_utf8_lossy(&binary[..binary.len().min(4096)]);
+    head.contains(".version") && head.contains(".target") && head.contains(".address_size")
+}
+
+/// The census of the kernel `name`; none where the text has no such kernel.
+pub fn census(ptx: &str, name: &str) -> Option<Census> {
+    let text = without_comments(ptx);
+    let body = body_of(&text, name)?;
+    let mut census = Census::default();
+    for statement in body.split([';', '{', '}']) {
+        census.count(statement);
+    }
+    Some(census)
+}
+
+impl Census {
+    fn count(&mut self, statement: &str) {
+        let mut words = statement.split_whitespace().skip_while(|word| is_label_or_predicate(word));
+        let Some(opcode) = words.next() else { return };
+        if opcode == ".local" {
+            self.private_array_bytes += array_bytes(statement).unwrap_or(0);
+        } else if opcode == "call" || opcode.starts_with("call.") {
+            self.calls += 1;
+        } else if let Some(name) = instruction(opcode) {
+            *self.instructions.entry(name).or_default() += 1;
+        }
+    }
+}
+
+/// "$L__BB0_2:", "@%p1", "@!%p1".
+fn is_label_or_predicate(word: &str) -> bool {
+    word.ends_with(':') || word.starts_with('@')
+}
+
+/// The census's name of a memory instruction: "ld.volatile.shared.v2.f32" is "ld.shared".
+fn instruction(opcode: &str) -> Option<String> {
+    const SPACES: [&str; 5] = ["global", "shared", "local", "const", "param"];
+    let mut parts = opcode.split('.');
+    let verb = parts.next().filter(|verb| ["ld", "ldu", "st", "atom", "red"].contains(verb))?;
+    let parts: Vec<&str> = parts.map(|part| part.split("::").next().unwrap_or(part)).collect();
+    let space = SPACES.iter().find(|space| parts.contains(space)).unwrap_or(&"generic");
+    let cached = if parts.contains(&"nc") { ".nc" } else { "" };
+    Some(format!("{verb}.{space}{cached}"))
+}
+
+/// The bytes of ".local .align 8 .b8 __local_depot0[64]".
+fn array_bytes(declaration: &str) -> Option<u64> {
+    let count: u64 = declaration.split_once('[')?.1.split(']').next()?.trim().parse().ok()?;
+    let bits = |word: &str| word.strip_prefix(['.'])?.strip_prefix(['b', 'f', 'u', 's'])?.parse::<u64>().ok();
+    let bits = declaration.split_whitespace().find_map(bits).unwrap_or(8);
+    Some(count * bits / 8)
+}
+
+/// What stands between the braces of `.entry name(...)`.
+fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
+    let heads = text.match_indices(".entry").map(|(at, word)| text[at + word.len()..].trim_start());
+    let is_meant = |rest: &&str| {
+        let tail = rest.strip_prefix(name);
+        tail.is_some_and(|tail| tail.trim_start().starts_with(['(', '{', '.']))
+    };
+    let rest = heads.into_iter().find(is_meant)?;
+    let start = rest.find('{')?;
+    let mut depth = 0_u32;
+    for (at, c) in rest[start..].char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth == 1 => return Some(&rest[start + 1..start + at]),
+            '}' => depth -= 1,
+            _ => {}
+        }
+    }
+    None
+}
+
+fn without_comments(ptx: &str) -> String {
+    let mut text = String::with_capacity(ptx.len());
+    let mut rest = ptx;
+    while let Some(at) = rest.find("/*") {
+        text.push_str(&rest[..at]);
+        rest = rest[at..].split_once("*/").map_or("", |(_, after)| after);
+    }
+    text.push_str(rest);
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PTX: &str = r"// a comment with ld.global.f32 in it
+.version 8.8
+.target sm_90, texmode_independent
+.address_size 64
+.func helper() { ld.local.f32 %f1, [%rd1]; ret; }
+.entry cast_frame_2(.param .u64 p) { st.global.f32 [%rd1], %f1; }
+.visible .entry cast_frame(
+	.param .u64 .ptr .global .align 4 cast_frame_param_0
+)
+.reqntid 8, 8, 1
+{
+	.local .align 16 .b8 	__local_depot0[48];
+	.reg .b64 %rd<4>;
+	.shared .align 4 .b8 cast_frame_$_store[6912];
+	ld.param.u64 	%rd1, [cast_frame_param_0];
+$L__BB0_1:
+	@!%p1 ld.volatile.global.v2.f32 	{%f1, %f2}, [%rd1+4];
+	ld.global.nc.L1::evict_last.v4.f32 {%f1,%f2,%f3,%f4}, [%rd1]; st.shared::cta.f32 [%r1], %f1;
+	/* ld.const.f32 %f9, [%rd9]; */
+	atom.global.add.u32 %r1, [%rd1], 1;
+	st.f32 [%rd2], %f1;
+	{ .reg .b32 temp; call.uni (retval0), helper, (); }
+	ld.const.f32 %f2, [%rd3]; // ld.local.f32
+	bra $L__BB0_1;
+}
+";
+
+    #[test]
+    fn instructions_are_counted_by_space_in_one_kernel() {
+        let census = census(PTX, "cast_frame").expect("a kernel");
+        let counts: Vec<_> = census.instructions.iter().map(|(name, n)| (name.as_str(), *n)).collect();
+        let expected = [
+            ("atom.global", 1),
+            ("ld.const", 1),
+            ("ld.global", 1),
+            ("ld.global.nc", 1),
+            ("ld.param", 1),
+            ("st.generic", 1),
+            ("st.shared", 1),
+        ];
+        assert_eq!(counts, expected);
+        assert_eq!((census.private_array_bytes, census.calls), (48, 1));
+        assert_eq!([census.reach("global"), census.reach("local")], [3, 0]);
+    }
+
+    #[test]
+    fn what_is_not_ptx_has_no_census() {
+        assert!(is_ptx(PTX.as_bytes()));
+        for binary in [&b""[..], b"\x7fELF", b"poclbin\0", &[0xff; 64]] {
+            assert!(!is_ptx(binary));
+        }
+        assert_eq!(census(PTX, "cast_fram"), None);
+        assert_eq!(census("", "cast_frame"), None);
+        assert_eq!(census(".entry cast_frame( {", "cast_frame"), None, "it is torn");
+    }
+}

@@ -1,0 +1,155 @@
+//! A thread that reads a sensor again and again, and what its readings say of a stretch of time.
+
+use super::{Reading, Sensed, Sensor};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// From one reading to the next.
+const PERIOD: Duration = Duration::from_millis(20);
+/// Readings that are kept: a minute and more.
+const KEPT: usize = 4096;
+/// A counter of energy that is read over less time than this says little: it steps ten times a second.
+const COUNTER_SPAN: Duration = Duration::from_millis(500);
+
+type Readings = VecDeque<(Instant, Reading)>;
+
+/// A sensor being watched; the thread ends with it.
+pub struct Watch {
+    readings: Arc<Mutex<Readings>>,
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watch {
+    /// Watches a sensor, whose first reading it takes before it returns.
+    pub fn start(mut sensor: Box<dyn Sensor>) -> Self {
+        let first = (Instant::now(), sensor.read());
+        let readings = Arc::new(Mutex::new(Readings::from([first])));
+        let ended = Arc::new(AtomicBool::new(false));
+        let (kept, end) = (Arc::clone(&readings), Arc::clone(&ended));
+        let thread = std::thread::spawn(move || {
+            while !end.load(Ordering::Relaxed) {
+                std::thread::sleep(PERIOD);
+                let reading = (Instant::now(), sensor.read());
+                let mut kept = locked(&kept);
+                kept.push_back(reading);
+                if kept.len() > KEPT {
+                    kept.pop_front();
+                }
+            }
+        });
+        Self { readings, ended, thread: Some(thread) }
+    }
+
+    /// What the sensor showed between two times: in readings between them, or in the last before. Energy is that of
+    /// `frame_ms` of the device's time, at the mean power.
+    pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<Sensed> {
+        sense(&locked(&self.readings), start, end, frame_ms)
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A sensor that panicked has nothing more to say.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn locked(readings: &Mutex<Readings>) -> MutexGuard<'_, Readings> {
+    readings.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Option<Sensed> {
+    let between: Vec<&(Instant, Reading)> =
+        readings.iter().filter(|(at, _)| (start..=end).contains(at)).collect();
+    let before = readings.iter().rev().find(|(at, _)| *at < start);
+    let seen: Vec<&(Instant, Reading)> =
+        if between.is_empty() { before.into_iter().collect() } else { between };
+    let sensed: Vec<Sensed> = seen.iter().map(|(_, reading)| reading.sensed()).collect();
+    let mut mean = Sensed::mean(sensed.iter())?;
+    mean.power_w = counted_power_w(&seen).or(mean.power_w);
+    // Watts times milliseconds.
+    mean.energy_mj = mean.power_w.map(|power_w| power_w * frame_ms);
+    Some(mean)
+}
+
+/// Power from the energy counter, where it is read over long enough.
+fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
+    let ((from, first), (to, last)) = (seen.first()?, seen.last()?);
+    let span = to.duration_since(*from);
+    let energy_mj = last.energy_mj? - first.energy_mj?;
+    (span >= COUNTER_SPAN && energy_mj > 0.0).then(|| energy_mj * 1e-3 / span.as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sensor whose clock counts its readings.
+    struct Counting(f64);
+
+    impl Sensor for Counting {
+        fn read(&mut self) -> Reading {
+            self.0 += 1.0;
+            Reading { clock_mhz: Some(self.0), power_w: Some(200.0), ..Reading::default() }
+        }
+    }
+
+    fn at(start: Instant, ms: u64) -> Instant {
+        start + Duration::from_millis(ms)
+    }
+
+    fn readings(start: Instant, throttled_at: u64) -> Readings {
+        let reading = |ms: u64| Reading {
+            clock_mhz: Some(1000.0 + ms as f64),
+            power_w: Some(100.0),
+            energy_mj: Some(300.0 * ms as f64),
+            throttled: ms == throttled_at,
+            ..Reading::default()
+        };
+        (0..100).map(|i| (at(start, 20 * i), reading(20 * i))).collect()
+    }
+
+    #[test]
+    fn a_short_frame_has_the_last_reading_before_it() {
+        let start = Instant::now();
+        let sensed = sense(&readings(start, 40), at(start, 45), at(start, 46), 0.5).expect("a reading");
+        assert_eq!((sensed.clock_mhz, sensed.throttled), (Some(1040.0), true));
+        assert_eq!(sensed.energy_mj, Some(50.0), "100 W for half a millisecond");
+    }
+
+    #[test]
+    fn a_long_frame_has_the_mean_and_the_counted_energy() {
+        let start = Instant::now();
+        let sensed = sense(&readings(start, 60), at(start, 100), at(start, 1100), 1000.0).expect("readings");
+        assert_eq!((sensed.clock_mhz, sensed.throttled), (Some(1600.0), false));
+        // 300 mJ a millisecond.
+        let power_w = sensed.power_w.expect("power");
+        assert!((power_w - 300.0).abs() < 1e-6 && (sensed.energy_mj.expect("energy") - 3e5).abs() < 1.0);
+        let sensed = sense(&readings(start, 120), at(start, 100), at(start, 200), 100.0).expect("readings");
+        assert_eq!((sensed.power_w, sensed.throttled), (Some(100.0), true), "too short to count");
+    }
+
+    #[test]
+    fn before_the_first_reading_nothing_is_known() {
+        let start = Instant::now() + Duration::from_secs(1);
+        assert_eq!(sense(&readings(start, 0), at(start, 0) - PERIOD, at(start, 0) - PERIOD / 2, 1.0), None);
+    }
+
+    #[test]
+    fn a_watch_goes_on_reading_and_ends() {
+        let watch = Watch::start(Box::new(Counting(0.0)));
+        let deadline = Instant::now() + Duration::from_secs(100);
+        while locked(&watch.readings).len() < 3 && Instant::now() < deadline {
+            std::thread::sleep(PERIOD);
+        }
+        let sensed = watch.sense(Instant::now(), Instant::now(), 2.0).expect("a reading");
+        assert!(sensed.clock_mhz >= Some(3.0) && sensed.energy_mj == Some(400.0), "{sensed:?}");
+    }
+}

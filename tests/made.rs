@@ -1,0 +1,114 @@
+//! What compilers make of the kernels: that working vectors and triangles lie where a strategy says, from stored PTX
+//! (`tests/ptx/make` says whose), and that `raycl compile` keeps what there is on any device.
+#![allow(missing_docs, reason = "a test binary has no documentation")]
+
+mod binary;
+
+use binary::{Place, TRIANGLE, device, has, repository};
+use raycl::program::made::{Census, census, is_ptx};
+use serde_json::Value;
+
+/// The census of a stored PTX's whole-frame kernel, from every compiler it is stored of.
+fn stored(name: &str) -> Vec<(String, Census)> {
+    let texts = ["clang", "driver"].map(|whose| format!("tests/ptx/{name}.{whose}.ptx"));
+    let read = |file: String| {
+        let text = std::fs::read_to_string(repository(&file)).ok()?;
+        assert!(is_ptx(text.as_bytes()), "{file}");
+        let census = census(&text, "cast_frame").unwrap_or_else(|| panic!("{file} has no cast_frame"));
+        Some((file, census))
+    };
+    let all: Vec<_> = texts.into_iter().filter_map(read).collect();
+    assert!(!all.is_empty(), "no PTX of {name} is stored");
+    all
+}
+
+/// Instructions of a kind.
+fn count(census: &Census, name: &str) -> u32 {
+    census.instructions.get(name).copied().unwrap_or(0)
+}
+
+/// Stores that a frame makes of its picture: what is more goes to working vectors.
+const STORES_OF_THE_PICTURE: u32 = 4;
+
+#[test]
+fn global_vectors_are_in_global_memory() {
+    for (file, census) in stored("vectors-global") {
+        assert!(count(&census, "st.global") > STORES_OF_THE_PICTURE, "{file}: {census}");
+        assert_eq!([census.reach("shared"), census.reach("local")], [0, 0], "{file}: {census}");
+        assert_eq!(census.private_array_bytes, 0, "{file}");
+    }
+}
+
+#[test]
+fn local_vectors_are_in_shared_memory() {
+    for (file, census) in stored("vectors-local") {
+        assert!(count(&census, "ld.shared") > 9 && count(&census, "st.shared") > 9, "{file}: {census}");
+        assert!(count(&census, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {census}");
+        assert_eq!(census.reach("local"), 0, "{file}: {census}");
+    }
+}
+
+#[test]
+fn private_vectors_are_in_registers() {
+    for (file, census) in stored("vectors-private") {
+        assert_eq!([census.reach("shared"), census.reach("local")], [0, 0], "{file}: {census}");
+        assert_eq!(census.private_array_bytes, 0, "{file}: an array lies in memory");
+        assert!(count(&census, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {census}");
+    }
+}
+
+#[test]
+fn constant_triangles_are_read_from_constant_memory() {
+    let global = &stored("vectors-private")[0].1;
+    for (file, census) in stored("triangles-constant") {
+        // What a driver makes of it is to be seen: at least it is a read of the scene, and not of copies.
+        assert_eq!([census.reach("shared"), census.reach("local")], [0, 0], "{file}: {census}");
+        if file.contains(".clang.") {
+            assert!(census.reach("const") > 9, "{file}: {census}");
+            assert!(census.reach("global") < global.reach("global"), "{file}: {census}");
+        }
+    }
+}
+
+#[test]
+fn local_triangles_are_read_from_shared_memory() {
+    for (file, census) in stored("triangles-local") {
+        assert!(count(&census, "ld.shared") > 9, "{file}: {census}");
+        assert_eq!(census.reach("local"), 0, "{file}: {census}");
+    }
+}
+
+#[test]
+fn volatile_vectors_are_loaded_at_every_test() {
+    // A measurement of a memory needs accesses to it in the loop: the paper's kernel reads the ray at each test.
+    for name in ["vectors-global", "vectors-local"] {
+        for (file, census) in stored(name) {
+            let private = &stored("vectors-private")[0].1;
+            let all = |census: &Census| census.reach("global") + census.reach("shared");
+            assert!(all(&census) > all(private) + 50, "{file}: {census}");
+        }
+    }
+}
+
+#[test]
+fn compile_keeps_source_log_binary_and_what_was_made() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let device = device();
+    let arguments = ["compile", "scene.toml", "--device", &device, "--out", "made", "--local-size", "4x2"];
+    let text =
+        place.output(&[&arguments[..], &["--strategy", "naive", "--strategy", "deferred,width=4"]].concat());
+    has(&text, &["naive at 4 x 2", "cast_frame", "deferred,width=4", "cast_primary", "shade_nearest"]);
+    for folder in ["made/naive", "made/deferred-width-4"] {
+        let made: Value = serde_json::from_str(&place.text(&format!("{folder}/made.json"))).expect("JSON");
+        for kernel in made["kernels"].as_array().expect("a list") {
+            assert!(kernel["work_group_size"].as_u64() >= Some(8), "{kernel}");
+            // Without PTX nothing is said of memory instructions, with it something.
+            assert_eq!(kernel["census"].is_null(), made["binary_is_ptx"] == false, "{kernel}");
+        }
+        has(&place.text(&format!("{folder}/source.cl")), &["__kernel", "#line 1 \"cast.cl\""]);
+        has(&place.text(&format!("{folder}/options.txt")), &["-D LOCAL_X=4 -D LOCAL_Y=2"]);
+        let binary = if made["binary_is_ptx"] == true { "binary.ptx" } else { "binary.bin" };
+        assert!(place.path(folder).join(binary).metadata().expect("a binary").len() > 0);
+        assert!(place.path(folder).join("build.log").exists());
+    }
+}

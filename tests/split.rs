@@ -1,0 +1,120 @@
+//! One frame on several devices: the same pixels as on one; a run on several; several frames in one sample. PoCL makes
+//! two devices of one machine.
+#![allow(missing_docs, reason = "a test binary has no documentation")]
+
+mod binary;
+mod common;
+
+use binary::{Place, TRIANGLE, repository};
+use common::{Stand, scene};
+use raycl::launch::Caster;
+use raycl::strategy::preset;
+use serde_json::Value;
+
+fn render(place: &Place, devices: Option<&str>, [strategy, local]: [&str; 2], picture: &str) -> Value {
+    let scene = repository("scenes/still-life.toml");
+    let mut arguments = vec!["render", scene.to_str().expect("UTF-8"), "--json", "-o", picture];
+    arguments.extend(["--width", "75", "--height", "61", "--strategy", strategy, "--local-size", local]);
+    match devices {
+        Some(devices) => arguments.extend(["--devices", devices, "--verify"]),
+        None => arguments.extend(["--device", "portable computing language"]),
+    }
+    let mut command = place.raycl(&arguments);
+    let output =
+        command.env("POCL_DEVICES", "pthread pthread").assert().success().get_output().stdout.clone();
+    serde_json::from_slice(&output).expect("JSON")
+}
+
+#[test]
+fn two_devices_cast_the_pixels_of_one() {
+    let place = Place::new();
+    // A tile of 32 x 16 pixels is a work-group.
+    for strategy in [
+        ["naive-scratch", "4x2"],
+        ["deferred,width=4", "4x2"],
+        ["bvh", "4x2"],
+        ["tiled-common-origin", "4x2"],
+        ["naive", "4x2"],
+        ["tile", "1x1"],
+    ] {
+        let one = render(&place, None, strategy, "one.exr");
+        let two = render(&place, Some("portable computing language"), strategy, "two.exr");
+        let rows: Vec<[u64; 2]> = two["devices"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|device| [0, 1].map(|end| device["rows"][end].as_u64().expect("a row")))
+            .collect();
+        assert_eq!(rows.len(), 2, "{two}");
+        assert_eq!((rows[0][0], rows[0][1], rows[1][1]), (0, rows[1][0], 61), "{two}");
+        assert!(rows.iter().all(|[first, end]| first < end), "{two}");
+        assert_eq!(two["strategy"], one["strategy"]);
+        let longest = two["devices"].as_array().into_iter().flatten().filter_map(|d| d["frame_ms"].as_f64());
+        assert_eq!(two["frame_ms"].as_f64(), longest.reduce(f64::max));
+        assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
+    }
+}
+
+fn same_pixels(place: &Place, one: &str, other: &str) -> bool {
+    let [one, other] = [one, other].map(|name| image::open(place.path(name)).expect("a picture").to_rgb32f());
+    one.dimensions() == other.dimensions() && one.as_raw() == other.as_raw()
+}
+
+const CONFIG: &str = r#"
+question = "?"
+expectation = "!"
+scenes = ["little.toml"]
+image_sizes = [[40, 30], [20, 30], [30, 20], [24, 24]]
+local_sizes = [4]
+strategies = ["deferred", "naive-scratch"]
+baselines = ["serial"]
+
+[timing]
+warmup = 1
+min_samples = 3
+max_samples = 3
+"#;
+
+#[test]
+fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
+    let place = Place::with(&[("little.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    let run = |more: &[&str]| {
+        let all = [
+            &["run", "test.toml", "--device", "portable computing language", "--out", "out", "--spread"],
+            more,
+        ];
+        let mut command = place.raycl(&all.concat());
+        command.env("POCL_DEVICES", "pthread pthread").assert().success();
+        place.json_lines("out/records.jsonl")
+    };
+    let records = run(&["--quiet"]);
+    assert_eq!(records.len(), 4 * 3);
+    assert!(records.iter().all(|record| record["outcome"] == "measured"), "{records:?}");
+    let mut devices: Vec<_> = records.iter().filter_map(|record| record["measured_on"].as_str()).collect();
+    assert_eq!(devices.len(), 4 * 2, "every kernel says where it ran");
+    devices.sort_unstable();
+    devices.dedup();
+    assert!(devices.len() <= 2, "{devices:?}");
+    // Whoever measures, the point is the same: nothing is measured again.
+    assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
+}
+
+#[test]
+fn a_batch_has_the_mean_time_of_its_frames_and_the_same_picture() {
+    let stand = Stand::new(scene("pyramid-lower.toml"), [45, 29]);
+    let strategy = preset("deferred").expect("a preset").strategy;
+    let built = stand.build(&strategy, [4, 4]).expect("it fits");
+    let expected = stand.cast(&strategy, [4, 4]).expect("an image");
+    let (world, none) = (scene("pyramid-lower.toml"), built.tree.as_ref());
+    let caster =
+        Caster::new(&stand.queue, &built.program, &strategy, &built.workload, &world, &built.scene, none)
+            .expect("a caster");
+    assert_eq!(caster.cast().expect("a frame").batch, None);
+    let times = caster.cast_batch(5).expect("a batch");
+    assert_eq!(times.batch, Some(5));
+    // The host's clock went on for five frames, of which one took a fifth.
+    assert!((times.elapsed_ms() - 5.0 * times.host_ms).abs() < 1e-9 && times.frame_ms <= times.elapsed_ms());
+    let parts = times.primary_ms.zip(times.shadow_ms).map(|(primary, shadow)| primary + shadow);
+    assert!(parts.is_some_and(|sum| (sum - times.frame_ms).abs() < 1e-9), "{times:?}");
+    assert_eq!(caster.read().expect("an image").0, expected);
+}
