@@ -2,7 +2,7 @@
 
 use super::buffers::upload;
 use super::{LaunchError, Queue};
-use crate::accel::{Bvh, TriangleForm, WideBvh, surface_rows, triangle_rows};
+use crate::accel::{TriangleForm, WideBvh, surface_rows, triangle_rows};
 use crate::scene::Mesh;
 use crate::strategy::{Strategy, Traversal};
 use ocl::Buffer;
@@ -53,8 +53,7 @@ impl DeviceTree {
         }
         let start = Instant::now();
         let leaf_size = strategy.leaf_size.triangles();
-        let bvh = Bvh::build(mesh, leaf_size.min(Bvh::LEAF_SIZE));
-        let wide = WideBvh::new(&bvh, strategy.node_width.children(), leaf_size)
+        let wide = WideBvh::of_mesh(mesh, strategy.node_width.children(), leaf_size)
             .map_err(|error| LaunchError::Tree(error.to_string()))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
 
