@@ -61,16 +61,19 @@ fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
 }
 
 #[test]
-fn arguments_that_are_no_text_are_kept_as_they_can_be() {
+fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
     let place = place();
-    let out = OsStr::from_bytes(b"o\xff\nut");
+    let name = OsStr::from_bytes(b"o\xffut");
+    for option in ["--out", "--cl-dir"] {
+        let refused =
+            place.raycl(&["run", "config.toml", option]).arg(name).assert().code(2).get_output().clone();
+        has(&String::from_utf8_lossy(&refused.stderr), &["o\u{fffd}ut", "not UTF-8"]);
+    }
+    // A name with a line break is text. It stays one in the record of the command.
     let device = device();
-    let mut raycl = place.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out"]);
-    raycl.arg(out).assert().success();
-    let folder = place.path(".").join(out);
-    let environment = std::fs::read_to_string(folder.join("environment.json")).expect("an environment");
-    assert!(environment.contains("o\u{fffd}\\nut"), "{environment}");
-    place.raycl(&["report"]).arg(out).assert().success();
+    place.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
+    std::fs::rename(place.path("a\nb"), place.path("x").with_file_name(name)).expect("a new name");
+    place.raycl(&["report"]).arg(name).assert().success();
 }
 
 #[test]
