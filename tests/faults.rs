@@ -205,7 +205,8 @@ fn workers_killed_at_random_moments_cost_nothing() {
         let output = run.wait_with_output().expect("it ends");
         let said = said(&output);
         // The first process of a run is the one that lists the devices.
-        let before_any_point = ["could not start", "could not be listed"].iter().any(|end| said.contains(end));
+        let before_any_point =
+            ["could not start", "could not be listed"].iter().any(|end| said.contains(end));
         assert!(output.status.success() || before_any_point, "{said}");
         ground.resume();
     }

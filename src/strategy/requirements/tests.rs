@@ -91,8 +91,9 @@ fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
 
 fn workloads() -> impl proptest::strategy::Strategy<Value = Workload> {
     let counts = [(); 5].map(|()| magnitudes(64));
+    // Far more pixels than raycl takes, and no more than a product of sizes in `usize` holds.
     let side = |bits| magnitudes(bits).prop_map(|side| (side as u32).max(1));
-    (counts, [side(32), side(32)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
+    (counts, [side(30), side(30)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
         let [triangles, positions, normals, materials, lights] = counts.map(|count| count as usize >> 1);
         let stack_size = 0;
         Workload { triangles, positions, normals, materials, lights, stack_size, image_size, local_size }
