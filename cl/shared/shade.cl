@@ -24,7 +24,6 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    working_set(working, TO_EYE, negate(direction));
     const varying zero = (varying)(0.0f);
     working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
 
@@ -41,6 +40,9 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         if (!ANY(lit)) continue;
 #endif
         lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
+        // Here and not before the loop: where any_hit has barriers, a compiler for CPUs negates only after them, and then
+        // the direction of another work-item, which is left in a register.
+        working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));
         const Vec3 f = reflectance(surface, working_get(working, TO_LIGHT), working_get(working, TO_EYE),

@@ -1,11 +1,17 @@
-// The book's rasteriser, one work-item a triangle, made whole: it clips at the near plane, follows a top-left
-// rule and interpolates 1/z. Edge functions in three dimensions (Olano and Greer, "Triangle Scan Conversion using
-// 2D Homogeneous Coordinates", 1997) need no division by a vertex's depth, so triangles may reach behind the eye.
+// The book's rasteriser, one work-item a triangle, made whole: it clips at the near plane and interpolates 1/z. Edge
+// functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
+// Coordinates", 1997) need no division by a vertex's depth, so triangles may reach behind the eye.
 //
 // Depth is resolved by an atomic minimum over its bits (positive floats sort as integers). A second kernel finds the
 // triangle that has the nearest depth; equal depths go to the first triangle. shade_nearest does the rest.
 
-#pragma OPENCL FP_CONTRACT OFF // edge functions of neighbours must be exact opposites
+// As in the watertight test, an edge function is the difference of two products, each rounded on its own, of what is a fixed
+// function of corner and pixel: its sign is exactly opposite in the triangle next door, and at a vertex that of all its
+// triangles agrees. A pixel on an edge belongs to both sides.
+#pragma OPENCL FP_CONTRACT OFF
+
+// What was defined above the pragma may be contracted, and differently in each place.
+float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // A function of the pixel that is linear in it: at(x, y) = c + x * dx + y * dy.
 typedef struct {
@@ -14,28 +20,49 @@ typedef struct {
 
 Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     Linear f;
-    f.c = uniform_dot(plane, uniform3(corner.x, corner.y, corner.z));
-    f.dx = uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z));
-    f.dy = uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z));
+    f.c = exact_dot(plane, uniform3(corner.x, corner.y, corner.z));
+    f.dx = exact_dot(plane, uniform3(step_x.x, step_x.y, step_x.z));
+    f.dy = exact_dot(plane, uniform3(step_y.x, step_y.y, step_y.z));
     return f;
 }
 
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
-// Inside an edge; a pixel exactly on it belongs to the triangle whose left or top edge it is.
-int inside_edge(Linear edge, float x, float y, float orientation) {
-    const float e = linear_at(edge, x, y) * orientation;
-    const float right = edge.dx * orientation;
-    const int top_left = right > 0.0f || (right == 0.0f && edge.dy * orientation > 0.0f);
-    return e > 0.0f || (e == 0.0f && top_left);
+// A corner in pixels from the image's corner, across and down, both times its depth.
+typedef struct {
+    float across, down, depth;
+} Projected;
+
+Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
+    const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
+    const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
+    const float per_sx = 1.0f / exact_dot(sx, sx), per_sy = 1.0f / exact_dot(sy, sy);
+    const Uniform3 n = uniform_cross(sx, sy);
+    Projected q;
+    q.depth = exact_dot(p, n) / exact_dot(from, n); // directions through pixels have depth 1
+    q.across = (exact_dot(p, sx) - q.depth * exact_dot(from, sx)) * per_sx;
+    q.down = (exact_dot(p, sy) - q.depth * exact_dot(from, sy)) * per_sy;
+    return q;
 }
 
 typedef struct {
-    Linear edge[3];
+    Projected at[3];
     Linear per_depth;   // 1 / depth
-    float orientation;  // +1 or -1; 0 for a triangle that is not drawn
+    int drawn;          // 0 for a triangle that is edge-on or culled
     int2 low, high;     // pixels to look at: low <= pixel < high
 } Coverage;
+
+int covers(const Coverage *coverage, float x, float y) {
+    const Projected *p = coverage->at;
+    const float ax = p[0].across - x * p[0].depth, ay = p[0].down - y * p[0].depth;
+    const float bx = p[1].across - x * p[1].depth, by = p[1].down - y * p[1].depth;
+    const float cx = p[2].across - x * p[2].depth, cy = p[2].down - y * p[2].depth;
+    const float u = cx * by - cy * bx;
+    const float v = ax * cy - ay * cx;
+    const float w = bx * ay - by * ax;
+    const float least = min(min(u, v), w), most = max(max(u, v), w);
+    return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
+}
 
 // Widens the bounds by where a point in front of the near plane is seen.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
@@ -82,13 +109,12 @@ Coverage cover(Row row, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 n = uniform_cross(uniform_difference(row.b, row.a), uniform_difference(row.c, row.a));
     const float det = uniform_dot(p[0], n);
     Coverage coverage;
-    coverage.orientation = det > 0.0f ? 1.0f : det < 0.0f ? -1.0f : 0.0f;
 #if CULL_BACK
-    if (det > 0.0f) coverage.orientation = 0.0f;
+    coverage.drawn = det < 0.0f;
+#else
+    coverage.drawn = det != 0.0f;
 #endif
-    for (int i = 0; i < 3; i++)
-        coverage.edge[i] =
-            along_pixels(uniform_cross(p[i == 2 ? 0 : i + 1], p[i == 0 ? 2 : i - 1]), corner, step_x, step_y);
+    for (int i = 0; i < 3; i++) coverage.at[i] = project(p[i], corner, step_x, step_y);
     const float per_det = 1.0f / det;
     coverage.per_depth =
         along_pixels(uniform3(n.x * per_det, n.y * per_det, n.z * per_det), corner, step_x, step_y);
@@ -99,8 +125,7 @@ Coverage cover(Row row, CAMERA_PARAMETERS, int2 image_size) {
 // The bits of the triangle's depth at a pixel, or NO_HIT where it does not cover it.
 int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const float px = x + 0.5f, py = y + 0.5f;
-    for (int i = 0; i < 3; i++)
-        if (!inside_edge(coverage->edge[i], px, py, coverage->orientation)) return NO_HIT;
+    if (!covers(coverage, px, py)) return NO_HIT;
     const float per_depth = linear_at(coverage->per_depth, px, py);
     const float depth = 1.0f / per_depth;
     return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
@@ -108,7 +133,7 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
 
 // The host fills both buffers with NO_HIT first.
 #define FOR_COVERED_PIXELS(coverage)                                              \
-    for (int y = coverage.low.y; coverage.orientation != 0.0f && y < coverage.high.y; y++) \
+    for (int y = coverage.low.y; coverage.drawn && y < coverage.high.y; y++) \
         for (int x = coverage.low.x; x < coverage.high.x; x++)
 
 __kernel void raster_depth(GEOMETRY_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size, volatile __global int *depth) {

@@ -206,3 +206,43 @@ fn triangle_rows_follow_the_leaf_order() {
         }
     }
 }
+
+/// Everything of a tree that reaches a device, for every width and two leaf sizes.
+fn hash_trees(hasher: &mut blake3::Hasher, mesh: &Mesh) {
+    for (width, leaf_size) in WideBvh::WIDTHS.into_iter().flat_map(|width| [(width, 4), (width, 16)]) {
+        let tree = WideBvh::of_mesh(mesh, width, leaf_size).unwrap();
+        let count = TRIANGLE_WORDS * tree.order.len();
+        let [mut corners, mut normals] = [vec![0.0; count], vec![0.0; count]];
+        write_triangle_rows(mesh, &tree.order, TriangleForm::Corners, &mut corners);
+        write_surface_rows(mesh, &tree.order, &mut normals);
+        let rows = corners.iter().chain(&normals).map(|float| float.to_bits());
+        let counts = [tree.stride as u32, tree.depth, tree.stack_size() as u32];
+        for word in tree.nodes.iter().copied().chain(rows).chain(counts) {
+            hasher.update(&word.to_le_bytes());
+        }
+    }
+}
+
+#[test]
+fn the_fingerprint_is_that_of_this_builder() {
+    let mut hasher = blake3::Hasher::new();
+    let coincident = std::iter::repeat_n([Vec3::ZERO, Vec3::X, Vec3::Y], 100);
+    let meshes = [
+        random_mesh(12, 1, 1.0, 1.0),
+        random_mesh(13, 6000, 0.02, 1.0), // more than a task
+        random_mesh(14, 500, 1.0, 1e3),
+        mesh_of(coincident),
+    ];
+    for mut mesh in meshes {
+        mesh.normals = vec![Vec3::Y];
+        hash_trees(&mut hasher, &mesh);
+    }
+    // Above this many triangles nodes are cut on all cores.
+    let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
+    order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
+    let found = &hasher.finalize().to_hex()[..16];
+    assert_eq!(
+        FINGERPRINT, found,
+        "builder or layout changed: make accel::FINGERPRINT the hash that was found"
+    );
+}

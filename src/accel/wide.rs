@@ -2,6 +2,7 @@
 
 use super::{Bvh, Node};
 use crate::error::{Error, Result};
+use crate::scene::Mesh;
 
 /// A tree of `width` children a node in the layout kernels read, made from a [`Bvh`].
 ///
@@ -93,6 +94,15 @@ impl WideBvh {
     /// The child word of an unused place: a leaf of no triangles.
     pub const UNUSED: u32 = Self::LEAF;
     const COUNT_SHIFT: u32 = 25;
+
+    /// Builds a mesh's tree as a device reads it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn of_mesh(mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
+        Self::new(&Bvh::build(mesh, leaf_size.min(Bvh::LEAF_SIZE)), width, leaf_size)
+    }
 
     /// Collapses a binary tree. A node's children are found by opening, as long as there is room, the subtree of largest
     /// surface: first among those of more than `leaf_size` triangles, then among all, for a test of an unused place costs

@@ -114,8 +114,18 @@ impl Args {
     }
 }
 
+/// Refuses paths that are no text: workers, records and pages name them in JSON and HTML.
+fn named_in_text(paths: [Option<&PathBuf>; 3]) -> Result<()> {
+    match paths.into_iter().flatten().find(|path| path.to_str().is_none()) {
+        Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
+            .with_help("rename it, or give it by a link whose name is")),
+        None => Ok(()),
+    }
+}
+
 /// Runs an experiment.
 pub fn run(args: Args) -> Result<()> {
+    named_in_text([Some(&args.config), args.out.as_ref(), args.cl_dir.as_ref()])?;
     if args.dry_run {
         return foresee(&args);
     }

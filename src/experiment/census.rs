@@ -5,7 +5,13 @@
 use super::protocol::Census;
 use crate::device::{DeviceInfo, discover};
 use crate::error::{Error, Result};
-use std::process::{Command, Stdio};
+use std::io::Read;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+/// Far longer than drivers take to say what there is.
+const LIMIT: Duration = Duration::from_secs(120);
 
 /// Every device, as a process of its own finds them.
 pub fn find_devices() -> Result<Vec<DeviceInfo>> {
@@ -13,7 +19,10 @@ pub fn find_devices() -> Result<Vec<DeviceInfo>> {
     let program = std::env::current_exe().map_err(|error| failed(&error))?;
     let mut command = Command::new(program);
     command.args(["worker", "--list"]).stdin(Stdio::null()).stderr(Stdio::piped()).stdout(Stdio::piped());
-    let output = command.output().map_err(|error| failed(&error))?;
+    let child = command.spawn().map_err(|error| failed(&error))?;
+    let output = output_within(child, LIMIT).map_err(|error| failed(&error))?;
+    let output =
+        output.ok_or_else(|| failed(&format!("a driver has not answered for {} s", LIMIT.as_secs())))?;
     // Drivers may print lines of their own before ours, the last.
     let text = String::from_utf8_lossy(&output.stdout);
     let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
@@ -31,6 +40,36 @@ pub fn find_devices() -> Result<Vec<DeviceInfo>> {
     }
 }
 
+/// What a process says until it ends; one that has not ended in time is ended, and says nothing.
+fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
+    let start = Instant::now();
+    let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
+        }
+        if start.elapsed() > limit {
+            child.kill()?;
+            child.wait()?;
+            return Ok(None);
+        }
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// Reads to the end beside, so that no pipe is ever full.
+fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    spawn(move || {
+        let mut bytes = Vec::new();
+        let _ = from.read_to_end(&mut bytes);
+        bytes
+    })
+}
+
+fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
+    reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
+}
+
 /// Lists the devices on standard output, for [`find_devices`].
 pub fn list_devices() -> Result<()> {
     let census = match discover() {
@@ -42,4 +81,23 @@ pub fn list_devices() -> Result<()> {
     };
     let line = serde_json::to_string(&census).map_err(|error| Error::run(error.to_string()))?;
     crate::cli::print(format!("\n{line}"))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str, limit: Duration) -> Option<Output> {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        output_within(command.spawn().unwrap(), limit).unwrap()
+    }
+
+    #[test]
+    fn a_process_that_hangs_is_ended_and_one_that_speaks_is_heard() {
+        assert!(shell("exec sleep 1000", Duration::from_millis(50)).is_none());
+        let spoke = shell("head -c 300000 /dev/zero; echo no >&2; exit 3", LIMIT).unwrap();
+        assert_eq!((spoke.stdout.len(), spoke.status.code()), (300_000, Some(3)));
+        assert_eq!(spoke.stderr, b"no\n");
+    }
 }

@@ -1,6 +1,7 @@
 //! What is known of a point before anything is tried: its record's first half, and its key.
 
 use super::{KeyParts, Point, Work, key};
+use crate::accel;
 use crate::config::{Experiment, NamedStrategy};
 use crate::device::{Builtins, DeviceInfo};
 use crate::error::Result;
@@ -38,6 +39,7 @@ impl Drafter<'_> {
     /// The record of a point on `device` before it is tried. Equal keys mean that the same is measured in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
+        let mut tree = "";
         let mut record = Record {
             scene: at.scene.name.clone(),
             image_size: point.image_size,
@@ -61,11 +63,12 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // Before its tree is built, whose depth follows from scene and strategy: a key costs no tree.
+                // Before its tree is built: a key costs no tree. Its depth follows from scene, strategy and builder.
                 record.program_hash = Some(self.spec(named, &workload, builtins)?.hash());
+                tree = if named.strategy.needs_tree() { accel::FINGERPRINT } else { "" };
             }
         }
-        record.key = self.key(device, at, &record);
+        record.key = self.key(device, at, &record, tree);
         Ok(record)
     }
 
@@ -79,7 +82,7 @@ impl Drafter<'_> {
         ProgramSpec::new(self.sources, &named.strategy, workload, builtins)
     }
 
-    fn key(&self, device: Option<&DeviceInfo>, at: &Hashed, record: &Record) -> String {
+    fn key(&self, device: Option<&DeviceInfo>, at: &Hashed, record: &Record, tree: &str) -> String {
         let by = |[x, y]: [u32; 2]| format!("{x}x{y}");
         key(&KeyParts {
             scene_hash: &at.hash,
@@ -90,6 +93,7 @@ impl Drafter<'_> {
             image_size: &by(record.image_size),
             program_hash: record.program_hash.as_deref().unwrap_or(env!("CARGO_PKG_VERSION")),
             timing: &self.experiment.timing.to_string(),
+            tree,
         })
     }
 }

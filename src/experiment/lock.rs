@@ -1,6 +1,7 @@
 //! One run a folder.
 
 use crate::error::{Error, Result};
+use crate::record::own_file;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -15,6 +16,7 @@ impl Lock {
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(".lock");
         let failed = |error: std::io::Error| Error::run(format!("cannot write {}: {error}", path.display()));
+        own_file(&path).map_err(failed)?;
         let mut file = OpenOptions::new()
             .create(true)
             .truncate(false)

@@ -124,17 +124,24 @@ pub struct KeyParts<'a> {
     pub program_hash: &'a str,
     /// [`Timing`](crate::config::Timing), as displayed.
     pub timing: &'a str,
+    /// [`accel::FINGERPRINT`](crate::accel::FINGERPRINT) where the strategy walks a tree; else empty, and left out.
+    pub tree: &'a str,
 }
 
 /// The name of a measurement: 32 hexadecimal digits of BLAKE3 over the parts, each preceded by
 /// its length so that no two lists of parts run together.
 pub fn key(parts: &KeyParts<'_>) -> String {
-    let KeyParts { scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing } =
+    let KeyParts { scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing, tree } =
         parts;
     let mut hasher = blake3::Hasher::new();
     for part in [scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing] {
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part.as_bytes());
+    }
+    // Left out where it is empty, so that the keys of all other strategies are what they were before it was a part.
+    if !tree.is_empty() {
+        hasher.update(&(tree.len() as u64).to_le_bytes());
+        hasher.update(tree.as_bytes());
     }
     hasher.finalize().to_hex()[..32].to_string()
 }
@@ -225,6 +232,7 @@ mod tests {
             key(&KeyParts { image_size: "a", ..base }),
             key(&KeyParts { program_hash: "a", ..base }),
             key(&KeyParts { timing: "a", ..base }),
+            key(&KeyParts { tree: "a", ..base }),
             key(&KeyParts { scene_hash: "ab", ..base }),
             key(&KeyParts { scene_hash: "a", device: "b", ..base }),
         ];

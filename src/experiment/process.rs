@@ -104,6 +104,7 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
 impl WorkerProcess {
     /// Writes a line. A worker that is gone is noticed when its reply is waited for.
     fn write(&mut self, line: &impl Serialize) {
+        // Always possible: paths are the only part that might not be text, and `raycl run` refuses those that are not.
         let Ok(mut text) = serde_json::to_vec(line) else { return };
         text.push(b'\n');
         if let Some(requests) = &mut self.requests {

@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::limits::{self, Limits};
 use crate::record::{
-    Environment, JsonLines, Record, Sample, TEMPORARY_PREFIX, read_lines, summary_csv, summary_markdown,
-    sync_folder, write_whole,
+    Environment, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines, summary_csv,
+    summary_markdown, sync_folder, write_whole,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -32,6 +32,13 @@ pub struct Past {
     pub samples: HashMap<String, (Vec<FrameTimes>, u32)>,
 }
 
+fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
+    let message = format!("cannot make {}: {error}", folder.display());
+    let mistakes = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::InvalidFilename];
+    let error = if mistakes.contains(&error.kind()) { Error::input(message) } else { Error::run(message) };
+    error.with_help("choose another folder with --out DIR")
+}
+
 impl Results {
     /// Makes the folder. One that holds records already is refused: nothing measured is ever overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
@@ -48,18 +55,9 @@ impl Results {
     }
 
     fn open(folder: &Path, environment: &Environment) -> Result<Self> {
-        let failed = |error: std::io::Error| {
-            let message = format!("cannot make {}: {error}", folder.display());
-            match error.kind() {
-                ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename => {
-                    Error::input(message)
-                }
-                _ => Error::run(message),
-            }
-        };
-        std::fs::create_dir_all(folder.join("images"))
-            .map_err(failed)
-            .map_err(|error| error.with_help("choose another folder with --out DIR"))?;
+        let images = folder.join("images");
+        own_folder(&images)
+            .map_err(|error| cannot_make(if folder.is_dir() { &images } else { folder }, &error))?;
         let lock = Lock::take(folder)?;
         let [records, samples] = ["records.jsonl", "samples.jsonl"].map(|name| folder.join(name));
         remove_left_overs(folder);
@@ -72,7 +70,7 @@ impl Results {
             past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
             _lock: lock,
         };
-        sync_folder(folder).map_err(failed)?;
+        sync_folder(folder).map_err(|error| cannot_make(folder, &error))?;
         Ok(results)
     }
 

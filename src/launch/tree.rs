@@ -3,7 +3,7 @@
 use super::buffers::{upload, upload_with};
 use super::{LaunchError, Queue};
 use crate::accel::{
-    Bvh, PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
+    PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
 };
 use crate::scene::Mesh;
 use crate::strategy::{Strategy, Traversal};
@@ -57,10 +57,8 @@ impl DeviceTree {
         }
         let start = Instant::now();
         let leaf_size = strategy.leaf_size.triangles();
-        let bvh = Bvh::build(mesh, leaf_size.min(Bvh::LEAF_SIZE));
-        let wide = WideBvh::new(&bvh, strategy.node_width.children(), leaf_size)
+        let wide = WideBvh::of_mesh(mesh, strategy.node_width.children(), leaf_size)
             .map_err(|error| LaunchError::Tree(error.to_string()))?;
-        drop(bvh); // at ten million triangles 300 MB
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
 
         let start = Instant::now();

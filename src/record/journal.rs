@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::{ordinary, own_file};
 use crate::error::{Error, Result};
 
 /// A file that `T`s are appended to.
@@ -23,6 +24,7 @@ impl<T: Serialize> JsonLines<T> {
     /// Opens the file for appending, making it if need be. A torn last line is cut off.
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| io_error("open", path, &error);
+        own_file(path).map_err(fail)?;
         let mut file = OpenOptions::new()
             .create(true)
             .read(true)
@@ -57,7 +59,8 @@ pub struct Lines<T> {
 /// Reads a file of JSON lines. A last line without its end is left out; any other bad line is an input
 /// error at its place.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    let bytes = std::fs::read(path)
+    let bytes = ordinary(path)
+        .and_then(|()| std::fs::read(path))
         .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())))?;
     let (mut lines, mut start) = (Vec::new(), 0);
     for line in bytes.split_inclusive(|&byte| byte == b'\n') {

@@ -1,7 +1,8 @@
-//! Files written whole or not at all.
+//! Files written whole or not at all, and where: what lies in a folder of results may come from anybody, and must not lead
+//! out of it or to a device.
 
 use crate::error::{Error, Result};
-use std::io::Write as _;
+use std::io::{Error as IoError, ErrorKind, Write as _};
 use std::path::Path;
 
 /// What temporary files are called before they take their place; a run that is killed may leave some.
@@ -10,6 +11,15 @@ pub const TEMPORARY_PREFIX: &str = ".raycl-";
 /// Writes a file beside `path` and then puts it in its place: who reads `path` finds the old file or the new one,
 /// also after a crash or a loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, bytes, true)
+}
+
+/// The same for what can be made again from records, and need not be on the disk when this returns.
+pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, bytes, false)
+}
+
+fn replace(path: &Path, bytes: &[u8], durable: bool) -> Result<()> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<()> {
         let mut builder = tempfile::Builder::new();
@@ -17,14 +27,46 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         readable(&mut builder);
         let mut file = builder.tempfile_in(folder)?;
         file.write_all(bytes)?;
-        file.as_file().sync_all()?;
+        if durable {
+            file.as_file().sync_all()?;
+        }
         file.persist(path)?;
-        sync_folder(folder)
+        if durable { sync_folder(folder) } else { Ok(()) }
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
             .with_help("choose another folder with --out DIR, or make room in this one")
     })
+}
+
+/// Makes a folder of a folder of results. A link in its place is refused.
+pub fn own_folder(path: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(path)?;
+    match path.symlink_metadata()?.is_symlink() {
+        true => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
+        false => Ok(()),
+    }
+}
+
+/// Refuses what is to be appended to where it is a link or a device; a file that is yet to be made is right.
+pub fn own_file(path: &Path) -> std::io::Result<()> {
+    match path.symlink_metadata() {
+        Ok(found) if found.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
+        Ok(_) => ordinary(path),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+const LINK: &str = "it is a link, which may lead out of the folder";
+
+/// Refuses to read what may never end: a pipe or a device.
+pub fn ordinary(path: &Path) -> std::io::Result<()> {
+    let found = path.metadata()?;
+    match found.is_file() || found.is_dir() {
+        true => Ok(()),
+        false => Err(IoError::new(ErrorKind::InvalidInput, "it is no ordinary file")),
+    }
 }
 
 /// Puts a folder's list of files on the disk.
@@ -52,6 +94,28 @@ fn readable(_: &mut tempfile::Builder<'_, '_>) {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_not_followed_and_devices_not_read() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let [outer, file, plots] = ["outer", "file", "plots"].map(|name| folder.path().join(name));
+        std::fs::write(&outer, "untouched").unwrap();
+        symlink(&outer, &file).unwrap();
+        symlink("/tmp", &plots).unwrap();
+        assert!(own_file(&file).unwrap_err().to_string().contains("link"));
+        assert!(own_folder(&plots).unwrap_err().to_string().contains("link"));
+        assert!(
+            own_file(&folder.path().join("new")).is_ok() && own_folder(&folder.path().join("made")).is_ok()
+        );
+        assert!(ordinary(Path::new("/dev/zero")).is_err());
+        write_page(&file, b"page").unwrap();
+        assert_eq!(
+            (std::fs::read(&outer).unwrap(), std::fs::read(&file).unwrap()),
+            (b"untouched".into(), b"page".into())
+        );
+    }
 
     #[test]
     fn a_failed_write_leaves_the_old_file_and_nothing_else() {

@@ -1,7 +1,7 @@
 //! A folder of results as a report reads it.
 
 use crate::error::{Error, Result};
-use crate::record::{Record, read_lines};
+use crate::record::{Record, ordinary, read_lines};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,8 @@ impl Folder {
         if lines.torn {
             notes.push("The last record was cut short by a crash and is left out.".to_owned());
         }
-        let environment = std::fs::read(path.join("environment.json")).ok();
+        let environment = path.join("environment.json");
+        let environment = ordinary(&environment).and_then(|()| std::fs::read(environment)).ok();
         let environment = environment.and_then(|text| serde_json::from_slice(&text).ok());
         if environment.is_none() {
             notes.push(

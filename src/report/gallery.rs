@@ -6,6 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use std::collections::HashMap;
 use std::io::Cursor;
+use std::path::Path;
 
 /// All pictures of a page together stay under this, so that the page stays under 15 MB; the rest are named.
 const PICTURE_BYTES: usize = 9_000_000;
@@ -46,6 +47,13 @@ pub struct Pictures<'a> {
     read: HashMap<String, Option<Vec<u8>>>,
 }
 
+/// A file of a folder; none where the path, or a link on its way, leads out of it or to no ordinary file.
+fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
+    let found = folder.join(path).canonicalize().ok()?;
+    let inside = found.starts_with(folder.canonicalize().ok()?);
+    (inside && found.is_file()).then(|| std::fs::read(found).ok())?
+}
+
 impl<'a> Pictures<'a> {
     /// Pictures of these folders.
     pub fn of(folders: &'a [Folder]) -> Self {
@@ -55,10 +63,10 @@ impl<'a> Pictures<'a> {
     /// A picture's bytes, from the first folder that has it. Paths that leave the folder are not followed.
     fn bytes(&mut self, path: &str) -> Option<&[u8]> {
         let folders = self.folders;
-        let found = self.read.entry(path.to_owned()).or_insert_with(|| {
-            let inside = !path.contains("..") && !path.starts_with('/');
-            folders.iter().filter(|_| inside).find_map(|folder| std::fs::read(folder.path.join(path)).ok())
-        });
+        let found = self
+            .read
+            .entry(path.to_owned())
+            .or_insert_with(|| folders.iter().find_map(|folder| read_inside(&folder.path, path)));
         found.as_deref()
     }
 

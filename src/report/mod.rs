@@ -24,7 +24,7 @@ pub use page::Page;
 pub use reproduction::Reproduction;
 
 use crate::error::{Error, Result};
-use crate::record::{Record, kernel_tuner_caches, summary_csv, t4_results};
+use crate::record::{Record, kernel_tuner_caches, own_folder, summary_csv, t4_results, write_page};
 use plot::Plot;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub fn write(folders: &[Folder], out: &Path) -> Result<Written> {
 /// Writes what other tools read under `out/exports`: T4 results, a Kernel Tuner cache a group, CSV.
 fn write_exports(records: &[Record], out: &Path) -> Result<PathBuf> {
     let folder = out.join("exports");
-    std::fs::create_dir_all(&folder).map_err(|error| cannot("make", &folder, &error))?;
+    own_folder(&folder).map_err(|error| cannot("make", &folder, &error))?;
     put(&folder.join("t4-results.json"), t4_results(records).as_bytes())?;
     for (name, text) in kernel_tuner_caches(records) {
         put(&folder.join(format!("kernel-tuner-{name}.json")), text.as_bytes())?;
@@ -84,7 +84,7 @@ pub fn write_comparison(comparison: &Comparison, out: &Path) -> Result<()> {
 /// Writes every plot as SVG and PNG under `out/plots`.
 pub fn write_plots(plots: &[&Plot], out: &Path) -> Result<(PathBuf, usize)> {
     let folder = out.join("plots");
-    std::fs::create_dir_all(&folder).map_err(|error| cannot("make", &folder, &error))?;
+    own_folder(&folder).map_err(|error| cannot("make", &folder, &error))?;
     plots.par_iter().try_for_each(|plot| {
         put(&folder.join(format!("{}.svg", plot.name)), plot.svg.as_bytes())?;
         put(&folder.join(format!("{}.png", plot.name)), &plot::png::png(&plot.svg)?)
@@ -94,7 +94,7 @@ pub fn write_plots(plots: &[&Plot], out: &Path) -> Result<(PathBuf, usize)> {
 
 /// Writes a file, or says which one could not be written.
 pub fn put(path: &Path, bytes: &[u8]) -> Result<()> {
-    std::fs::write(path, bytes).map_err(|error| cannot("write", path, &error))
+    write_page(path, bytes)
 }
 
 fn cannot(what: &str, path: &Path, error: &std::io::Error) -> Error {

@@ -51,6 +51,7 @@ pub(super) struct ObjectWire {
     #[serde(default)]
     pub flat: bool,
     pub material: Option<MaterialWire>,
+    pub outside_materials: Option<Spanned<bool>>,
 }
 
 #[derive(serde::Deserialize)]

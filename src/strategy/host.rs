@@ -1,6 +1,7 @@
 //! What casting asks of the host's memory: the sum at its worst moment, before anything is allocated.
 
-use super::requirements::{Sum, global, node_bytes, scratch};
+use super::requirements::{global, node_bytes, scratch};
+use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
 use crate::memory::Available;
@@ -66,7 +67,7 @@ impl HostNeeds {
 
     /// Bytes at the worst moment.
     pub fn bytes(&self) -> u64 {
-        self.moments.iter().map(|(_, sum)| sum.bytes).max().unwrap_or(0)
+        self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
 
     /// Refuses what does not fit into what is available and `own_bytes`, the part of the needs that this process has

@@ -5,6 +5,7 @@ mod fastest;
 mod host;
 mod presets;
 mod requirements;
+mod sum;
 
 pub use axis::{
     Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading,

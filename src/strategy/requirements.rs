@@ -1,5 +1,6 @@
 //! What a strategy asks of a device, with its arithmetic, before anything is compiled.
 
+use super::sum::Sum;
 use super::{Layout, Strategy, Traversal, Triangles, Vectors};
 use crate::accel::WideBvh;
 use crate::device::DeviceLimits;
@@ -105,57 +106,15 @@ pub struct Infeasible {
     pub reason: String,
 }
 
-/// A sum of bytes that can explain itself.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Sum {
-    pub(super) bytes: u64,
-    /// Each term's bytes, and how they come about.
-    terms: Vec<(u64, String)>,
-}
-
-impl Sum {
-    pub(super) fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
-        let bytes = factors.iter().fold(1_u64, |product, (factor, _)| product.saturating_mul(*factor));
-        let factors: Vec<_> = factors.iter().map(|(factor, unit)| format!("{factor}{unit}")).collect();
-        self.bytes = self.bytes.saturating_add(bytes);
-        self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
-    }
-
-    /// Adds another's terms.
-    pub(super) fn join(&mut self, other: Self) {
-        self.bytes = self.bytes.saturating_add(other.bytes);
-        self.terms.extend(other.terms);
-    }
-
-    pub(super) fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
-        if self.bytes <= limit_bytes {
-            return Ok(());
-        }
-        let terms: Vec<_> = self.terms.iter().map(|(_, term)| term.as_str()).collect();
-        let (sum, bytes) = (terms.join(" + "), self.bytes);
-        Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
-    }
-
-    /// The same for each term by itself.
-    fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
-        match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
-            Some((bytes, term)) if *bytes > limit_bytes => {
-                Err(Infeasible { reason: format!("{memory}: {term} = {bytes} B > {limit_bytes} B") })
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
 impl Requirements {
     /// What `strategy` needs for `workload`.
     pub fn of(strategy: &Strategy, workload: &Workload) -> Self {
         Self {
-            local_bytes: local(strategy, workload).bytes,
-            constant_bytes: constant(strategy, workload).bytes,
-            scratch_bytes: scratch(strategy, workload).bytes,
-            private_bytes: private(strategy, workload).bytes,
-            global_bytes: global(strategy, workload).bytes,
+            local_bytes: local(strategy, workload).recorded(),
+            constant_bytes: constant(strategy, workload).recorded(),
+            scratch_bytes: scratch(strategy, workload).recorded(),
+            private_bytes: private(strategy, workload).recorded(),
+            global_bytes: global(strategy, workload).recorded(),
         }
     }
 
@@ -343,116 +302,10 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
 /// those that are not.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
-    let nodes = 3 * (w.triangles as u64) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
+    let nodes =
+        (w.triangles as u64).saturating_mul(3) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
     (8 * children * 4, nodes)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::{PRESETS, preset};
-    use super::*;
-
-    const PAPER_DEVICE: DeviceLimits = DeviceLimits {
-        local_bytes: 48 << 10,
-        constant_bytes: 64 << 10,
-        global_bytes: 1 << 30,
-        allocation_bytes: 1 << 28,
-        work_group_size: 1024,
-        work_item_sizes: [1024, 1024, 64],
-        compute_units: 16,
-        native_width: 1,
-        is_cpu: false,
-    };
-
-    fn workload(triangles: usize, local: u32) -> Workload {
-        Workload {
-            triangles,
-            positions: triangles,
-            normals: triangles,
-            materials: 2,
-            lights: 1,
-            stack_size: 0,
-            image_size: [800, 500],
-            local_size: [local, local],
-        }
-    }
-
-    fn check(name: &str, triangles: usize, local: u32) -> Result<Requirements, Infeasible> {
-        let strategy = preset(name).map_err(|e| Infeasible { reason: e.to_string() })?.strategy;
-        Requirements::check(&strategy, &workload(triangles, local), &PAPER_DEVICE)
-    }
-
-    #[test]
-    fn optimisation_2_holds_472_triangles_in_48_kib() {
-        assert_eq!(check("local-triangles", 472, 16).map(|r| r.local_bytes), Ok(49088));
-        let refused = check("local-triangles", 473, 16).unwrap_err();
-        assert_eq!(refused.reason, "__local memory: scene 104 B x 473 triangles = 49192 B > 49152 B");
-    }
-
-    #[test]
-    fn compounded_holds_206_triangles_beside_16x16_vectors() {
-        assert!(check("compounded", 206, 16).is_ok());
-        assert!(check("compounded", 207, 16).is_err());
-    }
-
-    #[test]
-    fn vectors_of_24x24_do_not_fit_48_kib() {
-        let refused = check("local-vectors", 1, 24).unwrap_err();
-        assert_eq!(refused.reason, "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B");
-    }
-
-    #[test]
-    fn a_buffer_larger_than_the_device_allocates_at_once_is_refused() {
-        let refused = check("deferred", 3_000_000, 8).unwrap_err();
-        assert_eq!(
-            refused.reason,
-            "largest buffer: scene 104 B x 3000000 triangles = 312000000 B > 268435456 B"
-        );
-        let wide = Workload { image_size: [8192, 8192], ..workload(4, 8) };
-        let strategy = preset("deferred").unwrap().strategy;
-        let refused = Requirements::check(&strategy, &wide, &PAPER_DEVICE).unwrap_err();
-        assert!(
-            refused.reason.starts_with("largest buffer: image 16 B x 67108864 pixels"),
-            "{}",
-            refused.reason
-        );
-    }
-
-    #[test]
-    fn the_sum_of_buffers_is_held_to_global_memory() {
-        let limits = DeviceLimits { allocation_bytes: 1 << 40, ..PAPER_DEVICE };
-        let strategy = preset("bvh").unwrap().strategy;
-        let refused = Requirements::check(&strategy, &workload(10_000_000, 8), &limits).unwrap_err();
-        assert_eq!(
-            refused.reason,
-            "global memory: scene 104 B x 10000000 triangles + image 16 B x 400000 pixels \
-             + nearest triangles 4 B x 400000 pixels + leaves 48 B x 10000000 triangles \
-             + about 128 B x 2500001 nodes = 1848000128 B > 1073741824 B"
-        );
-    }
-
-    #[test]
-    fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name() {
-        let w = workload(1_000_000, 1);
-        let [tile, deferred] = ["tile", "deferred"]
-            .map(|name| Requirements::of(&preset(name).unwrap().strategy, &w).global_bytes);
-        assert!(tile < deferred + 40_000_000, "{tile} {deferred}");
-        let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };
-        let many = workload(WideBvh::MAX_INDEX + 1, 8);
-        let refused = Requirements::check(&preset("bvh").unwrap().strategy, &many, &limits).unwrap_err();
-        assert_eq!(refused.reason, "a tree's leaves: 33554433 triangles > 33554432");
-    }
-
-    #[test]
-    fn work_items_of_a_wide_strategy_cover_blocks_of_pixels() {
-        let wide = preset("wide").unwrap().strategy;
-        assert_eq!(workload(1, 6).global_size(&wide), [204, 126]);
-    }
-
-    #[test]
-    fn every_preset_fits_one_triangle() {
-        for preset in PRESETS {
-            assert!(check(preset.name, 1, 8).is_ok(), "{}", preset.name);
-        }
-    }
-}
+mod tests;

@@ -11,7 +11,8 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &S
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
         git_revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
         started: jiff::Timestamp::now().to_string(),
-        command_line: std::env::args().collect(),
+        // Lossy: an argument need not be UTF-8, and `args` panics where one is not.
+        command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         host: Host::read(),
         devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),
         build_options: vec!["-cl-std=CL1.2".to_owned(), "-cl-kernel-arg-info".to_owned()],

@@ -21,7 +21,10 @@ pub(super) fn build(
     let (wire, span) = (object.get_ref(), object.span());
     refuse_strays(document, wire)?;
     let mut mesh = match (&wire.obj, &wire.shape, &wire.vertices) {
-        (Some(file), None, None) => read_obj(document, file, notes)?,
+        (Some(file), None, None) => {
+            let beyond = wire.outside_materials.as_ref().is_some_and(|allowed| *allowed.get_ref());
+            read_obj(document, file, beyond, notes)?
+        }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
             room_for(&shape)
@@ -61,7 +64,12 @@ fn paint(base: &Material, wire: &MaterialWire) -> Material {
     Material::blinn_phong(lambertian, glossy, wire.shininess.map_or(PAPER_SHININESS, |s| s.0))
 }
 
-fn read_obj(document: &Document, file: &Spanned<String>, notes: &mut Vec<String>) -> Result<Mesh> {
+fn read_obj(
+    document: &Document,
+    file: &Spanned<String>,
+    beyond: bool,
+    notes: &mut Vec<String>,
+) -> Result<Mesh> {
     let path = document.folder.join(file.get_ref());
     if !document.bare && !path.is_file() {
         let message = format!("no mesh file `{}`", path.display());
@@ -71,7 +79,7 @@ fn read_obj(document: &Document, file: &Spanned<String>, notes: &mut Vec<String>
             meant.unwrap_or_default()
         )));
     }
-    let read = obj::read(&path)?;
+    let read = obj::read(&path, beyond)?;
     notes.extend(read.notes.into_iter().map(|note| format!("{}: {note}", path.display())));
     Ok(read.mesh)
 }
@@ -91,9 +99,11 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
         ("normals", wire.normals.as_ref().map(Spanned::span)),
         ("face_normals", wire.face_normals.as_ref().map(Spanned::span)),
     ]);
+    let of_obj = wire.outside_materials.as_ref().map(|key| ("outside_materials", key.span()));
     let stray = of_shapes
         .filter(|_| wire.shape.is_none())
         .map(|found| (found, "shape"))
+        .or(of_obj.filter(|_| wire.obj.is_none()).map(|found| (found, "obj")))
         .or(of_vertices.filter(|_| wire.vertices.is_none()).map(|found| (found, "vertices")));
     match stray {
         Some(((key, span), owner)) => {

@@ -20,6 +20,7 @@ use super::normals;
 use crate::error::{Error, Result};
 use crate::memory::Available;
 use faces::{FaceChunk, FaceContext};
+use mtl::Reach;
 use points::PointChunk;
 use rayon::prelude::*;
 use std::path::Path;
@@ -39,8 +40,8 @@ pub(super) struct ObjFile {
     pub notes: Vec<String>,
 }
 
-/// Reads an OBJ file and the MTL files it names.
-pub(super) fn read(path: &Path) -> Result<ObjFile> {
+/// Reads an OBJ file and the MTL files it names: those in its folder, or with `beyond` any.
+pub(super) fn read(path: &Path, beyond: bool) -> Result<ObjFile> {
     let unreadable = |e| super::load::unreadable("mesh", path, &e);
     let length = std::fs::metadata(path).map_err(unreadable)?.len();
     let what = format!("reading {}", path.display());
@@ -51,11 +52,11 @@ pub(super) fn read(path: &Path) -> Result<ObjFile> {
     )?;
     let bytes = std::fs::read(path).map_err(unreadable)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&path.display().to_string(), folder, &bytes)
+    parse(&path.display().to_string(), Reach { folder, beyond }, &bytes)
 }
 
-/// Reads OBJ text that lies in `folder` under `name`.
-pub(super) fn parse(name: &str, folder: &Path, bytes: &[u8]) -> Result<ObjFile> {
+/// Reads OBJ text called `name`, and the MTL files in reach that it names.
+fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
     let text = text::normalise(bytes);
     let source = Source { name, text: &text };
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
@@ -65,7 +66,7 @@ pub(super) fn parse(name: &str, folder: &Path, bytes: &[u8]) -> Result<ObjFile> 
     let points: Vec<PointChunk> = in_order(&source, chunks.par_iter().map(points::read).collect())?;
     let mut notes = Vec::new();
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
-    let materials = mtl::load_all(folder, libraries, &mut notes)?;
+    let materials = mtl::load_all(reach, libraries, &mut notes)?;
 
     let starts = faces::starts(&points);
     let total = starts[points.len()];

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
-use std::path::{Component, Path};
+use std::path::{Path, PathBuf};
 
 /// Materials with their names; number 0 is the default one.
 pub(super) struct Materials {
@@ -13,17 +13,26 @@ pub(super) struct Materials {
     pub by_name: HashMap<String, u32>,
 }
 
+/// Where MTL files may be read from: an OBJ from elsewhere must not read any file.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach<'a> {
+    /// The mesh's folder, which names are relative to.
+    pub folder: &'a Path,
+    /// Whether files outside of it may be read too.
+    pub beyond: bool,
+}
+
 /// Loads every MTL file that can be; the others end in a note.
 pub(super) fn load_all<'a>(
-    folder: &Path,
+    reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
     let mut materials = Materials { list: vec![Material::default()], by_name: HashMap::new() };
     for library in libraries {
-        for name in file_names(folder, library) {
-            match open(folder, name) {
-                Ok(bytes) => materials.add(&folder.join(name).display().to_string(), &bytes)?,
+        for name in reach.file_names(library) {
+            match reach.open(name) {
+                Ok(bytes) => materials.add(&reach.folder.join(name).display().to_string(), &bytes)?,
                 Err(reason) => {
                     let note = format!("material file `{name}` {reason}: k_L {DEFAULT_LAMBERTIAN} is used");
                     if !notes.contains(&note) {
@@ -36,30 +45,37 @@ pub(super) fn load_all<'a>(
     Ok(materials)
 }
 
-/// A name with spaces if there is such a file, else several names.
-fn file_names<'a>(folder: &Path, library: &'a str) -> Vec<&'a str> {
-    if is_inside(library) && folder.join(library).is_file() {
-        return vec![library];
+impl Reach<'_> {
+    /// A name with spaces if there is such a file, else several names.
+    fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
+        match self.locate(library) {
+            Ok(_) => vec![library],
+            Err(_) => library.split_whitespace().collect(),
+        }
     }
-    library.split_whitespace().collect()
+
+    /// The file behind a name, links followed, if it may be read.
+    fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
+        let unreadable = |error| format!("cannot be read ({error})");
+        let path = self.folder.join(name.replace('\\', "/")).canonicalize();
+        let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder };
+        let inside = |path: &PathBuf| folder.canonicalize().is_ok_and(|folder| path.starts_with(folder));
+        match path {
+            Ok(path) if !self.beyond && !inside(&path) => Err(OUTSIDE.to_owned()),
+            Ok(path) if path.is_dir() => Err("is a folder".to_owned()),
+            // A pipe or a device may never end.
+            Ok(path) if !path.is_file() => Err("is no ordinary file".to_owned()),
+            path => path.map_err(unreadable),
+        }
+    }
+
+    fn open(&self, name: &str) -> std::result::Result<Vec<u8>, String> {
+        std::fs::read(self.locate(name)?).map_err(|error| format!("cannot be read ({error})"))
+    }
 }
 
-/// Whether a path stays in the folder it is relative to: an OBJ from elsewhere must not read any file.
-fn is_inside(name: &str) -> bool {
-    let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
-    Path::new(&name.replace('\\', "/")).components().all(inside)
-}
-
-fn open(folder: &Path, name: &str) -> std::result::Result<Vec<u8>, String> {
-    if !is_inside(name) {
-        return Err("lies outside the mesh's folder and is not read".to_owned());
-    }
-    let path = folder.join(name.replace('\\', "/"));
-    if path.is_dir() {
-        return Err("is a folder".to_owned());
-    }
-    std::fs::read(path).map_err(|error| format!("cannot be read ({error})"))
-}
+const OUTSIDE: &str =
+    "lies outside the mesh's folder and is not read (outside_materials = true in its [[object]] allows it)";
 
 impl Materials {
     fn add(&mut self, name: &str, bytes: &[u8]) -> Result<()> {

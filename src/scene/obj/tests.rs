@@ -4,7 +4,11 @@ use super::*;
 use proptest::prelude::*;
 
 fn read(text: &str) -> Result<ObjFile> {
-    parse("test.obj", Path::new("/nowhere"), text.as_bytes())
+    parse("test.obj", nowhere(), text.as_bytes())
+}
+
+fn nowhere() -> Reach<'static> {
+    Reach { folder: Path::new("/nowhere"), beyond: false }
 }
 
 const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -50,7 +54,7 @@ fn odd_but_clear_files_are_read() {
         b"o G\xe4nse\nusemtl\ng\np 1\nl 1 2\nfoo bar\nf 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_vec(),
     ];
     for text in same {
-        let file = parse("test.obj", Path::new("/nowhere"), &text).unwrap();
+        let file = parse("test.obj", nowhere(), &text).unwrap();
         assert_eq!(file.mesh.positions, [glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
         assert_eq!(file.mesh.triangles[0].positions, [0, 1, 2]);
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
@@ -66,6 +70,35 @@ fn a_mistake_after_continued_lines_has_its_own_line() {
 fn normals_at_some_corners_only_are_generated_at_all() {
     let file = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2 3\n")).unwrap();
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
+}
+
+/// A folder with a mesh whose material file is reached by `library`, and a file outside; the first material's k_L
+/// if the outer file was read.
+#[cfg(unix)]
+fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
+    let outer = tempfile::tempdir().unwrap();
+    let inner = outer.path().join("mesh");
+    std::fs::create_dir(&inner).unwrap();
+    std::fs::write(outer.path().join("outer.mtl"), "newmtl x\nKd 0.25 0.5 1\n").unwrap();
+    std::os::unix::fs::symlink("../outer.mtl", inner.join("link.mtl")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", inner.join("endless.mtl")).unwrap();
+    let path = inner.join("test.obj");
+    std::fs::write(&path, format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
+    let file = super::read(&path, beyond).unwrap();
+    let material = *file.mesh.material(&file.mesh.triangles[0]);
+    (material != crate::scene::Material::default(), file.notes)
+}
+
+#[test]
+#[cfg(unix)]
+fn a_material_file_outside_the_folder_is_read_only_where_that_is_allowed() {
+    for library in ["../outer.mtl", "link.mtl", "..\\outer.mtl", "../mesh/../outer.mtl"] {
+        let (read, notes) = through(library, false);
+        assert!(!read && notes[0].contains("outside_materials"), "{library}: {notes:?}");
+        assert_eq!(through(library, true), (true, Vec::new()), "{library}");
+    }
+    let (read, notes) = through("endless.mtl", true);
+    assert!(!read && notes[0].contains("no ordinary file"), "{notes:?}");
 }
 
 #[test]

@@ -1,0 +1,237 @@
+//! Figures of the paper's device, and properties of the arithmetic at any sizes.
+
+use super::super::{AXES, PRESETS, Strategy, preset};
+use super::*;
+use proptest::prelude::*;
+use proptest::strategy::Strategy as _;
+
+const PAPER_DEVICE: DeviceLimits = DeviceLimits {
+    local_bytes: 48 << 10,
+    constant_bytes: 64 << 10,
+    global_bytes: 1 << 30,
+    allocation_bytes: 1 << 28,
+    work_group_size: 1024,
+    work_item_sizes: [1024, 1024, 64],
+    compute_units: 16,
+    native_width: 1,
+    is_cpu: false,
+};
+
+fn workload(triangles: usize, local: u32) -> Workload {
+    Workload {
+        triangles,
+        positions: triangles,
+        normals: triangles,
+        materials: 2,
+        lights: 1,
+        stack_size: 0,
+        image_size: [800, 500],
+        local_size: [local, local],
+    }
+}
+
+fn check(name: &str, triangles: usize, local: u32) -> Result<Requirements, Infeasible> {
+    let strategy = preset(name).map_err(|e| Infeasible { reason: e.to_string() })?.strategy;
+    Requirements::check(&strategy, &workload(triangles, local), &PAPER_DEVICE)
+}
+
+#[test]
+fn optimisation_2_holds_472_triangles_in_48_kib() {
+    assert_eq!(check("local-triangles", 472, 16).map(|r| r.local_bytes), Ok(49088));
+    let refused = check("local-triangles", 473, 16).unwrap_err();
+    assert_eq!(refused.reason, "__local memory: scene 104 B x 473 triangles = 49192 B > 49152 B");
+}
+
+#[test]
+fn compounded_holds_206_triangles_beside_16x16_vectors() {
+    assert!(check("compounded", 206, 16).is_ok());
+    assert!(check("compounded", 207, 16).is_err());
+}
+
+#[test]
+fn vectors_of_24x24_do_not_fit_48_kib() {
+    let refused = check("local-vectors", 1, 24).unwrap_err();
+    assert_eq!(refused.reason, "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B");
+}
+
+#[test]
+fn work_items_of_a_wide_strategy_cover_blocks_of_pixels() {
+    let wide = preset("wide").unwrap().strategy;
+    assert_eq!(workload(1, 6).global_size(&wide), [204, 126]);
+}
+
+#[test]
+fn a_buffer_larger_than_the_device_allocates_at_once_is_refused() {
+    let refused = check("deferred", 3_000_000, 8).unwrap_err();
+    assert_eq!(refused.reason, "largest buffer: scene 104 B x 3000000 triangles = 312000000 B > 268435456 B");
+    let wide = Workload { image_size: [8192, 8192], ..workload(4, 8) };
+    let strategy = preset("deferred").unwrap().strategy;
+    let refused = Requirements::check(&strategy, &wide, &PAPER_DEVICE).unwrap_err();
+    assert!(refused.reason.starts_with("largest buffer: image 16 B x 67108864 pixels"), "{}", refused.reason);
+}
+
+#[test]
+fn the_sum_of_buffers_is_held_to_global_memory() {
+    let limits = DeviceLimits { allocation_bytes: 1 << 40, ..PAPER_DEVICE };
+    let strategy = preset("bvh").unwrap().strategy;
+    let refused = Requirements::check(&strategy, &workload(10_000_000, 8), &limits).unwrap_err();
+    assert_eq!(
+        refused.reason,
+        "global memory: scene 104 B x 10000000 triangles + image 16 B x 400000 pixels \
+         + nearest triangles 4 B x 400000 pixels + leaves 48 B x 10000008 rows \
+         + about 128 B x 2500001 nodes = 1848000512 B > 1073741824 B"
+    );
+}
+
+#[test]
+fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name() {
+    let w = workload(1_000_000, 1);
+    let [tile, deferred] =
+        ["tile", "deferred"].map(|name| Requirements::of(&preset(name).unwrap().strategy, &w).global_bytes);
+    assert!(tile < deferred + 40_000_000, "{tile} {deferred}");
+    let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };
+    let many = workload(WideBvh::MAX_INDEX + 1, 8);
+    let refused = Requirements::check(&preset("bvh").unwrap().strategy, &many, &limits).unwrap_err();
+    assert_eq!(refused.reason, "a tree's leaves: 33554433 triangles > 33554432");
+}
+
+#[test]
+fn every_preset_fits_one_triangle() {
+    for preset in PRESETS {
+        assert!(check(preset.name, 1, 8).is_ok(), "{}", preset.name);
+    }
+}
+
+/// A preset with some axes changed.
+fn strategies() -> impl proptest::strategy::Strategy<Value = Strategy> {
+    let changes = prop::collection::vec(any::<[prop::sample::Index; 2]>(), 0..6);
+    (prop::sample::select(PRESETS), changes).prop_map(|(preset, changes)| {
+        let mut strategy = preset.strategy;
+        for [axis, value] in changes {
+            let axis = axis.get(AXES);
+            let mut changed = strategy;
+            changed.set(axis.name, value.get(axis.values).0).unwrap();
+            if changed.contradiction().is_none() {
+                strategy = changed;
+            }
+        }
+        strategy
+    })
+}
+
+/// Sizes from none to as many as their types hold, small ones as often as huge ones.
+fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
+    (0..=bits, any::<u64>()).prop_map(|(bits, number)| number.checked_shr(64 - bits).unwrap_or(0))
+}
+
+fn workloads() -> impl proptest::strategy::Strategy<Value = Workload> {
+    let counts = [(); 5].map(|()| magnitudes(64));
+    // Far more pixels than raycl takes, and no more than a product of sizes in `usize` holds.
+    let side = |bits| magnitudes(bits).prop_map(|side| (side as u32).max(1));
+    (counts, [side(30), side(30)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
+        let [triangles, positions, normals, materials, lights] = counts.map(|count| count as usize >> 1);
+        let stack_size = 0;
+        Workload { triangles, positions, normals, materials, lights, stack_size, image_size, local_size }
+    })
+}
+
+fn devices() -> impl proptest::strategy::Strategy<Value = DeviceLimits> {
+    let bytes = [(); 4].map(|()| magnitudes(64));
+    let items = [(); 3].map(|()| magnitudes(14).prop_map(|items| items as usize));
+    (bytes, items, any::<bool>()).prop_map(|(bytes, [items, x, y], is_cpu)| {
+        let [local_bytes, constant_bytes, global_bytes, allocation_bytes] = bytes;
+        DeviceLimits {
+            local_bytes,
+            constant_bytes,
+            global_bytes,
+            allocation_bytes,
+            work_group_size: items,
+            work_item_sizes: [x, y, 1],
+            is_cpu,
+            ..PAPER_DEVICE
+        }
+    })
+}
+
+/// The device that has of everything what the better of two has.
+fn better(one: &DeviceLimits, other: &DeviceLimits) -> DeviceLimits {
+    let sizes = [0, 1, 2].map(|side| one.work_item_sizes[side].max(other.work_item_sizes[side]));
+    DeviceLimits {
+        local_bytes: one.local_bytes.max(other.local_bytes),
+        constant_bytes: one.constant_bytes.max(other.constant_bytes),
+        global_bytes: one.global_bytes.max(other.global_bytes),
+        allocation_bytes: one.allocation_bytes.max(other.allocation_bytes),
+        work_group_size: one.work_group_size.max(other.work_group_size),
+        work_item_sizes: sizes,
+        ..*one
+    }
+}
+
+/// The numbers of a text, in order.
+fn numbers(text: &str) -> Vec<u128> {
+    text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
+}
+
+/// Whether the sum that a refusal states is right, and above the limit that it states.
+fn adds_up(reason: &str) -> bool {
+    let arithmetic = reason.split_once(": ").unwrap().1.replace("16-bit", "");
+    let (needed, limit) = arithmetic.split_once(" > ").unwrap();
+    let Some((terms, total)) = needed.split_once(" = ") else {
+        // Two sides, of which one is too long; or a single number.
+        return numbers(needed).iter().zip(numbers(limit)).any(|(needed, limit)| *needed > limit);
+    };
+    let sum: u128 = terms.split(" + ").map(|term| numbers(term).iter().product::<u128>()).sum();
+    vec![sum] == numbers(total) && sum > numbers(limit)[0]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn a_refusal_adds_up_and_what_is_accepted_fits(
+        strategy in strategies(), workload in workloads(), limits in devices(),
+    ) {
+        match Requirements::check(&strategy, &workload, &limits) {
+            Err(refused) => prop_assert!(adds_up(&refused.reason), "{}", refused.reason),
+            Ok(needs) => {
+                prop_assert!(needs.local_bytes <= limits.local_bytes);
+                prop_assert!(needs.constant_bytes <= limits.constant_bytes);
+                prop_assert!(needs.scratch_bytes <= limits.allocation_bytes);
+                prop_assert!(!limits.is_cpu || needs.private_bytes <= CPU_STACK_BYTES);
+                prop_assert!(needs.global_bytes.checked_add(needs.scratch_bytes).unwrap() <= limits.global_bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn a_better_device_refuses_nothing_that_a_lesser_one_holds(
+        strategy in strategies(), workload in workloads(), one in devices(), other in devices(),
+    ) {
+        if let Ok(needs) = Requirements::check(&strategy, &workload, &one) {
+            prop_assert_eq!(Requirements::check(&strategy, &workload, &better(&one, &other)), Ok(needs));
+        }
+    }
+
+    #[test]
+    fn more_triangles_pixels_and_work_items_never_need_less(
+        strategy in strategies(), less in workloads(), more in workloads(),
+    ) {
+        let more = Workload {
+            triangles: less.triangles.max(more.triangles),
+            positions: less.positions.max(more.positions),
+            normals: less.normals.max(more.normals),
+            materials: less.materials.max(more.materials),
+            lights: less.lights.max(more.lights),
+            image_size: [0, 1].map(|side| less.image_size[side].max(more.image_size[side])),
+            local_size: less.local_size,
+            ..more
+        };
+        let (less, more) = (Requirements::of(&strategy, &less), Requirements::of(&strategy, &more));
+        let bytes = |needs: Requirements| [
+            needs.local_bytes, needs.constant_bytes, needs.scratch_bytes, needs.private_bytes, needs.global_bytes,
+        ];
+        for (less, more) in bytes(less).into_iter().zip(bytes(more)) {
+            prop_assert!(less <= more, "{} > {}", less, more);
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Sums of bytes that can explain themselves.
+
+use super::requirements::Infeasible;
+
+/// A sum of bytes with its terms. No product of sizes that fit their types overflows it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sum {
+    pub bytes: u128,
+    /// Each term's bytes, and how they come about.
+    terms: Vec<(u128, String)>,
+}
+
+impl Sum {
+    pub fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
+        let bytes = factors.iter().map(|(factor, _)| u128::from(*factor)).product();
+        let factors: Vec<_> = factors.iter().map(|(factor, unit)| format!("{factor}{unit}")).collect();
+        self.bytes += bytes;
+        self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
+    }
+
+    /// Adds another's terms.
+    pub fn join(&mut self, other: Self) {
+        self.bytes += other.bytes;
+        self.terms.extend(other.terms);
+    }
+
+    /// As recorded: what no `u64` holds is refused long before.
+    pub fn recorded(&self) -> u64 {
+        self.bytes.try_into().unwrap_or(u64::MAX)
+    }
+
+    pub fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
+        if self.bytes <= u128::from(limit_bytes) {
+            return Ok(());
+        }
+        let terms: Vec<_> = self.terms.iter().map(|(_, term)| term.as_str()).collect();
+        let (sum, bytes) = (terms.join(" + "), self.bytes);
+        Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
+    }
+
+    /// The same for each term by itself.
+    pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
+        match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
+            Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {
+                Err(Infeasible { reason: format!("{memory}: {term} = {bytes} B > {limit_bytes} B") })
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! What somebody with bad intentions, or a broken machine, can put in the way: drivers that die when they are listed,
+//! results folders that lead elsewhere, arguments that are no text.
+#![cfg(unix)]
+
+mod binary;
+
+use binary::{Place, TRIANGLE, device, has};
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt as _;
+use std::os::unix::fs::symlink;
+use std::process::Command;
+
+/// One point that takes no time.
+const CONFIG: &str = r#"question = "?"
+expectation = "!"
+scenes = ["scene.toml"]
+image_sizes = [[8, 5]]
+local_sizes = [4]
+strategies = ["deferred"]
+
+[timing]
+warmup = 0
+min_samples = 1
+max_samples = 1
+"#;
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
+}
+
+/// The arguments of a run into `out` on the test device.
+fn run<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["run", "config.toml", "--out", "out", "--device", device, "--quiet"], more].concat()
+}
+
+/// A folder of drivers whose only one runs `body` as soon as it is loaded.
+fn driver(place: &Place, body: &str) -> std::path::PathBuf {
+    let [source, library, vendors] = ["driver.c", "driver.so", "vendors"].map(|name| place.path(name));
+    let code = format!(
+        "#include <stdlib.h>\n#include <unistd.h>\n__attribute__((constructor)) static void load(void) {{ {body}; }}\n"
+    );
+    std::fs::write(&source, code).expect("a source");
+    let built = Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).status();
+    assert!(built.is_ok_and(|status| status.success()), "cc, which Rust links with");
+    std::fs::create_dir(&vendors).expect("a folder");
+    std::fs::write(vendors.join("bad.icd"), format!("{}\n", library.display())).expect("an .icd");
+    vendors
+}
+
+#[test]
+fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
+    let place = place();
+    let vendors = driver(&place, "abort()");
+    let output =
+        place.raycl(&run("all", &[])).env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
+    let said = String::from_utf8(output.stderr).expect("UTF-8");
+    has(
+        &said.replace("\n  │ ", " "),
+        &["devices could not be listed", "a driver ended the process", "signal: 6"],
+    );
+}
+
+#[test]
+fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
+    let place = place();
+    let name = OsStr::from_bytes(b"o\xffut");
+    for option in ["--out", "--cl-dir"] {
+        let refused =
+            place.raycl(&["run", "config.toml", option]).arg(name).assert().code(2).get_output().clone();
+        has(&String::from_utf8_lossy(&refused.stderr), &["o\u{fffd}ut", "not UTF-8"]);
+    }
+    // A name with a line break is text. It stays one in the record of the command.
+    let device = device();
+    place.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
+    std::fs::rename(place.path("a\nb"), place.path("x").with_file_name(name)).expect("a new name");
+    place.raycl(&["report"]).arg(name).assert().success();
+}
+
+#[test]
+fn a_folder_of_results_leads_nowhere_else() {
+    let place = place();
+    let device = device();
+    place.raycl(&run(&device, &[])).assert().success();
+    let elsewhere = place.path("elsewhere");
+    std::fs::create_dir(&elsewhere).expect("a folder");
+    let victim = elsewhere.join("victim");
+    std::fs::write(&victim, "precious, without a last newline").expect("a file");
+    for (name, target) in [
+        ("records.jsonl", &victim),
+        ("samples.jsonl", &victim),
+        (".lock", &victim),
+        ("images", &elsewhere),
+        ("plots", &elsewhere),
+        ("exports", &elsewhere),
+    ] {
+        let [at, kept] = [place.path("out").join(name), place.path("kept")];
+        std::fs::rename(&at, &kept).expect("it was there");
+        symlink(target, &at).expect("a link");
+        let message = place.mistake(&run(&device, &["--resume"]), 1);
+        has(&message, &[name, "link"]);
+        std::fs::remove_file(&at).expect("the link");
+        std::fs::rename(&kept, &at).expect("its place");
+    }
+    // Files that are written anew take the link's place.
+    for name in ["summary.md", "summary.csv", "report.html", "environment.json"] {
+        std::fs::remove_file(place.path("out").join(name)).expect("it was there");
+        symlink(&victim, place.path("out").join(name)).expect("a link");
+    }
+    place.raycl(&run(&device, &["--resume"])).assert().success();
+    assert_eq!(std::fs::read_to_string(&victim).expect("a file"), "precious, without a last newline");
+    assert_eq!(std::fs::read_dir(&elsewhere).expect("a folder").count(), 1);
+}
+
+#[test]
+fn a_device_in_the_place_of_a_file_is_not_read() {
+    let place = place();
+    let device = device();
+    place.raycl(&run(&device, &[])).assert().success();
+    for name in ["samples.jsonl", "records.jsonl"] {
+        let at = place.path("out").join(name);
+        std::fs::remove_file(&at).expect("it was there");
+        symlink("/dev/zero", &at).expect("a link");
+        place.mistake(&run(&device, &["--resume"]), 1);
+    }
+    place.mistake(&["report", "out"], 2);
+}
