@@ -96,9 +96,7 @@ fn render(args: &Args) -> Result<()> {
     let device = device?;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
-    Requirements::check(&strategy, &workload, &device.info.limits).map_err(|infeasible| {
-        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
-    })?;
+    fit(args, &device, &strategy, &mut workload)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, scene, &strategy, &mut workload, &sources)?;
     if args.verify {
@@ -120,6 +118,21 @@ fn render(args: &Args) -> Result<()> {
         (true, _) => super::print_json(&report),
         (false, true) => Ok(()),
         (false, false) => super::print(report.text(&device.info)),
+    }
+}
+
+/// Checks that the device holds the workload. Where the local size is free, as many tiles share a work-group as fit.
+fn fit(args: &Args, device: &Device, strategy: &Strategy, workload: &mut Workload) -> Result<()> {
+    loop {
+        let Err(infeasible) = Requirements::check(strategy, workload, &device.info.limits) else {
+            return Ok(());
+        };
+        let [_, tiles] = &mut workload.local_size;
+        if !strategy.shares_tiles() || args.local_size.is_some() || *tiles == 1 {
+            let reason = format!("{} cannot hold this: {}", device.info.name, infeasible.reason);
+            return Err(Error::input(reason));
+        }
+        *tiles /= 2;
     }
 }
 
@@ -164,10 +177,8 @@ fn strategy(args: &Args, device: &Device, triangles: usize) -> Result<(Strategy,
     let tiles = strategy.traversal == Traversal::Tile;
     let usual = if strategy == best {
         best_local
-    } else if tiles {
-        [1, 1]
     } else {
-        [8, 8]
+        strategy.local_size(&device.info.limits, if tiles { [1, 1] } else { [8, 8] })
     };
     Ok((strategy, args.local_size.unwrap_or(usual)))
 }
@@ -202,6 +213,7 @@ fn cast(
     let tree =
         DeviceTree::build(&queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
     workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
+    fit(args, device, strategy, workload)?;
     let build_start = Instant::now();
     let spec = ProgramSpec::new(sources, strategy, workload, device.info.builtins())?;
     let program = BuiltProgram::build(&queue.context, queue.device, &spec)

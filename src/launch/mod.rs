@@ -6,6 +6,7 @@
 mod buffers;
 mod caster;
 mod frame;
+mod left_over;
 mod queue;
 mod rays;
 mod scene;
