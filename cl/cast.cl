@@ -61,8 +61,9 @@
     GEOMETRY_PARAMETERS, const __global float *restrict lights, const int light_count, const float bias      \
         PREPARED_PARAMETER TREE_PARAMETERS
 #define TILE_PARAMETERS                                                                                          \
-    const __global float *restrict lights, const int light_count, const float bias, const __global float *nodes,    \
-        const __global float *leaves, const __global float4 *surfaces, const __global float *materials,             \
+    const __global float *restrict lights, const int light_count, const float bias,                                 \
+        const __global float *restrict nodes, const __global float *restrict leaves,                                \
+        const __global float4 *restrict surfaces, const __global float *restrict materials,                         \
         const int material_count
 #define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
 #define BIND_SCENE(scene)            \
@@ -230,6 +231,8 @@ __kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restric
 #if RASTER
 #include "traversal/raster.cl"
 #endif
-#if TILES
+#if TILES && WIDTH == 1
+#include "traversal/tile_group.cl"
+#elif TILES
 #include "traversal/tile.cl"
 #endif

@@ -28,6 +28,8 @@ fn reports(scene: &str, strategy: &Strategy, local: &str, plugin: &str, cl: Opti
     command.args(["--build-options", OPTIONS, plugin, "--log"]).arg(&log);
     command.arg(env!("CARGO_BIN_EXE_raycl")).arg("render");
     command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene));
+    // Oclgrind has only barriers to share a tile by.
+    let local = if strategy.shares_tiles() { "32x1" } else { local };
     command.args(["--device", "oclgrind", "--width", "18", "--height", "11", "--quiet", "--verify"]);
     command.args(["--strategy", &spelled(strategy), "--local-size", local, "--output"]);
     command.arg(folder.path().join("picture.png"));

@@ -54,6 +54,7 @@ fn device() -> DeviceInfo {
             work_item_sizes: [1024; 3],
             compute_units: 1,
             native_width: 1,
+            lane_operations: Default::default(),
             is_cpu: true,
         },
         hardware: Hardware::default(),

@@ -100,6 +100,7 @@ fn ways(intersector: Intersector) -> Vec<Strategy> {
         tile,
         Strategy { tile: TileSize::T8x8, ..tile },
         Strategy { tile: TileSize::T16x16, passes: Passes::Separate, ..tile },
+        of("tile-group"),
     ]
 }
 

@@ -102,8 +102,9 @@ fn render(args: &Args) -> Result<()> {
     let scene = &loaded.scene;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
+    let device_bytes = fit(args, &device, &strategy, &mut workload)?;
     let needs = HostNeeds::of(&strategy, &workload, queue.shares_memory, args.verify);
-    let device_bytes = fits(&device, &strategy, &workload, &needs)?;
+    host_fits(&needs)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
     if args.verify {
@@ -156,18 +157,31 @@ fn open(args: &Args) -> Result<Opened> {
     })
 }
 
-/// Refuses what device or host cannot hold; the bytes of the device's buffers otherwise.
-fn fits(device: &Device, strategy: &Strategy, workload: &Workload, needs: &HostNeeds) -> Result<u64> {
-    let smaller =
-        "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
-    let needed = Requirements::check(strategy, workload, &device.info.limits).map_err(|infeasible| {
-        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
-            .with_help(smaller)
-    })?;
+const SMALLER: &str =
+    "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
+
+/// Refuses what the device cannot hold; the bytes of its buffers otherwise. Where the local size is free, as many tiles
+/// share a work-group as fit.
+fn fit(args: &Args, device: &Device, strategy: &Strategy, workload: &mut Workload) -> Result<u64> {
+    loop {
+        let refused = match Requirements::check(strategy, workload, &device.info.limits) {
+            Ok(needed) => return Ok(needed.global_bytes + needed.scratch_bytes),
+            Err(refused) => refused,
+        };
+        let [_, tiles] = &mut workload.local_size;
+        if !strategy.shares_tiles() || args.local_size.is_some() || *tiles == 1 {
+            let reason = format!("{} cannot hold this: {}", device.info.name, refused.reason);
+            return Err(Error::input(reason).with_help(SMALLER));
+        }
+        *tiles /= 2;
+    }
+}
+
+/// Refuses what the host cannot hold.
+fn host_fits(needs: &HostNeeds) -> Result<()> {
     needs.check(&Available::read(), resident_bytes().unwrap_or(0)).map_err(|infeasible| {
-        Error::input(format!("this machine cannot hold this: {}", infeasible.reason)).with_help(smaller)
-    })?;
-    Ok(needed.global_bytes + needed.scratch_bytes)
+        Error::input(format!("this machine cannot hold this: {}", infeasible.reason)).with_help(SMALLER)
+    })
 }
 
 /// What `work` gives, and how long it took.
@@ -211,10 +225,8 @@ fn strategy(args: &Args, device: &Device, triangles: usize) -> Result<(Strategy,
     let tiles = strategy.traversal == Traversal::Tile;
     let usual = if strategy == best {
         best_local
-    } else if tiles {
-        [1, 1]
     } else {
-        [8, 8]
+        strategy.local_size(&device.info.limits, if tiles { [1, 1] } else { [8, 8] })
     };
     Ok((strategy, args.local_size.unwrap_or(usual)))
 }
@@ -246,6 +258,7 @@ fn cast(
     let failed = |what: &str, error: &dyn std::fmt::Display| Error::run(format!("{what} failed: {error}"));
     let tree = DeviceTree::build(queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
     workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
+    fit(args, device, strategy, workload)?;
     let build_start = Instant::now();
     let spec = ProgramSpec::new(sources, strategy, workload, device.info.builtins())?;
     let program = BuiltProgram::build(&queue.context, queue.device, &spec)

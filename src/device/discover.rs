@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::limits::native_width;
-use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware};
+use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware, LaneOperations};
 use crate::error::{Error, Result};
 
 /// What there is: devices, and platforms that have none.
@@ -127,6 +127,9 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         unusable: None,
     };
     info.unusable = asked.why_unusable();
+    if info.unusable.is_none() {
+        info.limits.lane_operations = LaneOperations::find(&info, platform, device);
+    }
     Device { info, platform, device }
 }
 
@@ -148,6 +151,7 @@ impl Asked {
             compute_units: self.number(Query::MaxComputeUnits) as u32,
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
             is_cpu,
+            lane_operations: LaneOperations::Barriers, // until others are tried
         }
     }
 

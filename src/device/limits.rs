@@ -1,5 +1,6 @@
 //! What a device can hold.
 
+use super::LaneOperations;
 use serde::{Deserialize, Serialize};
 
 /// What a device can hold and how it is shaped, as its driver reports it.
@@ -23,6 +24,9 @@ pub struct DeviceLimits {
     pub native_width: u32,
     /// Whether work-groups run on a CPU's threads, whose stacks hold private arrays.
     pub is_cpu: bool,
+    /// How the work-items that share a tile tell each other things.
+    #[serde(default)]
+    pub lane_operations: LaneOperations,
 }
 
 impl DeviceLimits {
@@ -73,6 +77,7 @@ pub(crate) mod tests {
         compute_units: 16,
         native_width: 1,
         is_cpu: false,
+        lane_operations: LaneOperations::Barriers,
     };
 
     #[test]

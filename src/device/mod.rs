@@ -3,6 +3,7 @@
 mod alike;
 mod discover;
 mod hardware;
+mod lanes;
 mod limits;
 pub mod occupancy;
 mod select;
@@ -10,7 +11,10 @@ mod select;
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
 pub use hardware::Hardware;
+pub use lanes::LaneOperations;
 pub use limits::DeviceLimits;
+#[cfg(test)]
+pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub use select::{pick_default, select, select_infos};
 
 use serde::{Deserialize, Serialize};
@@ -63,6 +67,10 @@ pub struct Builtins {
     pub reduce: bool,
     /// `__builtin_prefetch` and `__builtin_nontemporal_store` of global memory.
     pub prefetch: bool,
+    /// What work-items that share a tile tell each other with.
+    pub lanes: LaneOperations,
+    /// Whether the compiler takes `-cl-std=CL3.0`.
+    pub opencl_3: bool,
 }
 
 /// What a device and its driver say about themselves.
@@ -133,7 +141,17 @@ impl DeviceInfo {
     pub fn builtins(&self) -> Builtins {
         // Oclgrind's aborts on both; NVIDIA's refuses a prefetch of global memory.
         let simulated = self.platform.to_lowercase().contains("oclgrind");
-        Builtins { reduce: !simulated, prefetch: !simulated && self.kind == DeviceKind::Cpu }
+        Builtins {
+            reduce: !simulated,
+            prefetch: !simulated && self.kind == DeviceKind::Cpu,
+            lanes: self.limits.lane_operations,
+            opencl_3: self.speaks_opencl_3(),
+        }
+    }
+
+    /// Whether its driver speaks OpenCL 3.
+    pub fn speaks_opencl_3(&self) -> bool {
+        self.version.starts_with("OpenCL 3")
     }
 
     /// Whether its compiler takes options that make it print registers and spills, and its binaries are PTX.

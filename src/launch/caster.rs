@@ -3,6 +3,7 @@
 use super::band::Band;
 use super::buffers::{allocate, read_with};
 use super::frame::{FrameTimes, Phase};
+use super::left_over::LeftOver;
 use super::scene::DeviceScene;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
 use super::tree::DeviceTree;
@@ -167,7 +168,12 @@ impl Caster {
                     }
                 }
                 steps.extend(parts.reset_heap(Phase::Shadow));
-                steps.push((Phase::Shadow, Step::Run(parts.shade_nearest(&image, &nearest)?)));
+                if strategy.shares_tiles() {
+                    let left_over = LeftOver::allocate(queue, pixels)?;
+                    steps.extend(parts.shade_shared(&image, &nearest, &left_over)?);
+                } else {
+                    steps.push((Phase::Shadow, Step::Run(parts.shade_nearest(&image, &nearest)?)));
+                }
             }
         }
         Ok(Self { queue: queue.clone(), steps, image, working, size })
@@ -340,6 +346,25 @@ impl<'a> Parts<'a> {
         self.pixel_kernel(name, |kernel| {
             kernel.arg(self.background).arg(image);
         })
+    }
+
+    /// Shades in tiles that groups share; then the shadow rays that were left over have a group each.
+    fn shade_shared(
+        &self,
+        image: &'a Buffer<Float4>,
+        nearest: &'a Buffer<i32>,
+        left_over: &'a LeftOver,
+    ) -> Result<Steps, LaunchError> {
+        let shade = self.pixel_kernel("tile_shade", |kernel| {
+            kernel.arg(self.background).arg(image).arg(nearest).arg(&left_over.rays).arg(&left_over.count);
+        })?;
+        let groups = left_over.global_size(self.queue, self.workload.local_size)?;
+        let cast = self.pixel_kernel("tile_left_over", |kernel| {
+            kernel.global_work_size(groups);
+            kernel.arg(image).arg(nearest).arg(&left_over.rays).arg(&left_over.count);
+        })?;
+        let reset = Step::Fill(left_over.count.clone(), 0);
+        Ok([reset, Step::Run(shade), Step::Run(cast)].map(|step| (Phase::Shadow, step)).into())
     }
 
     fn cast_primary(&self, nearest: &'a Buffer<i32>) -> Result<Kernel, LaunchError> {

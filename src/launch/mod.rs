@@ -7,6 +7,7 @@ mod band;
 mod buffers;
 mod caster;
 mod frame;
+mod left_over;
 mod queue;
 mod rays;
 mod scene;

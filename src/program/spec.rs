@@ -1,10 +1,10 @@
 //! What is compiled for a point: source text and defines, and their hash.
 
 use super::Sources;
-use crate::device::Builtins;
+use crate::device::{Builtins, LaneOperations};
 use crate::error::Result;
 use crate::strategy::{
-    Culling, Epsilons, Layout, Math, Strategy, TILE_TRIANGLES, Traversal, Triangles, Workload,
+    Culling, Epsilons, Intersector, Layout, Math, Strategy, TILE_TRIANGLES, Traversal, Triangles, Workload,
 };
 
 /// Everything that decides a program.
@@ -29,7 +29,9 @@ impl ProgramSpec {
             .into_iter()
             .map(|(name, value)| format!("-D {name}={value}"))
             .collect();
-        options.extend(["-cl-std=CL1.2".to_owned(), "-cl-kernel-arg-info".to_owned()]);
+        let lanes = if strategy.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers };
+        options.extend(lanes.options(builtins.opencl_3));
+        options.push("-cl-kernel-arg-info".to_owned());
         if strategy.math == Math::Fast {
             options.push("-cl-fast-relaxed-math".to_owned());
         }
@@ -59,6 +61,7 @@ fn defines(strategy: &Strategy, workload: &Workload, builtins: Builtins) -> Vec<
         ("RASTER", u64::from(strategy.traversal == Traversal::Raster)),
         ("TREE", u64::from(strategy.needs_tree())),
         ("TILES", u64::from(strategy.traversal == Traversal::Tile)),
+        ("WATERTIGHT", u64::from(strategy.intersector == Intersector::Watertight)),
         ("REDUCE_BUILTIN", u64::from(builtins.reduce)),
         ("PREFETCH", u64::from(builtins.prefetch)),
         ("TRIANGLES", if_staged(workload.triangles)),

@@ -169,6 +169,7 @@ axis! {
 axis! {
     /// The tile of rays that walks a tree together.
     TileSize "tile" "pixels of a tile that walks the tree together" {
+        T8x4 "8x4" "32 rays",
         T8x8 "8x8" "64 rays",
         T16x8 "16x8" "128 rays",
         T16x16 "16x16" "256 rays",
@@ -201,6 +202,7 @@ impl TileSize {
     /// Pixels across and down.
     pub fn pixels(self) -> (usize, usize) {
         match self {
+            Self::T8x4 => (8, 4),
             Self::T8x8 => (8, 8),
             Self::T16x8 => (16, 8),
             Self::T16x16 => (16, 16),

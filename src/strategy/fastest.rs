@@ -13,7 +13,7 @@ const TREE_TRIANGLES_OF_TILES: usize = 50;
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
 /// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
 /// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
-/// on a CPU tiles of rays walk together.
+/// on a CPU tiles of rays walk together. (Tiles that the work-items of a GPU share are not timed yet.)
 pub fn fastest(limits: &DeviceLimits, triangles: usize) -> Result<(Strategy, [u32; 2])> {
     let width = widest(limits.native_width);
     let tiles = limits.is_cpu && width == Width::W16;
@@ -39,17 +39,7 @@ mod tests {
     use super::*;
 
     fn choice(is_cpu: bool, native_width: u32, triangles: usize) -> (Strategy, [u32; 2]) {
-        let limits = DeviceLimits {
-            local_bytes: 49152,
-            constant_bytes: 65536,
-            global_bytes: 1 << 33,
-            allocation_bytes: 1 << 31,
-            work_group_size: 1024,
-            work_item_sizes: [1024, 1024, 64],
-            compute_units: 16,
-            native_width,
-            is_cpu,
-        };
+        let limits = DeviceLimits { native_width, is_cpu, ..crate::device::EXAMPLE_LIMITS };
         fastest(&limits, triangles).unwrap_or_else(|error| panic!("{error}"))
     }
 

@@ -14,8 +14,9 @@ pub use axis::{
 pub use fastest::fastest;
 pub use host::HostNeeds;
 pub use presets::{PRESETS, Preset, preset};
-pub use requirements::{Infeasible, Requirements, TILE_TRIANGLES, Workload};
+pub use requirements::{GROUP_LANES, Infeasible, Requirements, TILE_TRIANGLES, Workload};
 
+use crate::device::DeviceLimits;
 use crate::error::{Error, Result, nearest};
 
 /// Declares [`Strategy`] and everything that must name each of its axes once.
@@ -112,6 +113,17 @@ impl Strategy {
         self.traversal != Traversal::Tile
     }
 
+    /// Whether 32 work-items share a tile, not one work-item has it in vectors.
+    pub fn shares_tiles(&self) -> bool {
+        self.traversal == Traversal::Tile && self.width == Width::W1
+    }
+
+    /// `other`, or the local size that a device with these limits does best with where the strategy leaves no choice: groups
+    /// of 32 that share tiles.
+    pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
+        if self.shares_tiles() { [GROUP_LANES, limits.lane_operations.usual_groups()] } else { other }
+    }
+
     /// Refuses combinations that make no sense on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
@@ -125,6 +137,8 @@ impl Strategy {
     pub fn contradiction(&self) -> Option<&'static str> {
         let raster = self.traversal == Traversal::Raster;
         let tile = self.traversal == Traversal::Tile;
+        let shared = self.shares_tiles();
+        let large = matches!(self.tile, TileSize::T32x16);
         let eager = self.shading == Shading::Eager;
         let tiled = self.triangles == Triangles::Tiled;
         let in_place = matches!(self.triangles, Triangles::Global | Triangles::Constant);
@@ -163,10 +177,29 @@ impl Strategy {
                 tile && self.epsilons == Epsilons::Paper,
                 "traversal = tile has edge functions of its own: epsilons = relative",
             ),
-            (tile && self.width != Width::W16, "traversal = tile casts vectors of 16 rays: width = 16"),
             (
-                tile && !matches!(self.node_width, NodeWidth::N8 | NodeWidth::N16),
-                "traversal = tile tests a node's children as one vector: node_width = 8 or 16",
+                tile && !shared && self.width != Width::W16,
+                "traversal = tile casts vectors of 16 rays, or one ray a work-item: width = 16 or 1",
+            ),
+            (
+                tile && !shared && !matches!(self.node_width, NodeWidth::N8 | NodeWidth::N16),
+                "traversal = tile with width = 16 tests a node's children as one vector: node_width = 8 or 16",
+            ),
+            (
+                tile && !shared && self.tile == TileSize::T8x4,
+                "traversal = tile with width = 16 has work for a work-item from tile = 8x8 on",
+            ),
+            (
+                shared && self.node_width != NodeWidth::N32,
+                "traversal = tile with width = 1 tests a child of a node with each of 32 work-items: node_width = 32",
+            ),
+            (
+                shared && self.passes == Passes::Fused,
+                "traversal = tile with width = 1 shades in a pass of its own: passes = separate",
+            ),
+            (
+                shared && large,
+                "traversal = tile with width = 1 keeps a tile in the registers of 32 work-items: tile = 16x16 at most",
             ),
             (
                 self.math == Math::Fast && self.intersector == Intersector::Watertight,

@@ -54,6 +54,15 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
+/// A tile shared by 32 work-items.
+const TILE_GROUP: Strategy = Strategy {
+    traversal: Traversal::Tile,
+    node_width: NodeWidth::N32,
+    leaf_size: LeafSize::L32,
+    tile: TileSize::T8x8,
+    ..MODERN
+};
+
 /// Every preset, the paper's first.
 pub const PRESETS: &[Preset] = &[
     Preset {
@@ -161,6 +170,16 @@ pub const PRESETS: &[Preset] = &[
         name: "tile-watertight",
         about: "tile, with the test that leaks no ray at edges and vertices",
         strategy: Strategy { intersector: Intersector::Watertight, ..TILE },
+    },
+    Preset {
+        name: "tile-group",
+        about: "tiles of 64 rays, each shared by 32 work-items that walk a tree of 32 children a node: for big scenes on a GPU",
+        strategy: TILE_GROUP,
+    },
+    Preset {
+        name: "tile-group-watertight",
+        about: "tile-group with the test that leaks no ray at edges and vertices",
+        strategy: Strategy { intersector: Intersector::Watertight, ..TILE_GROUP },
     },
 ];
 

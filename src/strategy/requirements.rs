@@ -3,7 +3,7 @@
 use super::sum::Sum;
 use super::{Layout, Strategy, Traversal, Triangles, Vectors};
 use crate::accel::WideBvh;
-use crate::device::DeviceLimits;
+use crate::device::{DeviceLimits, LaneOperations};
 
 /// Nine working vectors of three floats.
 const WORKING_BYTES: u64 = 9 * 3 * 4;
@@ -20,6 +20,15 @@ pub const TILE_TRIANGLES: u64 = 128;
 
 /// A ray of a tile: direction, nearness, place; and while it is shaded what arrives and the sum so far.
 const TILE_RAY_BYTES: u64 = (5 + 6) * 4;
+
+/// Work-items that share a tile: GROUP_LANES in the kernels.
+pub const GROUP_LANES: u32 = 32;
+/// An entry of their stack: a child's word and where it is entered.
+const STACK_ENTRY_BYTES: u64 = 8;
+/// A word a lane, by which they tell each other things where they have no other way.
+const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
+/// A pixel in the queue of shadow rays left over, and its lights.
+const QUEUE_ENTRY_BYTES: u64 = 8;
 
 /// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
 /// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
@@ -47,8 +56,16 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// Work-items across and down: one a block of pixels, whole work-groups.
+    /// Work-items across and down: one a block of pixels or 32 a tile, whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
+        if strategy.shares_tiles() {
+            let (across, down) = strategy.tile.pixels();
+            let tiles = (self.image_size[1] as usize).div_ceil(down);
+            return [
+                (self.image_size[0] as usize).div_ceil(across) * GROUP_LANES as usize,
+                tiles.next_multiple_of(self.local_size[1] as usize),
+            ];
+        }
         let block = block(strategy);
         let across = |pixels: u32, block: usize, local: u32| {
             (pixels as usize).div_ceil(block).next_multiple_of(local as usize)
@@ -61,7 +78,7 @@ impl Workload {
 
     /// Numbers that separate passes hand on: one a pixel, or whole tiles of them.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
-        if strategy.traversal == Traversal::Tile {
+        if strategy.traversal == Traversal::Tile && !strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
             self.global_size(strategy).iter().product::<usize>() * across * down
         } else {
@@ -125,6 +142,7 @@ impl Requirements {
         limits: &DeviceLimits,
     ) -> Result<Self, Infeasible> {
         shape(workload, limits)?;
+        groups(strategy, workload, limits)?;
         indices(strategy, workload)?;
         local(strategy, workload).within("__local memory", limits.local_bytes)?;
         constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;
@@ -151,6 +169,27 @@ fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
     let sizes = limits.work_item_sizes;
     if x as usize > sizes[0] || y as usize > sizes[1] {
         let reason = format!("work-group: {x} x {y} work-items > the device's {} x {}", sizes[0], sizes[1]);
+        return Err(Infeasible { reason });
+    }
+    Ok(())
+}
+
+/// Whether a work-group consists of groups that can share tiles.
+fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
+    let [x, y] = workload.local_size;
+    if !strategy.shares_tiles() {
+        return Ok(());
+    }
+    if x != GROUP_LANES {
+        let reason = format!(
+            "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among {GROUP_LANES} work-items across: 32 x 1 to 32 x 8"
+        );
+        return Err(Infeasible { reason });
+    }
+    if y > 1 && limits.lane_operations == LaneOperations::Barriers {
+        let reason = format!(
+            "work-group: {x} x {y}, but this device has only barriers to share a tile by, one tile a work-group: 32 x 1"
+        );
         return Err(Infeasible { reason });
     }
     Ok(())
@@ -217,6 +256,12 @@ fn local(strategy: &Strategy, w: &Workload) -> Sum {
         factors.extend([(u64::from(x), ""), (u64::from(y), "")]);
         sum.add("vectors", &factors);
     }
+    if strategy.shares_tiles() {
+        let groups = (u64::from(w.local_size[1]), " tiles");
+        sum.add("stack", &[(STACK_ENTRY_BYTES, " B"), (w.stack_size as u64, " entries"), groups]);
+        sum.add("leaf", &[(ROW_BYTES, " B"), (GROUP_LANES.into(), " triangles"), groups]);
+        sum.add("board", &[(BOARD_BYTES, " B")]);
+    }
     match strategy.triangles {
         Triangles::Global | Triangles::Constant => {}
         Triangles::Local => add_scene(&mut sum, strategy, w),
@@ -257,6 +302,7 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     if strategy.traversal == Traversal::Tile {
         let (across, down) = strategy.tile.pixels();
         let [x, y] = w.local_size.map(u64::from);
+        let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
     let barriers = !matches!(strategy.triangles, Triangles::Global | Triangles::Constant);
@@ -279,6 +325,9 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     }
     if strategy.traversal == Traversal::Raster {
         sum.add("depth", &[(4, " B"), (pixels, " pixels")]);
+    }
+    if strategy.shares_tiles() {
+        sum.add("queue", &[(QUEUE_ENTRY_BYTES, " B"), (pixels, " pixels")]);
     }
     if strategy.needs_tree() {
         let (bytes, nodes) = node_bytes(strategy, w);

@@ -54,8 +54,14 @@ impl Stand {
         Self { device, queue, scene, size, references: HashMap::new() }
     }
 
+    /// The local size of a strategy here: `wished` where it has the choice.
+    pub fn local_size(&self, strategy: &Strategy, wished: [u32; 2]) -> [u32; 2] {
+        strategy.local_size(&self.device.info.limits, wished)
+    }
+
     /// Builds a strategy's program for the scene; none where the device cannot hold it, with why.
     pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Built, String> {
+        let local_size = self.local_size(strategy, local_size);
         let mut workload = Workload::of(&self.scene, self.size, local_size);
         Requirements::check(strategy, &workload, &self.device.info.limits)
             .map_err(|refused| refused.reason)?;

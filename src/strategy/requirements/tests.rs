@@ -15,6 +15,7 @@ const PAPER_DEVICE: DeviceLimits = DeviceLimits {
     compute_units: 16,
     native_width: 1,
     is_cpu: false,
+    lane_operations: LaneOperations::Barriers,
 };
 
 fn workload(triangles: usize, local: u32) -> Workload {
@@ -98,8 +99,35 @@ fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name
 #[test]
 fn every_preset_fits_one_triangle() {
     for preset in PRESETS {
-        assert!(check(preset.name, 1, 8).is_ok(), "{}", preset.name);
+        let mut workload = workload(1, 8);
+        workload.local_size = preset.strategy.local_size(&PAPER_DEVICE, workload.local_size);
+        let fits = Requirements::check(&preset.strategy, &workload, &PAPER_DEVICE);
+        assert!(fits.is_ok(), "{}: {fits:?}", preset.name);
     }
+}
+
+#[test]
+fn a_shared_tile_has_32_work_items_and_room_for_its_stack() {
+    let strategy = preset("tile-group").unwrap().strategy;
+    let check = |local_size, stack_size, lane_operations| {
+        let workload = Workload { local_size, stack_size, ..workload(1, 8) };
+        let limits = DeviceLimits { lane_operations, ..PAPER_DEVICE };
+        Requirements::check(&strategy, &workload, &limits).map(|needs| needs.local_bytes)
+    };
+    let [barriers, ptx] = [LaneOperations::Barriers, LaneOperations::Ptx];
+    assert_eq!(check([32, 4], 192, ptx), Ok((192 * 8 + 1536) * 4 + 128));
+    assert!(check([8, 8], 192, ptx).unwrap_err().reason.contains("32 work-items across"));
+    assert!(check([32, 4], 192, barriers).unwrap_err().reason.contains("only barriers"));
+    assert!(check([32, 1], 192, barriers).is_ok());
+    let refused = check([32, 4], 1600, ptx).unwrap_err();
+    assert!(refused.reason.starts_with("__local memory: stack 8 B x 1600 entries x 4 tiles"), "{refused:?}");
+}
+
+#[test]
+fn a_shared_tile_is_32_work_items_of_the_frame() {
+    let strategy = preset("tile-group").unwrap().strategy;
+    let workload = Workload { image_size: [45, 29], local_size: [32, 3], ..workload(1, 8) };
+    assert_eq!(workload.global_size(&strategy), [6 * 32, 6]);
 }
 
 /// A preset with some axes changed.

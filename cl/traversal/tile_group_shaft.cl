@@ -1,0 +1,69 @@
+// The axes of a pass of tile_group.cl, and the box of its rays' slopes.
+
+// a b + c, in one rounding where that is as fast as two. (PTX has it, whether or not the macro says so.)
+#if defined(FP_FAST_FMAF) || LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
+#define MULTIPLY_ADD(a, b, c) fma(a, b, c)
+#else
+#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
+#endif
+// An interval of slopes is widened by this much, several times the rounding of what it is compared with.
+#define SLOPE_ROUNDING 1e-6f
+
+// The axes of a pass and the slopes of its rays: a box in (x, y).
+typedef struct {
+    int across, down, along; // which axes of the scene x, y and z are
+    float sign;              // -1 where rays run towards smaller z
+    float x, y, z;           // the rays' origin along these axes
+    float low_x, high_x, low_y, high_y;
+    float longest; // the largest component of a direction (x, y, 1)
+} Shaft;
+
+INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
+
+// Turns a pass's axes so that the largest component of a direction is z.
+INLINED void aim(Uniform3 origin, Uniform3 leader, Shaft *shaft) {
+    const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
+    const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
+    const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
+    shaft->across = across;
+    shaft->down = down;
+    shaft->along = along;
+    shaft->sign = component(leader.x, leader.y, leader.z, along) < 0.0f ? -1.0f : 1.0f;
+    shaft->x = component(origin.x, origin.y, origin.z, across);
+    shaft->y = component(origin.x, origin.y, origin.z, down);
+    shaft->z = shaft->sign * component(origin.x, origin.y, origin.z, along);
+}
+
+// The box of slopes, given its sides without rounding.
+INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
+    const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
+    const float more = SLOPE_ROUNDING * longest;
+    shaft->longest = longest;
+    shaft->low_x = low_x - more;
+    shaft->high_x = high_x + more;
+    shaft->low_y = low_y - more;
+    shaft->high_y = high_y + more;
+}
+
+// A point of the scene along a pass's axes, with their origin where the scene's is.
+INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
+    return uniform3(component(v.x, v.y, v.z, shaft->across), component(v.x, v.y, v.z, shaft->down),
+                    shaft->sign * component(v.x, v.y, v.z, shaft->along));
+}
+
+// The corners of the triangle at a place of leaf order. A compiler that sees that a fourth word is not used loads the
+// rest of a quad in two pieces, which takes twice as long: what this returns always holds, and needs them.
+INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
+    const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+    const float4 first = row[0], second = row[1], third = row[2];
+    *a = along_axes(shaft, first);
+    *b = along_axes(shaft, second);
+    *c = along_axes(shaft, third);
+    return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // numbers of triangle and material, and 0
+}
+
+// The most that v . (x, y, 1) can be in a shaft.
+INLINED float most_of(const Shaft *shaft, Uniform3 v) {
+    const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
+    return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
+}

@@ -1,0 +1,161 @@
+//! How the 32 work-items that share a tile can tell each other things on a device: found by trying.
+
+use super::DeviceInfo;
+use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
+use serde::{Deserialize, Serialize};
+
+/// What cl/shared/lanes.cl is made of on a device, slowest first. Its LANES_BY_* are these values as numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LaneOperations {
+    /// `__local` memory and barriers: any device, one group a work-group.
+    #[default]
+    Barriers,
+    /// `cl_khr_subgroups` of 32 work-items.
+    SubGroups,
+    /// Inline PTX: votes and shuffles.
+    PtxShuffles,
+    /// Inline PTX with reductions.
+    Ptx,
+}
+
+/// Lanes of a group: GROUP_LANES in the kernels.
+const LANES: usize = 32;
+/// Groups of the work-group that is tried.
+const GROUPS: usize = 4;
+/// Registers of a work-item, where the compiler takes a limit: with it a compute unit of 65,536 holds 24 groups at a time,
+/// without it 16 to 20. The shading of tiles then keeps some words in memory while it walks; primary rays none.
+const PTX_REGISTERS: u32 = 80;
+/// Answers of a lane.
+const ANSWERS: usize = 8;
+/// The lanes that a rank is asked among.
+const AMONG: u32 = 0x0f0f_00ff;
+
+const PROBE: &str = include_str!("../../cl/shared/lanes_probe.cl");
+const LANES_HEADER: &str = include_str!("../../cl/shared/lanes.cl");
+
+impl LaneOperations {
+    /// How many tiles a work-group does best with: several, where their groups need not wait for each other.
+    pub fn usual_groups(self) -> u32 {
+        if self == Self::Barriers { 1 } else { GROUPS as u32 }
+    }
+
+    /// The fastest that a device's extensions hint at and that give right answers there.
+    pub(super) fn find(info: &DeviceInfo, platform: ocl::Platform, device: ocl::Device) -> Self {
+        let right = |operations: &Self| try_out(*operations, info, platform, device).unwrap_or(false);
+        hinted(info).iter().copied().find(right).unwrap_or_default()
+    }
+
+    /// The compiler's options for kernels that use them.
+    pub fn options(self, opencl_3: bool) -> Vec<String> {
+        let standard = match (self, opencl_3) {
+            (Self::SubGroups, true) => "CL3.0",
+            (Self::SubGroups, false) => "CL2.0",
+            _ => "CL1.2",
+        };
+        let mut options = vec![format!("-D LANE_OPERATIONS={}", self as u32), format!("-cl-std={standard}")];
+        if self >= Self::PtxShuffles {
+            options.push(format!("-cl-nv-maxrregcount={PTX_REGISTERS}"));
+        }
+        options
+    }
+}
+
+/// What may work, fastest first: `cl_nv_compiler_options` belongs to compilers that take inline PTX.
+fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
+    if info.limits.work_group_size < LANES * GROUPS {
+        &[]
+    } else if info.has_extension("cl_nv_compiler_options") {
+        &[LaneOperations::Ptx, LaneOperations::PtxShuffles]
+    } else if info.extensions.iter().any(|extension| extension.starts_with("cl_khr_subgroup")) {
+        &[LaneOperations::SubGroups]
+    } else {
+        &[]
+    }
+}
+
+/// Whether a kernel of these operations builds, runs and gives the answers it should.
+fn try_out(
+    operations: LaneOperations,
+    info: &DeviceInfo,
+    platform: ocl::Platform,
+    device: ocl::Device,
+) -> ocl::Result<bool> {
+    let source = PROBE.replace("#include \"shared/lanes.cl\"", LANES_HEADER);
+    let mut options = operations.options(info.speaks_opencl_3());
+    options.push(format!("-D LOCAL_Y={GROUPS}"));
+    let context = Context::builder().platform(platform).devices(device).build()?;
+    let program =
+        Program::builder().src(source).cmplr_opt(options.join(" ")).devices(device).build(&context)?;
+    let queue = Queue::new(&context, device, None)?;
+    let answers = Buffer::<u32>::builder()
+        .queue(queue.clone())
+        .flags(MemFlags::READ_WRITE)
+        .len(LANES * GROUPS * ANSWERS)
+        .build()?;
+    let kernel = Kernel::builder()
+        .program(&program)
+        .name("probe_lanes")
+        .queue(queue)
+        .global_work_size([LANES, GROUPS])
+        .local_work_size([LANES, GROUPS])
+        .arg(&answers)
+        .build()?;
+    // SAFETY: the kernel has the one argument its source declares, which holds what its work-items write.
+    unsafe { kernel.enq()? };
+    let mut found = vec![0; answers.len()];
+    answers.read(&mut found).enq()?;
+    Ok(found == expected())
+}
+
+/// The right answers of every lane of every group.
+fn expected() -> Vec<u32> {
+    let lanes = (0..GROUPS as u32).flat_map(|group| (0..LANES as u32).map(move |lane| (group, lane)));
+    lanes.flat_map(|(group, lane)| answers(group, lane)).collect()
+}
+
+fn answers(group: u32, lane: u32) -> [u32; ANSWERS] {
+    let number = |lane: u32| (7 * lane + group) % 32;
+    let own = number(lane);
+    let bits =
+        |wanted: &dyn Fn(u32) -> bool| (0..32).filter(|&lane| wanted(lane)).map(|lane| 1 << lane).sum();
+    let multiples: u32 = bits(&|lane| number(lane) % 3 == 0);
+    let smaller: u32 = bits(&|lane| AMONG >> lane & 1 == 1 && number(lane) < own);
+    let ends = [-15.5_f32, 15.5].map(f32::to_bits);
+    [multiples, number(5), 100, smaller.count_ones(), ends[0], ends[1], number(31 - lane), own]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::tests::example;
+    use crate::device::{DeviceKind, discover};
+
+    #[test]
+    fn extensions_hint_at_what_to_try() {
+        let mut device = example("A", "gpu", DeviceKind::Gpu, 1);
+        assert!(hinted(&device).is_empty());
+        device.extensions.push("cl_khr_subgroups".into());
+        assert_eq!(hinted(&device), [LaneOperations::SubGroups]);
+        device.extensions.push("cl_nv_compiler_options".into());
+        assert_eq!(hinted(&device)[0], LaneOperations::Ptx);
+        device.limits.work_group_size = 64;
+        assert!(hinted(&device).is_empty());
+    }
+
+    #[test]
+    fn each_lane_has_answers_of_its_own() {
+        let expected = expected();
+        let rows: std::collections::HashSet<_> = expected.chunks(ANSWERS).collect();
+        assert_eq!(rows.len(), LANES * GROUPS);
+    }
+
+    #[test]
+    fn what_a_device_has_was_tried() {
+        for device in discover().expect("the tests need PoCL: make setup") {
+            let has = device.info.limits.lane_operations;
+            let tried = hinted(&device.info).contains(&has);
+            assert!(tried || has == LaneOperations::Barriers, "{:?}", device.info);
+        }
+    }
+}
