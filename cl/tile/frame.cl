@@ -22,8 +22,7 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
     lighting.lights = lights;           \
     lighting.light_count = light_count; \
     lighting.bias = bias;               \
-    lighting.materials = materials;     \
-    lighting.material_count = material_count;
+    lighting.materials = materials;
 // There are no barriers.
 #define LEAVE_OUTSIDE(image_size) \
     if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;

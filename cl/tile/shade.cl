@@ -25,26 +25,28 @@ typedef struct {
     int light_count;
     float bias;
     const __global float *materials;
-    int material_count;
 } Lighting;
 
-// The materials of a vector's hits: one, mostly.
-Surface gather_materials(const Lighting *lighting, varying number, Mask hits) {
+Surface one_material(const __global float *material) {
     Surface surface;
-    if (lighting->material_count == 1) {
-        surface.lambertian = splat(LOAD3(lighting->materials));
-        surface.glossy = splat(LOAD3(lighting->materials + 3));
-        surface.shininess = (varying)(lighting->materials[6]);
-        surface.kind = (varying)(lighting->materials[7]);
-        return surface;
-    }
-    IntLanes at, hit;
-    at.all = AS_INT(number);
-    hit.all = hits;
+    surface.lambertian = splat(LOAD3(material));
+    surface.glossy = splat(LOAD3(material + 3));
+    surface.shininess = (varying)(material[6]);
+    surface.kind = (varying)(material[7]);
+    return surface;
+}
+
+// The materials of a vector's hits: mostly one.
+Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
+    IntLanes at;
+    at.all = AS_INT(numbers);
+    const int first = at.each[LOWEST_BIT(LANE_BITS16(hits))];
+    if (!ANY(hits & (at.all != first))) return one_material(lighting->materials + 8 * first);
+    at.all = SELECT(hits, at.all, (varying_int)(first));
     Lanes column[8];
     for (int lane = 0; lane < WIDTH; lane++)
-        for (int i = 0; i < 8; i++)
-            column[i].each[lane] = hit.each[lane] ? lighting->materials[8 * at.each[lane] + i] : 0.0f;
+        for (int i = 0; i < 8; i++) column[i].each[lane] = lighting->materials[8 * at.each[lane] + i];
+    Surface surface;
     surface.lambertian = vec3(column[0].all, column[1].all, column[2].all);
     surface.glossy = vec3(column[3].all, column[4].all, column[5].all);
     surface.shininess = column[6].all;
@@ -109,9 +111,10 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Makes a light's rays to the hits of the tile's vectors. Returns the vectors with any.
+// Makes a light's rays to the hits of the tile's vectors, which it finds for the first light and keeps for others.
+// Returns the vectors with any.
 uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
-                     CAMERA_PARAMETERS, int2 image_size, uint hit, Vec3 *arriving) {
+                     CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
         for (int axis = 0; axis < 3; axis++) {
             slices->low[axis][part] = (float16)(FAR);
@@ -120,17 +123,23 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
         slices->reach[part] = (float16)(1.0f);
     }
     bundle->longest = 0.0f;
+    bundle->origin = LOAD3(lighting->lights + 6 * light);
+    bundle->too_near = FAR;
     uint open = 0;
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const varying_int place = bundle->place[vector];
-        const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
-        const Shaded shaded = meet_vector(tree, lighting, ray, place, place != NO_HIT);
-        const Mask lit = light_vector(bundle, slices, lighting, light, vector, &shaded, place != NO_HIT, arriving + vector);
+        const Mask hits = bundle->place[vector] != NO_HIT;
+        Shaded surface;
+        if (light > 0) {
+            surface = shaded[vector];
+        } else {
+            const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
+            surface = meet_vector(tree, lighting, ray, bundle->place[vector], hits);
+            if (lighting->light_count > 1) shaded[vector] = surface;
+        }
+        const Mask lit = light_vector(bundle, slices, lighting, light, vector, &surface, hits, arriving + vector);
         open |= ANY(lit) ? 1u << vector : 0;
     }
-    bundle->origin = LOAD3(lighting->lights + 6 * light);
-    bundle->too_near = FAR;
     return open;
 }
 
@@ -177,16 +186,17 @@ void store_background(__global float4 *restrict image, int2 image_size, float4 b
 // something is.
 void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS, int2 image_size,
                 float4 background, __global float4 *restrict image) {
+    Shaded shaded[VECTORS];
     Vec3 sum[VECTORS], arriving[VECTORS];
     uint hit = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
-        hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
         sum[vector] = splat(uniform3(0.0f, 0.0f, 0.0f));
+        hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
     }
     for (int light = 0; light < lighting->light_count; light++) {
         Slices slices;
         const uint open = make_light_rays(bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y, image_size,
-                                          hit, arriving);
+                                          hit, shaded, arriving);
         if (!open) continue;
         const Cone cone = finish_slices(&slices);
         walk(bundle, &slices, &cone, tree, open, 1);

@@ -18,8 +18,9 @@ const POINT_BYTES: u64 = 3 * 4;
 /// Triangles of a tile where triangles are streamed through `__local` memory.
 pub const TILE_TRIANGLES: u64 = 128;
 
-/// A ray of a tile: direction, nearness, place; and while it is shaded what arrives and the sum so far.
-const TILE_RAY_BYTES: u64 = (5 + 6) * 4;
+/// A ray of a tile: direction, nearness, place, what the watertight test has of it; and while it is shaded the surface it
+/// hit, what arrives and the sum so far.
+const TILE_RAY_BYTES: u64 = (5 + 2 + 17 + 6) * 4;
 
 /// Work-items that share a tile: GROUP_LANES in the kernels.
 pub const GROUP_LANES: u32 = 32;
@@ -301,6 +302,7 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal == Traversal::Tile {
         let (across, down) = strategy.tile.pixels();
+        // Without barriers, too, a driver was seen to keep those of all work-items at once (PoCL 3.1).
         let [x, y] = w.local_size.map(u64::from);
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
