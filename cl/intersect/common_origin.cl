@@ -48,6 +48,7 @@ Row planes_of(Row corner, Uniform3 origin, float front) {
     row.b = uniform_scale(uniform_cross(e2, a), k);
     row.c = uniform_scale(uniform_cross(a, e1), k);
     // As much as rounding may move a weight: triangles overlap by so little rather than leave gaps.
-    row.slack = ROUNDING * distance * max(size1, size2) * fabs(k);
+    const float rounding = front > 0.0f ? SHADOW_SLACK * ROUNDING : ROUNDING;
+    row.slack = rounding * distance * max(size1, size2) * fabs(k);
     return row;
 }

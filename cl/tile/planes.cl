@@ -61,11 +61,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     store_plane(lanes_cross(a, e2), sign, prepared->w1);
     store_plane(v, sign, prepared->w2);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
-    // Weights are allowed their rounding error, as in the other fast tests; less on the long way from a light, where it
-    // would darken what lies beside a grazed edge. (Measured: with all of it, or with none, a pixel in two million is
-    // wrong on one of bunny, teapot and terrain; with a quarter, none.)
+    // Weights are allowed their rounding error, as in the other fast tests.
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    const float8 rounding = (any ? 0.25f : 1.0f) * ROUNDING * bundle->longest * lanes_size(a);
+    const float8 rounding = (any ? SHADOW_SLACK : 1.0f) * ROUNDING * bundle->longest * lanes_size(a);
     vstore8(rounding * size2, 0, prepared->slack1);
     vstore8(rounding * size1, 0, prepared->slack2);
     vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
