@@ -349,13 +349,14 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Bytes of a tree's node, and about how many there are: full nodes over full leaves, and half as many again for
-/// those that are not.
+/// Bytes of a tree's node, and about how many there are: full nodes over leaves that are half full where they may be
+/// larger than four (places of a node that are left over make them smaller), and half as many again.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
-    let nodes =
-        (w.triangles as u64).saturating_mul(3) / (strategy.leaf_size.triangles() as u64 * (children - 1)) + 1;
-    (8 * children * 4, nodes)
+    let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;
+    let nodes = (w.triangles as u64).saturating_mul(3) / (leaf * (children - 1)) + 1;
+    let rows = if children <= 8 { 8 } else { 7 };
+    (rows * children * 4, nodes)
 }
 
 #[cfg(test)]
