@@ -118,7 +118,8 @@ fn watertight_frames_leak_no_pixel() {
 
 #[test]
 fn the_other_test_is_counted() {
-    // Overlap by rounding lets few through, but promises nothing: `cargo test --test watertight_frames -- --nocapture`.
+    // Overlap by rounding, or edges that neighbours share, let few through, but promise nothing:
+    // `cargo test --test watertight_frames -- --nocapture`.
     for strategy in ways(Intersector::MollerTrumbore) {
         let (_, hits) = lit_and_hit(net_before_the_eye(), &strategy);
         let (lit, _) = lit_and_hit(net_before_the_light(true), &strategy);

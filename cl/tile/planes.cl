@@ -1,14 +1,17 @@
-// Triangles are prepared once for all rays, eight at a time, a lane each: with S = O - V0, the planes e2 x e1, e2 x S and
-// S x e1 give a, a w1 and a w2 of Moeller and Trumbore as dot products with a ray's direction, and a t, their height, is
-// the same for all. What lies in front of the rays has an a of that sign, so that none asks for signs.
+// Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span the
+// plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has the right
+// sign. The triangle next door has the plane with the opposite sign, to the last bit: no ray passes between the two, and
+// none beside them is taken for a hit. (So does Embree's robust mode.)
+// With a = d.(e2 x e1), a t is the same for all rays: the height. What lies in front of them has an a of its sign, so
+// that none asks for signs.
 
 #define PREPARED 8
 
 typedef struct {
-    float a[3][PREPARED], w1[3][PREPARED], w2[3][PREPARED];
-    float slack1[PREPARED], slack2[PREPARED]; // rounding that is allowed w1 and w2
-    float edge_on[PREPARED];                  // the least a of a ray that does not see it edge-on
-    float per_height[PREPARED];               // 1 / t = a per_height
+    float a[3][PREPARED];
+    float edges[3][3][PREPARED]; // the planes of its edges
+    float edge_on[PREPARED];     // the least a of a ray that does not see it edge-on
+    float per_height[PREPARED];  // 1 / t = a per_height
 } Prepared;
 
 typedef struct {
@@ -19,6 +22,12 @@ Lanes3 lanes_difference(Lanes3 a, Lanes3 b) {
     Lanes3 d;
     d.x = a.x - b.x, d.y = a.y - b.y, d.z = a.z - b.z;
     return d;
+}
+
+Lanes3 lanes_sum(Lanes3 a, Lanes3 b) {
+    Lanes3 s;
+    s.x = a.x + b.x, s.y = a.y + b.y, s.z = a.z + b.z;
+    return s;
 }
 
 Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
@@ -41,6 +50,9 @@ Lanes3 load_corners(const __global float4 *rows, Uniform3 origin) {
     return corner;
 }
 
+// Swapping the corners changes nothing but all signs.
+Lanes3 edge_plane(Lanes3 p, Lanes3 q) { return lanes_cross(lanes_difference(p, q), lanes_sum(p, q)); }
+
 void store_plane(Lanes3 plane, int8 sign, float to[3][PREPARED]) {
     vstore8(as_float8(as_int8(plane.x) ^ sign), 0, to[0]);
     vstore8(as_float8(as_int8(plane.y) ^ sign), 0, to[1]);
@@ -54,19 +66,15 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = load_corners(rows + 1, bundle->origin);
     const Lanes3 c = load_corners(rows + 2, bundle->origin);
     const Lanes3 e1 = lanes_difference(b, a), e2 = lanes_difference(c, a);
-    const Lanes3 v = lanes_cross(e1, a); // S is -a
-    const float8 height = e2.x * v.x + (e2.y * v.y + e2.z * v.z);
+    const Lanes3 n = lanes_cross(e2, e1);
+    const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
-    store_plane(lanes_cross(e2, e1), sign, prepared->a);
-    store_plane(lanes_cross(a, e2), sign, prepared->w1);
-    store_plane(v, sign, prepared->w2);
+    store_plane(n, sign, prepared->a);
+    store_plane(edge_plane(b, a), sign, prepared->edges[0]);
+    store_plane(edge_plane(c, b), sign, prepared->edges[1]);
+    store_plane(edge_plane(a, c), sign, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
-    // Weights are allowed their rounding error, as in the other fast tests.
-    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    const float8 rounding = (any ? SHADOW_SLACK : 1.0f) * ROUNDING * bundle->longest * lanes_size(a);
-    vstore8(rounding * size2, 0, prepared->slack1);
-    vstore8(rounding * size1, 0, prepared->slack2);
-    vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
+    vstore8(1e-5f * bundle->longest * lanes_size(e1) * lanes_size(e2), 0, prepared->edge_on);
 #if CULL_BACK
     return LANE_BITS8(any ? height < 0.0f : height > 0.0f);
 #else
@@ -78,21 +86,21 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // the nearest hit is kept. Returns the vectors in which something changed.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
-    const float ux = prepared->w1[0][lane], uy = prepared->w1[1][lane], uz = prepared->w1[2][lane];
-    const float vx = prepared->w2[0][lane], vy = prepared->w2[1][lane], vz = prepared->w2[2][lane];
-    const float slack1 = prepared->slack1[lane], slack2 = prepared->slack2[lane];
-    const float slack = 2.0f * (slack1 + slack2); // w1 and w2 have theirs already
+    const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
+    const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];
+    const float wx = prepared->edges[2][0][lane], wy = prepared->edges[2][1][lane], wz = prepared->edges[2][2][lane];
     const float edge_on = prepared->edge_on[lane], per_height = prepared->per_height[lane];
     uint changed = 0;
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        const varying w1 = x * ux + (y * uy + (z * uz + slack1));
-        const varying w2 = x * vx + (y * vy + (z * vz + slack2));
+        const varying u = x * ux + (y * uy + z * uz);
+        const varying v = x * vx + (y * vy + z * vz);
+        const varying w = x * wx + (y * wy + z * wz);
         const varying nearness = a * per_height;
         // One comparison instead of six: masks wait for one another longer than minima do.
-        const varying inside = min(min(w1, w2), a + slack - (w1 + w2));
+        const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(nearness - bundle->nearness[vector], bundle->too_near - nearness));
         const Mask hits = min(inside, seen) >= 0.0f;
