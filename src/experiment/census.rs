@@ -13,31 +13,41 @@ use std::time::{Duration, Instant};
 /// Far longer than drivers take to say what there is.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Every device, as a process of its own finds them.
+/// Every device, as a process of its own finds them. Where that process dies another is asked: the first death may have
+/// been somebody else's doing.
 pub fn find_devices() -> Result<Vec<DeviceInfo>> {
-    let failed = |why: &dyn std::fmt::Display| Error::run(format!("the devices could not be listed: {why}"));
-    let program = std::env::current_exe().map_err(|error| failed(&error))?;
+    let census = match ask()? {
+        Ok(census) => census,
+        Err(_) => ask()?.map_err(failed)?,
+    };
+    match census {
+        Census::Devices(devices) => Ok(devices),
+        Census::Failed { message, help: Some(help) } => Err(Error::run(message).with_help(help)),
+        Census::Failed { message, help: None } => Err(Error::run(message)),
+    }
+}
+
+fn failed(why: impl std::fmt::Display) -> Error {
+    Error::run(format!("the devices could not be listed: {why}"))
+}
+
+/// What a process of its own says; inside, how it ended if it said nothing of use.
+fn ask() -> Result<std::result::Result<Census, String>> {
+    let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
     command.args(["worker", "--list"]).stdin(Stdio::null()).stderr(Stdio::piped()).stdout(Stdio::piped());
-    let child = command.spawn().map_err(|error| failed(&error))?;
-    let output = output_within(child, LIMIT).map_err(|error| failed(&error))?;
+    let child = command.spawn().map_err(failed)?;
+    let output = output_within(child, LIMIT).map_err(failed)?;
     let output =
-        output.ok_or_else(|| failed(&format!("a driver has not answered for {} s", LIMIT.as_secs())))?;
+        output.ok_or_else(|| failed(format!("a driver has not answered for {} s", LIMIT.as_secs())))?;
     // Drivers may print lines of their own before ours, the last.
     let text = String::from_utf8_lossy(&output.stdout);
     let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
-    match serde_json::from_str(last) {
-        Ok(Census::Devices(devices)) => Ok(devices),
-        Ok(Census::Failed { message, help }) => Err(match help {
-            Some(help) => Error::run(message).with_help(help),
-            None => Error::run(message),
-        }),
-        Err(_) => {
-            let words = String::from_utf8_lossy(&output.stderr);
-            let last_words = words.lines().next_back().unwrap_or("it said nothing");
-            Err(failed(&format!("a driver ended the process that asked ({}; {last_words})", output.status)))
-        }
-    }
+    Ok(serde_json::from_str(last).map_err(|_| {
+        let words = String::from_utf8_lossy(&output.stderr);
+        let last_words = words.lines().next_back().unwrap_or("it said nothing");
+        format!("a driver ended the process that asked ({}; {last_words})", output.status)
+    }))
 }
 
 /// What a process says until it ends; one that has not ended in time is ended, and says nothing.
