@@ -4,78 +4,19 @@ use super::band::Band;
 use super::buffers::{allocate, read_with};
 use super::frame::{FrameTimes, Phase};
 use super::left_over::LeftOver;
+use super::parts::{Parts, Working};
 use super::scene::DeviceScene;
-use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
+use super::steps::{CameraArguments, Step, Steps};
 use super::tree::DeviceTree;
-use super::{NO_HIT, Queue, ROW_FLOATS};
+use super::{LaunchError, Queue, ROW_FLOATS};
 use crate::image::Radiance;
 use crate::program::BuiltProgram;
 use crate::scene::Scene;
 use crate::strategy::{Intersector, Passes, Requirements, Strategy, Traversal, Vectors, Workload};
-use ocl::builders::KernelBuilder;
-use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::{Float4, Int2};
 use ocl::{Buffer, Kernel};
 use rayon::prelude::*;
 use std::time::Instant;
-use thiserror::Error;
-
-/// A launch the device or its driver refused, or whose result it did not vouch for.
-#[derive(Debug, Error)]
-pub enum LaunchError {
-    /// What OpenCL said.
-    #[error("{0}")]
-    OpenCl(String),
-    /// The built kernel holds fewer work-items than the local size has.
-    #[error(
-        "the built kernel {kernel} holds work-groups of {most}, but the local size has {items} work-items"
-    )]
-    WorkGroup {
-        /// Its name.
-        kernel: String,
-        /// Work-items it can hold.
-        most: usize,
-        /// Work-items of the local size.
-        items: usize,
-    },
-    /// The scene's tree could not be made.
-    #[error("{0}")]
-    Tree(String),
-    /// The in-kernel allocator asked for more than the pool holds.
-    #[error("the in-kernel heap ran out: {used} of {size} values were asked for")]
-    HeapExhausted {
-        /// Values taken.
-        used: u64,
-        /// Values there are.
-        size: u64,
-    },
-}
-
-impl From<ocl::core::Error> for LaunchError {
-    fn from(error: ocl::core::Error) -> Self {
-        Self::from(ocl::Error::from(error))
-    }
-}
-
-impl From<ocl::Error> for LaunchError {
-    /// Keeps the status and the function, and drops `ocl`'s decoration.
-    fn from(error: ocl::Error) -> Self {
-        let message = error.to_string();
-        let lines: Vec<_> = message
-            .lines()
-            .map(str::trim)
-            .filter(|line| !line.is_empty() && !line.contains("####"))
-            .collect();
-        Self::OpenCl(lines.join(" "))
-    }
-}
-
-/// Where working vectors that need a buffer live.
-enum Working {
-    None,
-    Scratch(Buffer<f32>),
-    Heap { pool: Buffer<f32>, top: Buffer<i32>, size: u32 },
-}
 
 /// A frame's kernels with their arguments, ready to be cast.
 pub struct Caster {
@@ -84,22 +25,6 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     size: [u32; 2],
-}
-
-/// What all kernels of a frame are made from.
-struct Parts<'a> {
-    queue: &'a Queue,
-    program: &'a BuiltProgram,
-    strategy: &'a Strategy,
-    workload: &'a Workload,
-    scene: &'a DeviceScene,
-    bias: f32,
-    background: Float4,
-    camera: CameraArguments,
-    working: &'a Working,
-    prepared: Option<&'a Buffer<f32>>,
-    tree: Option<&'a DeviceTree>,
-    band: Option<Band>,
 }
 
 impl Caster {
@@ -263,171 +188,4 @@ fn prepared_planes(
         return Ok(None);
     }
     allocate(queue, ROW_FLOATS * scene.triangle_count * (1 + scene.light_count)).map(Some)
-}
-
-impl<'a> Parts<'a> {
-    /// A kernel of one work-item a block of pixels.
-    fn pixel_kernel(
-        &self,
-        name: &'static str,
-        finish: impl FnOnce(&mut KernelBuilder<'a>),
-    ) -> Result<Kernel, LaunchError> {
-        let mut kernel = self.kernel(name);
-        let mut size = self.workload.global_size(self.strategy);
-        if let Some(band) = &self.band {
-            let items = self.workload.local_size[1] as usize;
-            size[1] = band.len() * items;
-            kernel.global_work_offset([0, band.start * items]);
-        }
-        kernel.global_work_size(size);
-        kernel.local_work_size(self.workload.local_size.map(|n| n as usize));
-        match self.tree {
-            Some(DeviceTree { nodes, leaves, surfaces: Some(surfaces), .. }) => {
-                self.light_arguments(&mut kernel);
-                kernel.arg(nodes).arg(leaves).arg(&surfaces.normals).arg(&surfaces.materials);
-                kernel.arg(surfaces.material_count as i32);
-            }
-            _ => self.scene_arguments(&mut kernel),
-        }
-        camera_arguments(&mut kernel, &self.camera);
-        finish(&mut kernel);
-        match self.working {
-            Working::None => {}
-            Working::Scratch(scratch) => {
-                kernel.arg(scratch);
-            }
-            Working::Heap { pool, top, size } => {
-                kernel.arg(pool).arg(top).arg(*size);
-            }
-        }
-        let kernel = kernel.build()?;
-        self.check_work_group(&kernel, name)?;
-        Ok(kernel)
-    }
-
-    /// SCENE_PARAMETERS in the kernels.
-    fn scene_arguments(&self, kernel: &mut KernelBuilder<'a>) {
-        geometry_arguments(kernel, self.scene);
-        self.light_arguments(kernel);
-        if let Some(prepared) = self.prepared {
-            kernel.arg(prepared);
-        }
-        if let Some(tree) = self.tree {
-            kernel.arg(&tree.nodes).arg(&tree.leaves);
-        }
-    }
-
-    fn light_arguments(&self, kernel: &mut KernelBuilder<'a>) {
-        kernel.arg(&self.scene.lights).arg(self.scene.light_count as i32).arg(self.bias);
-    }
-
-    /// Asks the built kernel again whether it can hold the local size.
-    fn check_work_group(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
-        let items = self.workload.local_size.iter().product::<u32>() as usize;
-        match kernel.wg_info(self.queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
-            KernelWorkGroupInfoResult::WorkGroupSize(most) if most < items => {
-                Err(LaunchError::WorkGroup { kernel: name.to_owned(), most, items })
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn kernel(&self, name: &'static str) -> KernelBuilder<'a> {
-        let mut kernel = Kernel::builder();
-        kernel.program(&self.program.program).name(name).queue(self.queue.commands.clone());
-        // SAFETY: the argument lists follow cast.cl's parameters; `ocl` compares type names, and refuses
-        // a buffer of i32 for the allocator's uint.
-        unsafe { kernel.disable_arg_type_check() };
-        kernel
-    }
-
-    fn cast_frame(&self, image: &'a Buffer<Float4>) -> Result<Kernel, LaunchError> {
-        let name = if self.strategy.traversal == Traversal::Tile { "tile_frame" } else { "cast_frame" };
-        self.pixel_kernel(name, |kernel| {
-            kernel.arg(self.background).arg(image);
-        })
-    }
-
-    /// Shades in tiles that groups share; then the shadow rays that were left over have a group each.
-    fn shade_shared(
-        &self,
-        image: &'a Buffer<Float4>,
-        nearest: &'a Buffer<i32>,
-        left_over: &'a LeftOver,
-    ) -> Result<Steps, LaunchError> {
-        let shade = self.pixel_kernel("tile_shade", |kernel| {
-            kernel.arg(self.background).arg(image).arg(nearest).arg(&left_over.rays).arg(&left_over.count);
-        })?;
-        let groups = left_over.global_size(self.queue, self.workload.local_size)?;
-        let cast = self.pixel_kernel("tile_left_over", |kernel| {
-            kernel.global_work_size(groups);
-            kernel.arg(image).arg(nearest).arg(&left_over.rays).arg(&left_over.count);
-        })?;
-        let reset = Step::Fill(left_over.count.clone(), 0);
-        Ok([reset, Step::Run(shade), Step::Run(cast)].map(|step| (Phase::Shadow, step)).into())
-    }
-
-    fn cast_primary(&self, nearest: &'a Buffer<i32>) -> Result<Kernel, LaunchError> {
-        let name = if self.strategy.traversal == Traversal::Tile { "tile_primary" } else { "cast_primary" };
-        self.pixel_kernel(name, |kernel| {
-            kernel.arg(nearest);
-        })
-    }
-
-    fn shade_nearest(
-        &self,
-        image: &'a Buffer<Float4>,
-        nearest: &'a Buffer<i32>,
-    ) -> Result<Kernel, LaunchError> {
-        let name = if self.strategy.traversal == Traversal::Tile { "tile_shade" } else { "shade_nearest" };
-        self.pixel_kernel(name, |kernel| {
-            kernel.arg(self.background).arg(image).arg(nearest);
-        })
-    }
-
-    /// The allocator starts afresh before each kernel.
-    fn reset_heap(&self, phase: Phase) -> Option<(Phase, Step)> {
-        match self.working {
-            Working::Heap { top, .. } => Some((phase, Step::Fill(top.clone(), 0))),
-            _ => None,
-        }
-    }
-
-    /// One work-item a triangle and origin; nothing where there are no triangles.
-    fn prepare_origins(&self, prepared: &'a Buffer<f32>) -> ocl::Result<Option<(Phase, Step)>> {
-        if self.scene.triangle_count == 0 {
-            return Ok(None);
-        }
-        let mut kernel = self.kernel("prepare_origins");
-        kernel.global_work_size([self.scene.triangle_count, 1 + self.scene.light_count]);
-        geometry_arguments(&mut kernel, self.scene);
-        kernel.arg(&self.scene.lights).arg(self.camera.eye).arg(prepared);
-        let phase = if self.strategy.passes == Passes::Fused { Phase::Whole } else { Phase::Primary };
-        Ok(Some((phase, Step::Run(kernel.build()?))))
-    }
-
-    /// Clears, resolves depth, then finds the triangle that has it.
-    fn rasterise(&self, nearest: &Buffer<i32>, pixels: usize) -> ocl::Result<Steps> {
-        let depth = allocate::<i32>(self.queue, pixels)?;
-        let mut steps = vec![
-            (Phase::Primary, Step::Fill(depth.clone(), NO_HIT)),
-            (Phase::Primary, Step::Fill(nearest.clone(), NO_HIT)),
-        ];
-        if self.scene.triangle_count == 0 {
-            return Ok(steps);
-        }
-        for name in ["raster_depth", "raster_nearest"] {
-            let mut kernel = Kernel::builder();
-            kernel.program(&self.program.program).name(name).queue(self.queue.commands.clone());
-            kernel.global_work_size(self.scene.triangle_count);
-            geometry_arguments(&mut kernel, self.scene);
-            camera_arguments(&mut kernel, &self.camera);
-            kernel.arg(&depth);
-            if name == "raster_nearest" {
-                kernel.arg(nearest);
-            }
-            steps.push((Phase::Primary, Step::Run(kernel.build()?)));
-        }
-        Ok(steps)
-    }
 }

@@ -6,8 +6,10 @@
 mod band;
 mod buffers;
 mod caster;
+mod error;
 mod frame;
 mod left_over;
+mod parts;
 mod queue;
 mod rays;
 mod scene;
@@ -16,7 +18,8 @@ mod steps;
 mod tree;
 
 pub use band::{Band, cut};
-pub use caster::{Caster, LaunchError};
+pub use caster::Caster;
+pub use error::LaunchError;
 pub use frame::FrameTimes;
 pub use queue::Queue;
 pub use rays::{Ray, cast_rays};

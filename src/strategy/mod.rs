@@ -6,6 +6,7 @@ mod host;
 mod presets;
 mod requirements;
 mod sum;
+mod workload;
 
 pub use axis::{
     Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading,
@@ -14,7 +15,8 @@ pub use axis::{
 pub use fastest::fastest;
 pub use host::HostNeeds;
 pub use presets::{PRESETS, Preset, preset};
-pub use requirements::{GROUP_LANES, Infeasible, Requirements, TILE_TRIANGLES, Workload};
+pub use requirements::{GROUP_LANES, Infeasible, Requirements, TILE_TRIANGLES};
+pub use workload::Workload;
 
 use crate::device::DeviceLimits;
 use crate::error::{Error, Result, nearest};

@@ -1,6 +1,7 @@
 //! What a strategy asks of a device, with its arithmetic, before anything is compiled.
 
 use super::sum::Sum;
+use super::workload::Workload;
 use super::{Layout, Strategy, Traversal, Triangles, Vectors};
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
@@ -34,73 +35,6 @@ const QUEUE_ENTRY_BYTES: u64 = 8;
 /// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
 /// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
 const CPU_STACK_BYTES: u64 = 4 << 20;
-
-/// The sizes a strategy's needs depend on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Workload {
-    /// Triangles in the scene.
-    pub triangles: usize,
-    /// Entries of the mesh's set of positions.
-    pub positions: usize,
-    /// Entries of the mesh's set of normals.
-    pub normals: usize,
-    /// Entries of the mesh's set of materials.
-    pub materials: usize,
-    /// Lights in the scene.
-    pub lights: usize,
-    /// Entries of a traversal's stack; 0 where there is no tree, or none is built yet.
-    pub stack_size: usize,
-    /// Pixels across and down.
-    pub image_size: [u32; 2],
-    /// Work-items of a work-group across and down.
-    pub local_size: [u32; 2],
-}
-
-impl Workload {
-    /// Work-items across and down: one a block of pixels or 32 a tile, whole work-groups.
-    pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
-        if strategy.shares_tiles() {
-            let (across, down) = strategy.tile.pixels();
-            let tiles = (self.image_size[1] as usize).div_ceil(down);
-            return [
-                (self.image_size[0] as usize).div_ceil(across) * GROUP_LANES as usize,
-                tiles.next_multiple_of(self.local_size[1] as usize),
-            ];
-        }
-        let block = block(strategy);
-        let across = |pixels: u32, block: usize, local: u32| {
-            (pixels as usize).div_ceil(block).next_multiple_of(local as usize)
-        };
-        [
-            across(self.image_size[0], block.0, self.local_size[0]),
-            across(self.image_size[1], block.1, self.local_size[1]),
-        ]
-    }
-
-    /// Numbers that separate passes hand on: one a pixel, or whole tiles of them.
-    pub fn nearest_count(&self, strategy: &Strategy) -> usize {
-        if strategy.traversal == Traversal::Tile && !strategy.shares_tiles() {
-            let (across, down) = strategy.tile.pixels();
-            self.global_size(strategy).iter().product::<usize>() * across * down
-        } else {
-            self.image_size[0] as usize * self.image_size[1] as usize
-        }
-    }
-
-    /// Rows of pixels that a row of work-groups covers.
-    pub fn group_height(&self, strategy: &Strategy) -> u32 {
-        block(strategy).1 as u32 * self.local_size[1]
-    }
-
-    fn work_group_items(&self) -> u64 {
-        u64::from(self.local_size[0]) * u64::from(self.local_size[1])
-    }
-}
-
-/// Pixels across and down that a work-item covers.
-fn block(strategy: &Strategy) -> (usize, usize) {
-    if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.width.block() }
-}
 
 /// Bytes a strategy needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
