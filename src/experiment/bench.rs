@@ -166,7 +166,10 @@ impl Bench {
         let others = self.shared_bytes.iter().filter(|(kind, _)| **kind != own).map(|(_, bytes)| bytes);
         let held_bytes = self.point_bytes + others.sum::<u64>();
         let infeasible = |refused: Infeasible| {
-            let held = if held_bytes > 0 {
+            // Of what is refused, only memory is shared with other points.
+            let shared =
+                ["global memory", "the host's memory"].iter().any(|own| refused.reason.starts_with(own));
+            let held = if shared && held_bytes > 0 {
                 format!(", beside {held_bytes} B of other points")
             } else {
                 String::new()
