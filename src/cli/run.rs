@@ -133,6 +133,27 @@ pub fn run(args: Args) -> Result<()> {
     report(&args, &out, &records)
 }
 
+/// The run that the arguments ask for; devices that share its points have to be alike.
+fn run_of<'a>(
+    args: &'a Args,
+    experiment: &'a Experiment,
+    devices: &'a [&'a DeviceInfo],
+    sources: &'a Sources,
+) -> Result<Run<'a>> {
+    if args.spread {
+        check_alike(devices)?;
+    }
+    Ok(Run {
+        experiment,
+        overrides: &args.set,
+        devices,
+        sources,
+        limit: args.hang_limit,
+        retry_failed: args.retry_failed,
+        spread: args.spread,
+    })
+}
+
 /// Measures what is missing; the folder of results, and the records of all points.
 pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let experiment = config::load(&args.config, &args.set)?;
@@ -141,18 +162,7 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let devices = find_devices()?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = Run {
-        experiment: &experiment,
-        overrides: &args.set,
-        devices: &infos,
-        sources: &sources,
-        limit: args.hang_limit,
-        retry_failed: args.retry_failed,
-        spread: args.spread,
-    };
-    if args.spread {
-        check_alike(&infos)?;
-    }
+    let run = run_of(args, &experiment, &infos, &sources)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
@@ -200,18 +210,7 @@ fn foresee(args: &Args) -> Result<()> {
     let devices = find_devices()?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = Run {
-        experiment: &experiment,
-        overrides: &args.set,
-        devices: &infos,
-        sources: &sources,
-        limit: args.hang_limit,
-        retry_failed: args.retry_failed,
-        spread: args.spread,
-    };
-    if args.spread {
-        check_alike(&infos)?;
-    }
+    let run = run_of(args, &experiment, &infos, &sources)?;
     forecast(&dry_run(&run)?, args.json)
 }
 
