@@ -78,9 +78,14 @@
 
 #define GROUP_SHAPE __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1)))
 
-// Puts the camera's rays into the working vectors and says from where hits count.
-varying begin_rays(Working *working, CAMERA_PARAMETERS, Pixels pixels) {
-    const Ray ray = camera_ray(eye, corner, step_x, step_y, pixels);
+#if LINEAR_IN_PIXEL
+#define search_ray ray_in_pixels
+#else
+#define search_ray camera_ray
+#endif
+
+// Puts rays into the working vectors and says from where their hits count.
+varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
     working_set(working, RAY_DIRECTION, ray.direction);
@@ -138,9 +143,12 @@ __kernel GROUP_SHAPE void cast_frame(SCENE_PARAMETERS, CAMERA_PARAMETERS, const 
     Working working;
     BIND_WORKING(working)
     const Pixels pixels = own_pixels(image_size);
-    const varying t_min = begin_rays(&working, eye, corner, step_x, step_y, pixels);
+    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+#if LINEAR_IN_PIXEL
+    begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
+#endif
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -156,7 +164,7 @@ __kernel GROUP_SHAPE void cast_primary(SCENE_PARAMETERS, CAMERA_PARAMETERS, cons
     Working working;
     BIND_WORKING(working)
     const Pixels pixels = own_pixels(image_size);
-    const varying t_min = begin_rays(&working, eye, corner, step_x, step_y, pixels);
+    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
     store_nearest(nearest_triangle, image_size, pixels, nearest.triangle);
@@ -173,7 +181,7 @@ __kernel GROUP_SHAPE void shade_nearest(SCENE_PARAMETERS, CAMERA_PARAMETERS, con
     Working working;
     BIND_WORKING(working)
     const Pixels pixels = own_pixels(image_size);
-    begin_rays(&working, eye, corner, step_x, step_y, pixels);
+    begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     nearest.t = (varying)(FAR);
     nearest.triangle = load_nearest(nearest_triangle, image_size, pixels);
@@ -212,18 +220,21 @@ __kernel GROUP_SHAPE void cast_rays(SCENE_PARAMETERS, const __global float4 *res
 
 #if PLANES_OF_ORIGIN
 // The planes of every triangle (first dimension) for the eye and each light (second dimension).
-__kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restrict lights, const float4 eye,
+__kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restrict lights, CAMERA_PARAMETERS,
                               __global float4 *restrict prepared) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);
     const Uniform3 from = origin ? LOAD3(lights + 6 * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
+    const __global float *at = soup + SOUP_STRIDE * triangle;
+    Corners seen;
+    seen.a = uniform_difference(LOAD3(at), from);
+    seen.b = uniform_difference(LOAD3(at + 3), from);
+    seen.c = uniform_difference(LOAD3(at + 6), from);
     // A shadow ray runs towards the light: its front faces are those that face away from the light.
-    const float front = origin ? 1.0f : -1.0f;
-    Row corner;
-    corner.a = LOAD3(soup + SOUP_STRIDE * triangle);
-    corner.b = LOAD3(soup + SOUP_STRIDE * triangle + 3);
-    corner.c = LOAD3(soup + SOUP_STRIDE * triangle + 6);
-    const Row row = planes_of(corner, from, front);
+    Row row = origin ? planes_of(seen, 1.0f, SHADOW_SLACK * ROUNDING) : planes_of(seen, -1.0f, ROUNDING);
+#if LINEAR_IN_PIXEL
+    if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
+#endif
     STORE_ROW(row, prepared + 3 * ((size_t)origin * triangle_count + triangle))
 }
 #endif

@@ -10,6 +10,7 @@
 
 #define PLANES_OF_ORIGIN 0
 #define ROUNDED_PLANES 0
+#define LINEAR_IN_PIXEL 0
 
 // The rows of the shear. Any fixed function of ray and corner keeps the test watertight; as rows, lanes whose
 // dominant axes differ need no permutation.
@@ -45,8 +46,17 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Lanes whose ray hits the triangle at t_min < t < t_max, and where.
-Mask intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+// Corners are tested as they are.
+Row row_of(Corners corners) {
+    Row row;
+    row.a = corners.a, row.b = corners.b, row.c = corners.c;
+    row.u = row.v = row.w = 0.0f;
+    return row;
+}
+
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
+// there may be some.
+int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     const Vec3 a = subtract(splat(row.a), origin);
     const Vec3 b = subtract(splat(row.b), origin);
     const Vec3 c = subtract(splat(row.c), origin);
@@ -64,11 +74,12 @@ Mask intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying
 #else
     Mask inside = ((least >= 0.0f) | (most <= 0.0f)) & (det != 0.0f);
 #endif
-    if (!ANY(inside)) return inside;
+    if (!ANY(inside)) return 0;
 
     const varying per_det = 1.0f / det;
     hit->t = (u * dot3(probe->z, a) + v * dot3(probe->z, b) + w * dot3(probe->z, c)) * per_det;
     hit->w1 = v * per_det;
     hit->w2 = w * per_det;
-    return inside & (hit->t > probe->t_min) & (hit->t < t_max);
+    hit->lanes = inside & (hit->t > probe->t_min) & (hit->t < t_max);
+    return 1;
 }

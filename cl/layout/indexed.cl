@@ -82,14 +82,13 @@ typedef struct {
     BIND_MATERIALS(geometry)  \
     geometry.count = triangle_count;
 
-Row corners(const Geometry *geometry, int triangle) {
+Corners corners(const Geometry *geometry, int triangle) {
     VERTEX_SPACE const Index *index = geometry->position_indices + 3 * triangle;
-    Row row;
-    row.a = LOAD3(geometry->positions + 3 * index[0]);
-    row.b = LOAD3(geometry->positions + 3 * index[1]);
-    row.c = LOAD3(geometry->positions + 3 * index[2]);
-    row.slack = 0.0f;
-    return row;
+    Corners corners;
+    corners.a = LOAD3(geometry->positions + 3 * index[0]);
+    corners.b = LOAD3(geometry->positions + 3 * index[1]);
+    corners.c = LOAD3(geometry->positions + 3 * index[2]);
+    return corners;
 }
 
 // Writes the surface of one lane's triangle.

@@ -1,25 +1,28 @@
 // What a layout hands out, whatever it is made of.
 
-// What a ray-triangle test reads: three corners, or three planes prepared for a common origin.
 typedef struct {
     Uniform3 a, b, c;
-    float slack; // of planes: how far outside still counts as inside
+} Corners;
+
+// What a ray-triangle test reads: what its intersector makes of the corners, or of planes prepared for a common origin.
+typedef struct {
+    Uniform3 a, b, c;
+    float u, v, w;
 } Row;
 
-// A row in memory: four floats each of a, b and c; the first four end with the slack. Rows start at 16 bytes.
+// A row in memory: four floats each of a and u, b and v, c and w. Rows start at 16 bytes.
 #define ROW_FLOATS 12
 #define LOAD_ROW(row, quads)                                     \
     {                                                              \
         const float4 a = (quads)[0], b = (quads)[1], c = (quads)[2]; \
-        row.a = uniform3(a.x, a.y, a.z);                             \
-        row.b = uniform3(b.x, b.y, b.z);                             \
-        row.c = uniform3(c.x, c.y, c.z);                             \
-        row.slack = a.w;                                             \
+        row.a = uniform3(a.x, a.y, a.z), row.u = a.w;                \
+        row.b = uniform3(b.x, b.y, b.z), row.v = b.w;                \
+        row.c = uniform3(c.x, c.y, c.z), row.w = c.w;                \
     }
-#define STORE_ROW(row, quads)                                          \
-    (quads)[0] = (float4)((row).a.x, (row).a.y, (row).a.z, (row).slack); \
-    (quads)[1] = (float4)((row).b.x, (row).b.y, (row).b.z, 0.0f);        \
-    (quads)[2] = (float4)((row).c.x, (row).c.y, (row).c.z, 0.0f);
+#define STORE_ROW(row, quads)                                       \
+    (quads)[0] = (float4)((row).a.x, (row).a.y, (row).a.z, (row).u); \
+    (quads)[1] = (float4)((row).b.x, (row).b.y, (row).b.z, (row).v); \
+    (quads)[2] = (float4)((row).c.x, (row).c.y, (row).c.z, (row).w);
 
 // What shading reads, for the triangle of each lane.
 typedef struct {

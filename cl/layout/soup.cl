@@ -54,14 +54,13 @@ typedef struct {
     BIND_MATERIALS(geometry)  \
     geometry.count = triangle_count;
 
-Row corners(const Geometry *geometry, int triangle) {
+Corners corners(const Geometry *geometry, int triangle) {
     VERTEX_SPACE const float *at = geometry->vertices + triangle * VERTEX_STRIDE;
-    Row row;
-    row.a = LOAD3(at);
-    row.b = LOAD3(at + 3);
-    row.c = LOAD3(at + 6);
-    row.slack = 0.0f;
-    return row;
+    Corners corners;
+    corners.a = LOAD3(at);
+    corners.b = LOAD3(at + 3);
+    corners.c = LOAD3(at + 6);
+    return corners;
 }
 
 // Writes the surface of one lane's triangle.

@@ -48,3 +48,12 @@ Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
     ray.t_min = eye.w * length;
     return ray;
 }
+
+// The same ray counted in pixels: its direction is (x, y, 1), and t is depth.
+Ray ray_in_pixels(CAMERA_PARAMETERS, Pixels pixels) {
+    Ray ray;
+    ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
+    ray.direction = vec3(TO_FLOAT(pixels.x) + 0.5f, TO_FLOAT(pixels.y) + 0.5f, (varying)(1.0f));
+    ray.t_min = (varying)(eye.w);
+    return ray;
+}

@@ -35,10 +35,10 @@ Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;
-        const Row row = corners(geometry, id.each[lane]);
-        const Uniform3 e1 = uniform_difference(row.b, row.a);
-        const Uniform3 e2 = uniform_difference(row.c, row.a);
-        column[0].each[lane] = row.a.x, column[1].each[lane] = row.a.y, column[2].each[lane] = row.a.z;
+        const Corners own = corners(geometry, id.each[lane]);
+        const Uniform3 e1 = uniform_difference(own.b, own.a);
+        const Uniform3 e2 = uniform_difference(own.c, own.a);
+        column[0].each[lane] = own.a.x, column[1].each[lane] = own.a.y, column[2].each[lane] = own.a.z;
         column[3].each[lane] = e1.x, column[4].each[lane] = e1.y, column[5].each[lane] = e1.z;
         column[6].each[lane] = e2.x, column[7].each[lane] = e2.y, column[8].each[lane] = e2.z;
     }

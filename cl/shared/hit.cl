@@ -11,6 +11,7 @@
 #define SHADOW_SLACK 0.125f
 
 typedef struct {
+    Mask lanes;     // those whose ray hits
     varying t;      // distance along the unit direction
     varying w1, w2; // barycentric weights of the second and third corner
 } Hit;

@@ -17,14 +17,13 @@ typedef struct {
 } Tree;
 
 // The corners of the triangle at a place of leaf order.
-Row leaf_corners(const Tree *tree, int place) {
+Corners leaf_corners(const Tree *tree, int place) {
     const __global float *at = tree->leaves + LEAF_ROW * (size_t)place;
-    Row row;
-    row.a = LOAD3(at);
-    row.b = LOAD3(at + 4);
-    row.c = LOAD3(at + 8);
-    row.slack = 0.0f;
-    return row;
+    Corners corners;
+    corners.a = LOAD3(at);
+    corners.b = LOAD3(at + 4);
+    corners.c = LOAD3(at + 8);
+    return corners;
 }
 
 int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }

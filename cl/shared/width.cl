@@ -63,6 +63,9 @@ typedef union {
 #endif
 #endif
 
+#define PASTE2(a, b) a##b
+#define PASTE(a, b) PASTE2(a, b)
+
 #if WIDTH == 1
 #define ANY(mask) (mask)
 #elif defined(HAS_REDUCE_OR)
@@ -72,9 +75,20 @@ int any2(int2 m) { return m.x | m.y; }
 int any4(int4 m) { return any2(m.lo | m.hi); }
 int any8(int8 m) { return any4(m.lo | m.hi); }
 int any16(int16 m) { return any8(m.lo | m.hi); }
-#define PASTE2(a, b) a##b
-#define PASTE(a, b) PASTE2(a, b)
 #define ANY(mask) PASTE(any, WIDTH)(mask)
+#endif
+
+// ALL_NEGATIVE(bits): whether every lane has its sign bit set.
+#if WIDTH == 1
+#define ALL_NEGATIVE(bits) ((bits) < 0)
+#elif defined(HAS_REDUCE_OR)
+#define ALL_NEGATIVE(bits) (!ANY((bits) >= 0))
+#else
+int all2(int2 m) { return m.x & m.y; }
+int all4(int4 m) { return all2(m.lo & m.hi); }
+int all8(int8 m) { return all4(m.lo & m.hi); }
+int all16(int16 m) { return all8(m.lo & m.hi); }
+#define ALL_NEGATIVE(bits) (PASTE(all, WIDTH)(bits) < 0)
 #endif
 
 // The sign bit of a, and a with the sign bits of s flipped in: a * sign without a multiplication.

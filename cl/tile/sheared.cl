@@ -53,35 +53,35 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
 }
 
 // The same for a vector without an axis.
-Mask meet_single(const Bundle *bundle, int vector, Row row, varying *nearness) {
+Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *nearness) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const varying t_max = 1.0f / max(bundle->nearness[vector], (varying)(LEAST_NEARNESS));
     const Probe probe = prepare_probe((varying)(1.0f / bundle->too_near), direction);
     Hit hit;
-    const Mask hits = intersect(&probe, splat(bundle->origin), direction, row, t_max, &hit);
+    if (!intersect(&probe, splat(bundle->origin), direction, row_of(corners), t_max, &hit)) return (Mask)(0);
     *nearness = 1.0f / hit.t;
-    return hits & (bundle->nearness[vector] < FAR);
+    return hit.lanes & (bundle->nearness[vector] < FAR);
 }
 
 // A triangle's corners seen from the origin, which is all there is to prepare.
 #define PREPARED 1
 typedef struct {
-    Row row;
+    Corners corners;
     float a[3], b[3], c[3];
 } Prepared;
 
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
-    Row row = leaf_corners(tree, first);
+    Corners corners = leaf_corners(tree, first);
     if (any) { // rays come from the light, and meet the backs of what faces it
-        const Uniform3 b = row.b;
-        row.b = row.c;
-        row.c = b;
+        const Uniform3 b = corners.b;
+        corners.b = corners.c;
+        corners.c = b;
     }
     const Uniform3 o = bundle->origin;
-    prepared->row = row;
-    prepared->a[0] = row.a.x - o.x, prepared->a[1] = row.a.y - o.y, prepared->a[2] = row.a.z - o.z;
-    prepared->b[0] = row.b.x - o.x, prepared->b[1] = row.b.y - o.y, prepared->b[2] = row.b.z - o.z;
-    prepared->c[0] = row.c.x - o.x, prepared->c[1] = row.c.y - o.y, prepared->c[2] = row.c.z - o.z;
+    prepared->corners = corners;
+    prepared->a[0] = corners.a.x - o.x, prepared->a[1] = corners.a.y - o.y, prepared->a[2] = corners.a.z - o.z;
+    prepared->b[0] = corners.b.x - o.x, prepared->b[1] = corners.b.y - o.y, prepared->b[2] = corners.b.z - o.z;
+    prepared->c[0] = corners.c.x - o.x, prepared->c[1] = corners.c.y - o.y, prepared->c[2] = corners.c.z - o.z;
     return 1;
 }
 
@@ -92,7 +92,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const int vector = LOWEST_BIT(live);
         varying nearness;
         const Mask hits = bundle->shears.axis[vector] == NO_AXIS
-                              ? meet_single(bundle, vector, prepared->row, &nearness)
+                              ? meet_single(bundle, vector, prepared->corners, &nearness)
                               : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &nearness);
         if (!ANY(hits)) continue;
         bundle->nearness[vector] = SELECT(hits, any ? (varying)(FAR) : nearness, bundle->nearness[vector]);

@@ -71,15 +71,17 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         if (IS_LEAF(word)) {
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++) {
-                const Row row = leaf_corners(&scene->tree, place);
+                const Row row = row_of(leaf_corners(&scene->tree, place));
                 Hit hit;
 #if ANY_HIT
                 const Vec3 to_light = working_get(working, TO_LIGHT);
                 const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
-                open &= !intersect(&probe, start, to_light, row, t_max, &hit);
+                if (intersect(&probe, start, to_light, row, t_max, &hit)) open &= !hit.lanes;
 #else
-                const Mask nearer = wanted & intersect(&probe, working_get(working, RAY_ORIGIN),
-                                                       working_get(working, RAY_DIRECTION), row, nearest->t, &hit);
+                if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
+                               nearest->t, &hit))
+                    continue;
+                const Mask nearer = wanted & hit.lanes;
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, place);
                 nearest->t = SELECT(nearer, hit.t, nearest->t);

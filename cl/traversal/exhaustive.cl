@@ -13,17 +13,19 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;
-    nearest->t = (varying)(FAR);
+    nearest->t = SELECT(wanted, (varying)(FAR), (varying)(0.0f)); // others reach nothing
     nearest->triangle = (varying_int)(NO_HIT);
 #endif
     for (int first = 0; first < scene->geometry.count; first += TILE_STEP(scene)) {
         stage_tile(scene, origin, first);
-        const int end = min(TILE_STEP(scene), scene->geometry.count - first);
+        int end = min(TILE_STEP(scene), scene->geometry.count - first);
+#if ANY_HIT
+        if (!ANY(open)) end = 0;
+#endif
         for (int k = 0; k < end; k++) {
             const Row row = row_in_tile(scene, origin, first, k);
             Hit hit;
 #if ANY_HIT
-            if (!ANY(open)) break;
             const Vec3 to_light = working_get(working, TO_LIGHT);
 #if PLANES_OF_ORIGIN
             const Vec3 direction = negate(to_light);
@@ -32,15 +34,17 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
             const Vec3 direction = to_light;
             const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), to_light);
 #endif
-            open &= !intersect(&probe, from, direction, row, t_max, &hit);
+            if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
+            open &= !hit.lanes;
+            if (!ANY(open)) break;
 #else
             const Vec3 from = working_get(working, RAY_ORIGIN);
             const Vec3 direction = working_get(working, RAY_DIRECTION);
-            const Mask nearer = wanted & intersect(&probe, from, direction, row, nearest->t, &hit);
-            if (!ANY(nearer)) continue;
-            nearest->t = SELECT(nearer, hit.t, nearest->t);
-            nearest->triangle = SELECT(nearer, (varying_int)(first + k), nearest->triangle);
-            on_nearer_hit(working, scene, first + k, &hit, nearer);
+            if (!intersect(&probe, from, direction, row, nearest->t, &hit)) continue;
+            if (!ANY(hit.lanes)) continue;
+            nearest->t = SELECT(hit.lanes, hit.t, nearest->t);
+            nearest->triangle = SELECT(hit.lanes, (varying_int)(first + k), nearest->triangle);
+            on_nearer_hit(working, scene, first + k, &hit, hit.lanes);
 #endif
         }
     }

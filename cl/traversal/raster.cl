@@ -102,11 +102,11 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
     coverage->high = min(coverage->high, image_size);
 }
 
-Coverage cover(Row row, CAMERA_PARAMETERS, int2 image_size) {
+Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 from = uniform3(eye.x, eye.y, eye.z);
-    const Uniform3 p[3] = {uniform_difference(row.a, from), uniform_difference(row.b, from),
-                           uniform_difference(row.c, from)};
-    const Uniform3 n = uniform_cross(uniform_difference(row.b, row.a), uniform_difference(row.c, row.a));
+    const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
+                           uniform_difference(at.c, from)};
+    const Uniform3 n = uniform_cross(uniform_difference(at.b, at.a), uniform_difference(at.c, at.a));
     const float det = uniform_dot(p[0], n);
     Coverage coverage;
 #if CULL_BACK

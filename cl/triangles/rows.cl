@@ -24,7 +24,7 @@ Row source_row(const Scene *scene, int origin, int triangle) {
     LOAD_ROW(row, quads)
     return row;
 #else
-    return corners(&scene->geometry, triangle);
+    return row_of(corners(&scene->geometry, triangle));
 #endif
 }
 

@@ -12,7 +12,7 @@ use super::{LaunchError, Queue, ROW_FLOATS};
 use crate::image::Radiance;
 use crate::program::BuiltProgram;
 use crate::scene::Scene;
-use crate::strategy::{Intersector, Passes, Requirements, Strategy, Traversal, Vectors, Workload};
+use crate::strategy::{Passes, Requirements, Strategy, Traversal, Vectors, Workload};
 use ocl::prm::{Float4, Int2};
 use ocl::{Buffer, Kernel};
 use rayon::prelude::*;
@@ -184,7 +184,7 @@ fn prepared_planes(
     strategy: &Strategy,
     scene: &DeviceScene,
 ) -> ocl::Result<Option<Buffer<f32>>> {
-    if strategy.intersector != Intersector::CommonOrigin {
+    if !strategy.intersector.prepares_planes() {
         return Ok(None);
     }
     allocate(queue, ROW_FLOATS * scene.triangle_count * (1 + scene.light_count)).map(Some)

@@ -5,7 +5,7 @@ use super::buffers::allocate;
 use super::frame::Phase;
 use super::left_over::LeftOver;
 use super::scene::DeviceScene;
-use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments};
+use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments, ray_arguments};
 use super::tree::DeviceTree;
 use super::{LaunchError, NO_HIT, Queue};
 use crate::program::BuiltProgram;
@@ -174,7 +174,9 @@ impl<'a> Parts<'a> {
         let mut kernel = self.kernel("prepare_origins");
         kernel.global_work_size([self.scene.triangle_count, 1 + self.scene.light_count]);
         geometry_arguments(&mut kernel, self.scene);
-        kernel.arg(&self.scene.lights).arg(self.camera.eye).arg(prepared);
+        kernel.arg(&self.scene.lights);
+        ray_arguments(&mut kernel, &self.camera);
+        kernel.arg(prepared);
         let phase = if self.strategy.passes == Passes::Fused { Phase::Whole } else { Phase::Primary };
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }

@@ -23,8 +23,8 @@ pub struct Ray {
 
 /// The nearest triangle that each ray hits, with the kernels of a strategy at `local_size`.
 ///
-/// With the common-origin intersector all rays must start at the first one's origin. Working vectors must be
-/// private or local: their buffers are sized for images.
+/// With the common-origin intersector all rays must start at the first one's origin; pixel-linear casts a camera's rays
+/// only. Working vectors must be private or local: their buffers are sized for images.
 pub fn cast_rays(
     queue: &Queue,
     program: &BuiltProgram,
@@ -36,6 +36,9 @@ pub fn cast_rays(
 ) -> Result<Vec<Option<u32>>, LaunchError> {
     if !matches!(strategy.vectors, Vectors::Private | Vectors::Local) {
         return Err(LaunchError::OpenCl("rays are cast with private or local working vectors".to_owned()));
+    }
+    if strategy.intersector == Intersector::PixelLinear {
+        return Err(LaunchError::OpenCl("pixel-linear planes are for a camera's rays".to_owned()));
     }
     let Some(first) = rays.first() else { return Ok(Vec::new()) };
     let packed: Vec<Float4> = rays.iter().flat_map(pack).collect();
@@ -80,7 +83,7 @@ fn prepare(
     scene: &DeviceScene,
     origin: Vec3,
 ) -> Result<Option<Buffer<f32>>, LaunchError> {
-    if strategy.intersector != Intersector::CommonOrigin || scene.triangle_count == 0 {
+    if !strategy.intersector.prepares_planes() || scene.triangle_count == 0 {
         return Ok(None);
     }
     let prepared = allocate::<f32>(queue, super::ROW_FLOATS * scene.triangle_count)?;
@@ -88,7 +91,9 @@ fn prepare(
     kernel.program(&program.program).name("prepare_origins").queue(queue.commands.clone());
     kernel.global_work_size([scene.triangle_count, 1]);
     geometry_arguments(&mut kernel, scene);
-    kernel.arg(&scene.lights).arg(Float4::new(origin.x, origin.y, origin.z, 0.0)).arg(&prepared);
+    kernel.arg(&scene.lights).arg(Float4::new(origin.x, origin.y, origin.z, 0.0));
+    let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // which has no part in it
+    kernel.arg(camera).arg(camera).arg(camera).arg(&prepared);
     let kernel = kernel.build()?;
     // SAFETY: as above; one row of `prepared` for each triangle.
     unsafe { kernel.cmd().queue(&queue.commands).enq()? };

@@ -81,5 +81,11 @@ impl<I: ocl::OclPrm> super::scene::Sets<I> {
 
 /// Adds CAMERA_PARAMETERS and the image's size.
 pub(super) fn camera_arguments(kernel: &mut KernelBuilder<'_>, camera: &CameraArguments) {
-    kernel.arg(camera.eye).arg(camera.corner).arg(camera.step_x).arg(camera.step_y).arg(camera.image_size);
+    ray_arguments(kernel, camera);
+    kernel.arg(camera.image_size);
+}
+
+/// Adds CAMERA_PARAMETERS.
+pub(super) fn ray_arguments(kernel: &mut KernelBuilder<'_>, camera: &CameraArguments) {
+    kernel.arg(camera.eye).arg(camera.corner).arg(camera.step_x).arg(camera.step_y);
 }

@@ -121,6 +121,7 @@ axis! {
         MollerTrumbore "moller-trumbore" "Moeller and Trumbore 1997, as the paper does",
         Watertight "watertight" "Woop, Benthin and Wald 2013: no leaks at edges and vertices",
         CommonOrigin "common-origin" "edge planes through the eye or the light, prepared once a frame",
+        PixelLinear "pixel-linear" "common-origin, with the camera's planes as linear functions of the pixel",
     }
 }
 axis! {
@@ -181,6 +182,13 @@ axis! {
     Math "math" "what the compiler may do to arithmetic" {
         Strict "strict" "IEEE single precision as OpenCL C defines it",
         Fast "fast" "-cl-fast-relaxed-math",
+    }
+}
+
+impl Intersector {
+    /// Whether a row a triangle is prepared for the eye and each light.
+    pub fn prepares_planes(self) -> bool {
+        matches!(self, Self::CommonOrigin | Self::PixelLinear)
     }
 }
 

@@ -144,7 +144,7 @@ impl Strategy {
         let eager = self.shading == Shading::Eager;
         let tiled = self.triangles == Triangles::Tiled;
         let in_place = matches!(self.triangles, Triangles::Global | Triangles::Constant);
-        let common_origin = self.intersector == Intersector::CommonOrigin;
+        let planes = self.intersector.prepares_planes();
         let rules = [
             (eager && tiled, "shading = eager with triangles = tiled would put a barrier in divergent flow"),
             (
@@ -168,7 +168,7 @@ impl Strategy {
                 "traversal = bvh and tile read triangles in the order of their tree: triangles = global, layout = soup",
             ),
             (
-                self.needs_tree() && common_origin,
+                self.needs_tree() && planes,
                 "traversal = bvh and tile prepare what rays of a common origin share themselves: another intersector",
             ),
             (
@@ -212,12 +212,16 @@ impl Strategy {
                 "epsilons = paper are numbers of the moller-trumbore test",
             ),
             (
-                common_origin && self.layout != Layout::Soup,
-                "intersector = common-origin reads a table of its own, a row a triangle: layout = soup",
+                planes && self.layout != Layout::Soup,
+                "intersector = common-origin and pixel-linear read a table of their own, a row a triangle: layout = soup",
             ),
             (
-                common_origin && !(self.triangles == Triangles::Global || tiled),
-                "intersector = common-origin reads a table that differs between the eye and each light: triangles = global or tiled",
+                planes && !(self.triangles == Triangles::Global || tiled),
+                "intersector = common-origin and pixel-linear read a table that differs between the eye and each light: triangles = global or tiled",
+            ),
+            (
+                eager && self.intersector == Intersector::PixelLinear,
+                "intersector = pixel-linear looks for the nearest hit along depths, not distances, and shades there: shading = deferred",
             ),
         ];
         rules.into_iter().find(|(broken, _)| *broken).map(|(_, reason)| reason)

@@ -133,14 +133,34 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "wide-common-origin",
-        about: "wide, with edge planes prepared for the eye and each light: fastest on a CPU",
+        about: "wide, with edge planes prepared for the eye and each light",
         strategy: Strategy { width: Width::W16, intersector: Intersector::CommonOrigin, ..MODERN },
     },
     Preset {
-        name: "tiled-common-origin",
-        about: "common-origin planes streamed through __local memory, 4 rays a work-item: fastest on a GPU",
+        name: "wide-pixel-linear",
+        about: "wide, with the camera's edge planes as linear functions of the pixel: fewest operations a test",
+        strategy: Strategy { width: Width::W16, intersector: Intersector::PixelLinear, ..MODERN },
+    },
+    Preset {
+        name: "tiled-wide",
+        about: "tiled, 4 rays a work-item: the plain test as a GPU wants it",
+        strategy: Strategy { width: Width::W4, triangles: Triangles::Tiled, ..MODERN },
+    },
+    Preset {
+        name: "tiled-pixel-linear",
+        about: "pixel-linear planes streamed through __local memory, 16 rays a work-item: fewest operations a test on a GPU",
         strategy: Strategy {
-            width: Width::W4,
+            width: Width::W16,
+            intersector: Intersector::PixelLinear,
+            triangles: Triangles::Tiled,
+            ..MODERN
+        },
+    },
+    Preset {
+        name: "tiled-common-origin",
+        about: "common-origin planes streamed through __local memory, 8 rays a work-item",
+        strategy: Strategy {
+            width: Width::W8,
             intersector: Intersector::CommonOrigin,
             triangles: Triangles::Tiled,
             ..MODERN

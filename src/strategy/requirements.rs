@@ -273,12 +273,9 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     if strategy.traversal == Traversal::Tile {
         sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
-    if strategy.intersector == super::Intersector::CommonOrigin {
+    if strategy.intersector.prepares_planes() {
         let origins = 1 + w.lights as u64;
-        sum.add(
-            "planes",
-            &[(CORNERS_BYTES, " B"), (origins, " origins"), (w.triangles as u64, " triangles")],
-        );
+        sum.add("planes", &[(ROW_BYTES, " B"), (origins, " origins"), (w.triangles as u64, " triangles")]);
     }
     sum
 }

@@ -2,7 +2,7 @@
 
 use super::requirements::Infeasible;
 
-/// A sum of bytes with its terms. No product of sizes that fit their types overflows it.
+/// A sum of bytes with its terms. What no `u128` holds stays at its largest.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,
@@ -12,15 +12,15 @@ pub(super) struct Sum {
 
 impl Sum {
     pub fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
-        let bytes = factors.iter().map(|(factor, _)| u128::from(*factor)).product();
+        let bytes = factors.iter().fold(1_u128, |bytes, (factor, _)| bytes.saturating_mul(u128::from(*factor)));
         let factors: Vec<_> = factors.iter().map(|(factor, unit)| format!("{factor}{unit}")).collect();
-        self.bytes += bytes;
+        self.bytes = self.bytes.saturating_add(bytes);
         self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
     }
 
     /// Adds another's terms.
     pub fn join(&mut self, other: Self) {
-        self.bytes += other.bytes;
+        self.bytes = self.bytes.saturating_add(other.bytes);
         self.terms.extend(other.terms);
     }
 

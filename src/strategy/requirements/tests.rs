@@ -210,7 +210,8 @@ fn adds_up(reason: &str) -> bool {
         // Two sides, of which one is too long; or a single number.
         return numbers(needed).iter().zip(numbers(limit)).any(|(needed, limit)| *needed > limit);
     };
-    let sum: u128 = terms.split(" + ").map(|term| numbers(term).iter().product::<u128>()).sum();
+    let product = |term| numbers(term).into_iter().fold(1, u128::saturating_mul);
+    let sum = terms.split(" + ").map(product).fold(0, u128::saturating_add);
     vec![sum] == numbers(total) && sum > numbers(limit)[0]
 }
 

@@ -1,0 +1,105 @@
+// Rays that share an origin: primary rays the eye, shadow rays a light. Corners P and Q seen from there span the plane
+// (P - Q) x (P + Q) = 2 P x Q, and a ray lies inside the edge PQ where its direction's dot product with that plane is
+// positive; the triangle next door has the same plane with all signs turned. 1 / t is the dot product with N / N.A, where
+// N = (B - A) x (C - A). prepare_origins makes a row a triangle once a frame, for the eye and for each light.
+
+#define PLANES_OF_ORIGIN 1
+#define ROUNDED_PLANES 1
+
+typedef struct {
+    varying t_min;
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    Probe probe;
+    probe.t_min = t_min;
+    return probe;
+}
+
+// What pixels share comes first: depth, then down.
+varying along_plane(float more, float x, float y, float z, Vec3 direction) {
+    return more + direction.z * z + direction.y * y + direction.x * x;
+}
+
+// How far inside an edge a direction is. Planes are scaled so that rounding may move it by 1: triangles overlap by so
+// little rather than leave gaps.
+varying inside_edge(Uniform3 plane, Vec3 direction) { return along_plane(1.0f, plane.x, plane.y, plane.z, direction); }
+
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
+// there may be some.
+int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    const varying w0 = inside_edge(row.a, direction);
+    const varying w1 = inside_edge(row.b, direction);
+    const varying w2 = inside_edge(row.c, direction);
+    // What is not negative has no sign bit: one test for three.
+    const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
+    if (ALL_NEGATIVE(outside)) return 0;
+
+    const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
+    const varying per_sum = 1.0f / (w0 + w1 + w2);
+    hit->t = 1.0f / per_t;
+    hit->w1 = w1 * per_sum;
+    hit->w2 = w2 * per_sum;
+    hit->lanes = (outside >= 0) & (per_t * t_max > 1.0f) & (hit->t > probe->t_min);
+    return 1;
+}
+
+// Swapping the corners changes nothing but all signs.
+Uniform3 edge_plane(Uniform3 p, Uniform3 q) {
+    return uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
+}
+
+// The next power of two: by that, planes are scaled without rounding, and neighbours' planes stay the same.
+float power_of_two_above(float positive) { return as_float((as_int(positive) & 0x7f800000) + 0x00800000); }
+
+// A row that no ray hits: it is outside one of the first two edges.
+Row row_of_nothing() {
+    Row row;
+    row.a = uniform3(1e30f, 0.0f, 0.0f);
+    row.b = uniform3(-1e30f, 0.0f, 0.0f);
+    row.c = uniform3(0.0f, 0.0f, 0.0f);
+    row.u = row.v = row.w = 0.0f;
+    return row;
+}
+
+// The row of a triangle whose corners are seen from the origin; it is not hit where it is edge-on or culled.
+// `front` is the sign of N.A of a front face, and `rounding` what is allowed for it of the largest term.
+Row planes_of(Corners seen, float front, float rounding) {
+    const Uniform3 e1 = uniform_difference(seen.b, seen.a), e2 = uniform_difference(seen.c, seen.a);
+    const Uniform3 n = uniform_cross(e1, e2);
+    const float height = uniform_dot(seen.a, n);
+    const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(seen.a);
+    int hit = fabs(height) > 1e-5f * distance * size1 * size2;
+#if CULL_BACK
+    hit &= height * front > 0.0f;
+#endif
+    if (!hit) return row_of_nothing();
+
+    const float per_unit = 1.0f / power_of_two_above(rounding * distance * max(size1, size2));
+    const float turn = height > 0.0f ? per_unit : -per_unit;
+    const Uniform3 per_t = uniform_scale(n, 1.0f / height);
+    Row row;
+    row.a = uniform_scale(edge_plane(seen.b, seen.c), turn);
+    row.b = uniform_scale(edge_plane(seen.c, seen.a), turn);
+    row.c = uniform_scale(edge_plane(seen.a, seen.b), turn);
+    row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
+    return row;
+}
+
+#if LINEAR_IN_PIXEL
+// A plane as a function of the pixel: its dot product with corner + x step_x + y step_y.
+Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
+    return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
+                    uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
+                    uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
+}
+
+Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
+    const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);
+    row.a = along_pixels(row.a, corner, step_x, step_y);
+    row.b = along_pixels(row.b, corner, step_x, step_y);
+    row.c = along_pixels(row.c, corner, step_x, step_y);
+    row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
+    return row;
+}
+#endif
