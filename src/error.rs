@@ -99,6 +99,17 @@ impl Error {
         self
     }
 
+    /// Gives an input error that has no place yet the place that `at` gives its message; the remedy stays.
+    #[must_use]
+    pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
+        let Self::Input(input) = self else { return self };
+        let placed = at(input.message);
+        match input.help {
+            Some(help) => placed.with_help(help),
+            None => placed,
+        }
+    }
+
     /// The exit code the command ends with.
     pub fn exit_code(&self) -> u8 {
         match self {

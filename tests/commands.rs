@@ -92,3 +92,31 @@ fn a_reader_that_goes_away_is_no_error() {
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "{output:?}");
 }
+
+/// What bash offers for the last of these words, once it has loaded the script.
+#[cfg(unix)]
+fn completions(script: &std::path::Path, words: &[&str]) -> Vec<String> {
+    let code = r#"source "$1"; shift
+        COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
+        $(complete -p raycl | sed 's/.*-F \([^ ]*\).*/\1/') raycl "${@: -1}" "${@: -2:1}"
+        printf '%s\n' "${COMPREPLY[@]}""#;
+    let output = Command::new("bash").args(["--norc", "-c", code, "bash"]).arg(script).args(words).output();
+    let output = output.expect("bash");
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    String::from_utf8(output.stdout).expect("UTF-8").lines().map(str::to_owned).collect()
+}
+
+#[test]
+#[cfg(unix)]
+fn bash_completes_commands_options_and_presets() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let script = folder.path().join("raycl.bash");
+    std::fs::write(&script, output(&["completions", "bash"])).expect("a script");
+    let offered = |words: &[&str]| completions(&script, words);
+    assert_eq!(offered(&["raycl", "rep"]), ["report", "reproduce"]);
+    assert_eq!(offered(&["raycl", "render", "--loc"]), ["--local-size"]);
+    for command in ["render", "compile"] {
+        assert_eq!(offered(&["raycl", command, "--strategy", "naive"]), ["naive", "naive-scratch"]);
+    }
+    assert!(!offered(&["raycl", ""]).contains(&"worker".to_owned()), "it is hidden");
+}

@@ -151,7 +151,7 @@ impl Worker for MockWorker {
 fn execute(
     text: &str,
     folder: &Path,
-    mock: &mut Mock,
+    spawner: &mut impl Spawner,
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
     let (experiment, device) = (experiment(text), device());
@@ -165,7 +165,7 @@ fn execute(
         spread: false,
     };
     let mut results = Results::resume(folder, &Environment::default())?;
-    run.execute(&mut results, &mut (), mock, interrupted)
+    run.execute(&mut results, &mut (), spawner, interrupted)
 }
 
 /// A folder in memory, where there is such a thing: these tests write much and often.
@@ -276,20 +276,8 @@ fn a_refused_frame_costs_its_point_only() {
         }
     }
     let folder = folder();
-    let (experiment, device) = (experiment(CONFIG), device());
-    let run = Run {
-        experiment: &experiment,
-        overrides: &[],
-        devices: &[&device],
-        sources: &Sources::Embedded,
-        limit: Duration::from_secs(1),
-        retry_failed: false,
-        spread: false,
-    };
-    let mut results = Results::create(folder.path(), &Environment::default()).expect("a folder");
     let mut refusing = Refusing(Mock::new(|_| Act::Answer));
-    let records =
-        run.execute(&mut results, &mut (), &mut refusing, &AtomicBool::new(false)).expect("it runs");
+    let records = execute(CONFIG, folder.path(), &mut refusing, &AtomicBool::new(false)).expect("it runs");
     assert_eq!((count(&records, Outcome::LaunchFailed), count(&records, Outcome::Measured)), (1, POINTS - 1));
 }
 

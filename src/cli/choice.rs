@@ -2,7 +2,9 @@
 
 use crate::device::{Device, discover, pick_default, select};
 use crate::error::{Error, Result, nearest};
-use crate::strategy::{AXES, Strategy, preset};
+use crate::strategy::{AXES, PRESETS, Strategy, preset};
+use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
+use std::ffi::OsStr;
 
 /// `WIDTHxHEIGHT`, or one number for both.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
@@ -21,6 +23,27 @@ pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), Str
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
         _ => Err(format!("'{text}' is not key=value")),
+    }
+}
+
+/// Any text, for [`parse_strategy`]; shells complete the presets.
+#[derive(Clone)]
+pub struct StrategyText;
+
+impl TypedValueParser for StrategyText {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> std::result::Result<String, clap::Error> {
+        StringValueParser::new().parse_ref(command, argument, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(PRESETS.iter().map(|preset| PossibleValue::new(preset.name).help(preset.about))))
     }
 }
 

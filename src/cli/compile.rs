@@ -1,6 +1,6 @@
 //! `raycl compile`: builds a scene's kernels and keeps what the compiler made of them.
 
-use super::choice::{one_device, parse_size, parse_strategy};
+use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::{Caster, DeviceScene, DeviceTree, Queue};
@@ -26,7 +26,7 @@ pub struct Args {
     /// A scene TOML or an OBJ file: sizes of __local arrays and stacks depend on it
     scene: PathBuf,
     /// A preset, axes, or both: naive; deferred,width=4; may be given several times
-    #[arg(long, required = true)]
+    #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Work-items of a work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]

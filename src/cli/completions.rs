@@ -1,7 +1,7 @@
 //! `raycl completions`: what a shell needs to complete raycl's arguments.
 
 use crate::error::{Error, Result};
-use clap::CommandFactory as _;
+use clap::{Command, CommandFactory as _};
 use clap_complete::Shell;
 
 /// Arguments of `raycl completions`.
@@ -18,8 +18,15 @@ pub struct Args {
 /// Prints the completion script.
 pub fn run(args: Args) -> Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut super::Cli::command(), "raycl", &mut script);
+    clap_complete::generate(args.shell, &mut shown(), "raycl", &mut script);
     let script =
         String::from_utf8(script).map_err(|error| Error::run(format!("the script is no text: {error}")))?;
     super::print(script.trim_end())
+}
+
+/// The command without what is hidden, which clap_complete would offer.
+fn shown() -> Command {
+    let whole = super::Cli::command();
+    let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
+    Command::new("raycl").version(env!("CARGO_PKG_VERSION")).subcommands(shown)
 }

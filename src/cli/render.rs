@@ -4,7 +4,7 @@ mod report;
 mod split;
 
 use super::choice::{
-    is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
+    StrategyText, is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
 };
 use super::watch::{RecursiveMode, watch};
 use crate::device::Device;
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
-    #[arg(long)]
+    #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Option<String>,
     /// Work-items of a work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size)]

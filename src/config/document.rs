@@ -71,12 +71,7 @@ impl Document {
 
     /// Gives an input error that has no place yet the place `span`.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
-        let Error::Input(input) = error else { return error };
-        let placed = self.error(span, input.message, label);
-        match input.help {
-            Some(help) => placed.with_help(help),
-            None => placed,
-        }
+        error.placed(|message| self.error(span, message, label))
     }
 
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {

@@ -2,6 +2,7 @@
 
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
+use crate::record::temporary_in;
 use crate::scene::Display;
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
@@ -135,24 +136,9 @@ fn folder_of(path: &Path) -> Result<&Path> {
 }
 
 fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
-    let folder = folder_of(path)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".raycl-");
-    readable(&mut builder);
-    builder
-        .tempfile_in(folder)
+    temporary_in(folder_of(path)?)
         .map_err(|error| Error::run(format!("cannot write '{}': {error}", path.display())))
 }
-
-/// Temporary files are for their owner only; pictures are for whom the umask lets read them.
-#[cfg(unix)]
-fn readable(builder: &mut tempfile::Builder<'_, '_>) {
-    use std::os::unix::fs::PermissionsExt;
-    builder.permissions(std::fs::Permissions::from_mode(0o666));
-}
-
-#[cfg(not(unix))]
-fn readable(_: &mut tempfile::Builder<'_, '_>) {}
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]

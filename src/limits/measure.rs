@@ -76,7 +76,7 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let mut kernel = rig.kernel(&program, "fma_rate", items, group);
     kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    let seconds = rig.per_loop(&kernel, |_| Ok(()))?;
+    let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
     let chains = CHAINS * width;
@@ -121,11 +121,7 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let mut kernel = rig.kernel(&program, "local_rate", items, group);
     kernel.arg(0_i32).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    let mut loops = 0;
-    let seconds = rig.per_loop(&kernel, |n| {
-        loops = n;
-        Ok(())
-    })?;
+    let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
     // Sums of ones stay at 2^24, where adding one changes nothing.
@@ -175,7 +171,7 @@ fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let mut kernel = rig.kernel(program, "chain_private", 1, 1);
     kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    let seconds = rig.per_loop(&kernel, |_| Ok(()))?;
+    let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut value = [0.0_f32];
     out.read(&mut value[..]).enq().map_err(failed)?;
     expect("the chain", f64::from(value[0]), 2.0)?;
@@ -190,11 +186,7 @@ fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Fi
     let mut kernel = rig.kernel(program, name, 1, 1);
     kernel.arg(0_i32).arg(STRIDE).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    let mut loops = 0;
-    let seconds = rig.per_loop(&kernel, |n| {
-        loops = n;
-        Ok(())
-    })?;
+    let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut at = [0];
     out.read(&mut at[..]).enq().map_err(failed)?;
     let expected = (i64::from(loops) * i64::from(STEPS) * i64::from(STRIDE)) % ENTRIES as i64;
@@ -215,7 +207,7 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let kernel = kernel.build().map_err(failed)?;
     // A large buffer is slow: so few loops that their steps fit a number.
     let (mut at, mut steps) = (0_i32, 0_i32);
-    let seconds = rig.per_loop(&kernel, |loops| {
+    let (seconds, _) = rig.per_loop(&kernel, |loops| {
         for _ in 0..steps {
             at = next[at as usize];
         }

@@ -117,9 +117,13 @@ impl<'a> Rig<'a> {
         Ok((ns as f64 * 1e-6, host_ms))
     }
 
-    /// Seconds a loop of a kernel whose argument 0 is the number of loops, as many times as a figure has repeats.
-    /// `before` is called with that number before each launch.
-    pub fn per_loop(&self, kernel: &Kernel, mut before: impl FnMut(i32) -> Result<()>) -> Result<Vec<f64>> {
+    /// Seconds a loop of a kernel whose argument 0 is the number of loops, as many times as a figure has repeats, and
+    /// that number. `before` is called with it before each launch.
+    pub fn per_loop(
+        &self,
+        kernel: &Kernel,
+        mut before: impl FnMut(i32) -> Result<()>,
+    ) -> Result<(Vec<f64>, i32)> {
         let mut timed = |loops: i32| -> Result<f64> {
             before(loops)?;
             kernel.set_arg(0, loops).map_err(failed)?;
@@ -131,7 +135,8 @@ impl<'a> Rig<'a> {
         while timed(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
             loops *= 2;
         }
-        (0..REPEATS).map(|_| timed(loops).map(|ms| ms * 1e-3 / f64::from(loops))).collect()
+        let seconds = self.repeat(|| timed(loops).map(|ms| ms * 1e-3 / f64::from(loops)))?;
+        Ok((seconds, loops))
     }
 
     /// The same measurement as often as a figure has repeats.

@@ -32,4 +32,6 @@ pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};
 pub use types::{HOST, Outcome, Record, Sample};
-pub use whole::{TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, write_page, write_whole};
+pub use whole::{
+    TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_page, write_whole,
+};

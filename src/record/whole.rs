@@ -4,6 +4,7 @@
 use crate::error::{Error, Result};
 use std::io::{Error as IoError, ErrorKind, Write as _};
 use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// What temporary files are called before they take their place; a run that is killed may leave some.
 pub const TEMPORARY_PREFIX: &str = ".raycl-";
@@ -22,10 +23,7 @@ pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
 fn replace(path: &Path, bytes: &[u8], durable: bool) -> Result<()> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<()> {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(TEMPORARY_PREFIX);
-        readable(&mut builder);
-        let mut file = builder.tempfile_in(folder)?;
+        let mut file = temporary_in(folder)?;
         file.write_all(bytes)?;
         if durable {
             file.as_file().sync_all()?;
@@ -81,7 +79,15 @@ pub fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Temporary files are for their owner only; results are for whom the umask lets read them.
+/// A file that is to take its place in this folder when it is written.
+pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY_PREFIX);
+    readable(&mut builder);
+    builder.tempfile_in(folder)
+}
+
+/// Temporary files are for their owner only; results and pictures are for whom the umask lets read them.
 #[cfg(unix)]
 fn readable(builder: &mut tempfile::Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;

@@ -88,12 +88,7 @@ impl Document {
 
     /// Gives a mistake that has no place yet a place in this document.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
-        let Error::Input(input) = error else { return error };
-        let placed = self.error(span, input.message, label);
-        match input.help {
-            Some(help) => placed.with_help(help),
-            None => placed,
-        }
+        error.placed(|message| self.error(span, message, label))
     }
 
     /// A mistake at a place in this document.

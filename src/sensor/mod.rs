@@ -17,31 +17,10 @@ pub trait Sensor: Send {
 /// What a sensor shows at one moment; what it cannot tell is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// The processors' clock.
-    pub clock_mhz: Option<f64>,
-    /// The memory's clock.
-    pub memory_clock_mhz: Option<f64>,
-    /// Power of the whole device.
-    pub power_w: Option<f64>,
-    /// Temperature of the chip.
-    pub temperature_c: Option<f64>,
-    /// Whether the device holds its clock down for power, heat or a brake on its slot.
-    pub throttled: bool,
-    /// A counter of the energy it has taken.
-    pub energy_mj: Option<f64>,
-}
-
-impl Reading {
-    fn sensed(&self) -> Sensed {
-        Sensed {
-            clock_mhz: self.clock_mhz,
-            memory_clock_mhz: self.memory_clock_mhz,
-            power_w: self.power_w,
-            temperature_c: self.temperature_c,
-            throttled: self.throttled,
-            energy_mj: None,
-        }
-    }
+    /// All but the energy of a frame, which no moment has.
+    pub shown: Sensed,
+    /// A counter of the energy the device has taken.
+    pub energy_counter_mj: Option<f64>,
 }
 
 /// Watches a device's sensors, where it has any that raycl can read.

@@ -1,6 +1,6 @@
 //! Sensors of NVIDIA's management library, which is loaded when it is there.
 
-use super::{Reading, Sensor};
+use super::{Reading, Sensed, Sensor};
 use crate::device::Hardware;
 use nvml_wrapper::bitmasks::device::ThrottleReasons;
 use nvml_wrapper::enum_wrappers::device::{Clock, TemperatureSensor};
@@ -40,14 +40,16 @@ impl Sensor for NvmlSensor {
             | ThrottleReasons::SW_THERMAL_SLOWDOWN
             | ThrottleReasons::HW_THERMAL_SLOWDOWN
             | ThrottleReasons::HW_POWER_BRAKE_SLOWDOWN;
-        Reading {
+        let shown = Sensed {
             clock_mhz: device.clock_info(Clock::SM).ok().map(f64::from),
             memory_clock_mhz: device.clock_info(Clock::Memory).ok().map(f64::from),
             power_w: device.power_usage().ok().map(|milliwatts| f64::from(milliwatts) * 1e-3),
             temperature_c: device.temperature(TemperatureSensor::Gpu).ok().map(f64::from),
             throttled: device.current_throttle_reasons().is_ok_and(|reasons| reasons.intersects(slowing)),
-            energy_mj: device.total_energy_consumption().ok().map(|millijoules| millijoules as f64),
-        }
+            energy_mj: None,
+        };
+        let energy_counter_mj = device.total_energy_consumption().ok().map(|millijoules| millijoules as f64);
+        Reading { shown, energy_counter_mj }
     }
 }
 

@@ -71,8 +71,7 @@ fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Op
     let before = readings.iter().rev().find(|(at, _)| *at < start);
     let seen: Vec<&(Instant, Reading)> =
         if between.is_empty() { before.into_iter().collect() } else { between };
-    let sensed: Vec<Sensed> = seen.iter().map(|(_, reading)| reading.sensed()).collect();
-    let mut mean = Sensed::mean(sensed.iter())?;
+    let mut mean = Sensed::mean(seen.iter().map(|(_, reading)| &reading.shown))?;
     mean.power_w = counted_power_w(&seen).or(mean.power_w);
     // Watts times milliseconds.
     mean.energy_mj = mean.power_w.map(|power_w| power_w * frame_ms);
@@ -83,7 +82,7 @@ fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Op
 fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
     let ((from, first), (to, last)) = (seen.first()?, seen.last()?);
     let span = to.duration_since(*from);
-    let energy_mj = last.energy_mj? - first.energy_mj?;
+    let energy_mj = last.energy_counter_mj? - first.energy_counter_mj?;
     (span >= COUNTER_SPAN && energy_mj > 0.0).then(|| energy_mj * 1e-3 / span.as_secs_f64())
 }
 
@@ -97,7 +96,8 @@ mod tests {
     impl Sensor for Counting {
         fn read(&mut self) -> Reading {
             self.0 += 1.0;
-            Reading { clock_mhz: Some(self.0), power_w: Some(200.0), ..Reading::default() }
+            let shown = Sensed { clock_mhz: Some(self.0), power_w: Some(200.0), ..Sensed::default() };
+            Reading { shown, energy_counter_mj: None }
         }
     }
 
@@ -106,13 +106,13 @@ mod tests {
     }
 
     fn readings(start: Instant, throttled_at: u64) -> Readings {
-        let reading = |ms: u64| Reading {
+        let shown = |ms: u64| Sensed {
             clock_mhz: Some(1000.0 + ms as f64),
             power_w: Some(100.0),
-            energy_mj: Some(300.0 * ms as f64),
             throttled: ms == throttled_at,
-            ..Reading::default()
+            ..Sensed::default()
         };
+        let reading = |ms| Reading { shown: shown(ms), energy_counter_mj: Some(300.0 * ms as f64) };
         (0..100).map(|i| (at(start, 20 * i), reading(20 * i))).collect()
     }
 

@@ -1,8 +1,8 @@
 //! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-pub mod closed;
 pub mod cover;
+pub mod edges;
 
 use raycl::device::{Device, discover, select};
 use raycl::image::Radiance;

@@ -131,8 +131,11 @@ fn sizes(level: &[&Record]) -> String {
     let more = level.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     let names: Vec<_> = shown.chain(more).collect();
     let n = level.iter().map(|record| record.samples_ms.len()).min().unwrap_or(0);
-    let tie = if level.len() > 1 { " (a tie: their intervals overlap)" } else { "" };
-    format!("{}{tie}, n = {n}", names.join(", "))
+    format!("{}{}, n = {n}", names.join(", "), tie(level))
+}
+
+fn tie(level: &[&Record]) -> &'static str {
+    if level.len() > 1 { " (a tie: their intervals overlap)" } else { "" }
 }
 
 /// Whether a scene's best naive block is this one: among the square ones, and up to ties.
@@ -171,7 +174,7 @@ pub(super) fn fastest_of_figure_8(found: &Found<'_>) -> Finding {
         record.preset.as_deref() == Some("local-vectors") && record.local_size == Some([8, 8])
     };
     let names: Vec<_> = level.iter().take(4).map(|record| what(record)).collect();
-    let tie = if level.len() > 1 { " (a tie: their intervals overlap)" } else { "" };
+    let tie = tie(&level);
     let text = format!("{}{tie}, {}, n = {}", names.join(", "), time(best), best.samples_ms.len());
     (text, of_all(&level, claimed))
 }

@@ -1,0 +1,194 @@
+//! Rays and pixels aimed at edges and vertices: of closed meshes, and of nets that fill an image.
+
+use glam::{DVec3, Vec3};
+use raycl::launch::Ray;
+use raycl::scene::{Camera, Light, Mesh, Scene, Triangle};
+
+/// A repeatable random number below 2^24.
+pub fn random(state: &mut u32) -> u32 {
+    *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+    *state >> 8
+}
+
+/// A number in 0 .. 1.
+fn fraction(state: &mut u32) -> f32 {
+    random(state) as f32 / (1 << 24) as f32
+}
+
+fn add(mesh: &mut Mesh, corners: [u32; 3]) {
+    mesh.triangles.push(Triangle { positions: corners, normals: corners, material: 0 });
+}
+
+/// A point of the unit circle.
+fn turn(step: u32, steps: u32) -> (f32, f32) {
+    (2.0 * std::f32::consts::PI * (step % steps) as f32 / steps as f32).sin_cos()
+}
+
+const SPHERE: Vec3 = Vec3::new(0.013, -0.007, 0.021);
+const TORUS: Vec3 = Vec3::new(2.983, 0.011, 0.005);
+
+/// Where rays start: outside both meshes, in the sphere's middle and close under its surface, inside the torus.
+pub const ORIGINS: [Vec3; 5] = [
+    Vec3::new(1.3, 0.2, 3.0),
+    Vec3::new(-0.3, 2.6, 0.7),
+    Vec3::new(0.1, 0.2, 0.3),
+    Vec3::new(0.98, 0.03, 0.11),
+    Vec3::new(3.83, 0.52, 0.12),
+];
+
+/// A sphere of radius 1 about `centre`: 960 triangles, of which 32 meet at each pole.
+fn sphere(centre: Vec3) -> Mesh {
+    let (bands, rings) = (16, 32);
+    let point = |ring, band| {
+        let ((sin, cos), (height_sin, height_cos)) = (turn(ring, rings), turn(band, 2 * bands));
+        Vec3::new(height_sin * cos, height_cos, height_sin * sin)
+    };
+    let index = |ring: u32, band: u32| match band {
+        0 => 0,
+        _ if band == bands => 1,
+        _ => 2 + (band - 1) * rings + ring % rings,
+    };
+    let mut mesh = Mesh { normals: vec![Vec3::Y, Vec3::NEG_Y], ..Default::default() };
+    for band in 1..bands {
+        mesh.normals.extend((0..rings).map(|ring| point(ring, band)));
+    }
+    mesh.positions = mesh.normals.iter().map(|normal| centre + *normal).collect();
+    for (band, ring) in (0..bands).flat_map(|band| (0..rings).map(move |ring| (band, ring))) {
+        let [a, b] = [index(ring, band), index(ring + 1, band)];
+        let [c, d] = [index(ring, band + 1), index(ring + 1, band + 1)];
+        if band > 0 {
+            add(&mut mesh, [a, b, d]);
+        }
+        if band + 1 < bands {
+            add(&mut mesh, [a, d, c]);
+        }
+    }
+    mesh
+}
+
+/// A ring of radius 1 and thickness 0.7 about `centre`, tilted: 1,024 triangles, concave where the hole is.
+fn torus(centre: Vec3) -> Mesh {
+    let (around, across) = (32, 16);
+    let tilt = glam::Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 0.7);
+    let mut mesh = Mesh::default();
+    for (i, j) in (0..around).flat_map(|i| (0..across).map(move |j| (i, j))) {
+        let ((sin, cos), (up, out)) = (turn(i, around), turn(j, across));
+        let normal = Vec3::new(out * cos, up, out * sin);
+        mesh.positions.push(centre + tilt * (Vec3::new(cos, 0.0, sin) + 0.35 * normal));
+        mesh.normals.push(tilt * normal);
+        let index = |i: u32, j: u32| i % around * across + j % across;
+        let [a, b] = [index(i, j), index(i + 1, j)];
+        let [c, d] = [index(i, j + 1), index(i + 1, j + 1)];
+        add(&mut mesh, [a, b, d]);
+        add(&mut mesh, [a, d, c]);
+    }
+    mesh
+}
+
+/// A sphere and a torus beside it.
+pub fn closed_meshes() -> Scene {
+    let mut mesh = sphere(SPHERE);
+    mesh.append(torus(TORUS));
+    let mut scene = super::scene("sphere.toml");
+    scene.mesh = Mesh { materials: scene.mesh.materials[..1].to_vec(), ..mesh };
+    scene
+}
+
+/// Rays from one point towards points on edges, every fifth towards a vertex, and how far that is: no ray gets farther.
+pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
+    let mut state = 1;
+    std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()
+}
+
+/// A random one, unless it grazes: then it may pass its edge by.
+fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f32)> {
+    let triangle = &mesh.triangles[random(state) as usize % mesh.triangles.len()];
+    let corners = mesh.corners(triangle);
+    let edge = random(state) as usize % 3;
+    let along = if random(state).is_multiple_of(5) { 0.0 } else { fraction(state) };
+    let way = corners[edge].lerp(corners[(edge + 1) % 3], along) - origin;
+    let direction = way.normalize();
+    // Both faces of the edge are to be crossed, from the same side.
+    let normals = mesh.corner_normals(triangle);
+    let crossing = [edge, (edge + 1) % 3].map(|corner| normals[corner].dot(direction));
+    let crosses = crossing[0].abs() > 0.25 && crossing[1].abs() > 0.25 && crossing[0] * crossing[1] > 0.0;
+    crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, way.length()))
+}
+
+/// Whether a ray that nears `target` on its way has met its nearest triangle by then.
+pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> bool {
+    let Some(triangle) = nearest.map(|index| &mesh.triangles[index as usize]) else { return false };
+    let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+    let normal = (b - a).cross(c - a);
+    let t = normal.dot(a - ray.origin.as_dvec3()) / normal.dot(ray.direction.as_dvec3());
+    t < f64::from(target) * 1.001
+}
+
+/// A net over an image of `side` x `side` pixels: a corner on the ray of every other pixel, both ways, and a little
+/// beyond, so that a quarter of the pixels looks at vertices, the rest at edges. `corner` says where the ray through a
+/// pixel's centre has it.
+fn net(side: u32, corner: impl Fn(f64, f64) -> Vec3) -> Mesh {
+    let across = side / 2 + 5;
+    let place = |i: u32| 2.0 * f64::from(i) - 3.5;
+    let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
+    mesh.positions = (0..across * across).map(|i| corner(place(i % across), place(i / across))).collect();
+    for row in 0..across - 1 {
+        for column in 0..across - 1 {
+            let [a, b] = [row * across + column, (row + 1) * across + column];
+            add_flat(&mut mesh, [a, a + 1, b + 1]);
+            add_flat(&mut mesh, [a, b + 1, b]);
+        }
+    }
+    mesh
+}
+
+fn add_flat(mesh: &mut Mesh, positions: [u32; 3]) {
+    mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
+}
+
+/// A number from 0 to 1 that follows from two others.
+fn jitter(x: f64, y: f64) -> f64 {
+    let mixed = (x * 12.9898 + y * 78.233).sin() * 43758.5453;
+    mixed - mixed.floor()
+}
+
+fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
+    let mut scene = super::scene("sphere.toml");
+    let materials = scene.mesh.materials[..1].to_vec();
+    scene.mesh = Mesh { materials, ..mesh };
+    scene.camera = camera;
+    scene.lights = vec![Light { position: light, power: Vec3::ONE }];
+    scene.background = Vec3::ZERO;
+    scene
+}
+
+/// A crumpled net before the paper's camera, which stands at the origin: corners are as exact as they can be. It is lit
+/// from behind, so that no shadow rays are cast.
+pub fn net_before_the_eye(side: u32) -> Scene {
+    let frame = Camera::PAPER.pixel_frame(side, side);
+    let mesh = net(side, |x, y| (frame.direction(x, y) * (1.0 + jitter(x, y))).as_vec3());
+    before_black(mesh, Camera::PAPER, Vec3::new(0.0, 0.0, -4.0))
+}
+
+/// A floor seen from below, a light above it, and if `shaded` a net between the two, with its corners and edges on the
+/// way to the middles of pixels.
+pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
+    let (from, to) = (Vec3::new(0.3, 0.2, -3.0), Vec3::new(0.1, 0.0, 0.0));
+    let camera = Camera::looking_at(from, to, Vec3::Y, 50.0, true).expect("a camera");
+    let frame = camera.pixel_frame(side, side);
+    let light = DVec3::new(0.2, -0.3, 2.5);
+    let floor = |x: f64, y: f64| {
+        let direction = frame.direction(x, y);
+        frame.eye + direction * (-frame.eye.z / direction.z)
+    };
+    let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
+    if shaded {
+        mesh = net(side, |x, y| light.lerp(floor(x, y), 0.3 + 0.3 * jitter(x, y)).as_vec3());
+    }
+    let first = mesh.positions.len() as u32;
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]];
+    mesh.positions.extend(corners.map(|[x, y]| Vec3::new(x, y, 0.0)));
+    add_flat(&mut mesh, [first, first + 1, first + 2]);
+    add_flat(&mut mesh, [first, first + 2, first + 3]);
+    before_black(mesh, camera, light.as_vec3())
+}
