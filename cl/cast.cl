@@ -231,7 +231,7 @@ __kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restric
     seen.b = uniform_difference(LOAD3(at + 3), from);
     seen.c = uniform_difference(LOAD3(at + 6), from);
     // A shadow ray runs towards the light: its front faces are those that face away from the light.
-    Row row = origin ? planes_of(seen, 1.0f, SHADOW_SLACK * ROUNDING) : planes_of(seen, -1.0f, ROUNDING);
+    Row row = planes_of(seen, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
 #endif

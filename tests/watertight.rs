@@ -140,6 +140,10 @@ fn the_other_tests_leaks_are_counted() {
             few("shadow rays", leaks_from(&strategy), &strategy);
         }
     }
+    for strategy in traversals_of_pixels(Intersector::PixelLinear) {
+        few("primary rays", leaks_to(&strategy), &strategy);
+        few("shadow rays", leaks_from(&strategy), &strategy);
+    }
 }
 
 #[track_caller]

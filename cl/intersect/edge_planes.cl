@@ -63,8 +63,8 @@ Row row_of_nothing() {
 }
 
 // The row of a triangle whose corners are seen from the origin; it is not hit where it is edge-on or culled.
-// `front` is the sign of N.A of a front face, and `rounding` what is allowed for it of the largest term.
-Row planes_of(Corners seen, float front, float rounding) {
+// `front` is the sign of N.A of a front face.
+Row planes_of(Corners seen, float front) {
     const Uniform3 e1 = uniform_difference(seen.b, seen.a), e2 = uniform_difference(seen.c, seen.a);
     const Uniform3 n = uniform_cross(e1, e2);
     const float height = uniform_dot(seen.a, n);
@@ -75,7 +75,7 @@ Row planes_of(Corners seen, float front, float rounding) {
 #endif
     if (!hit) return row_of_nothing();
 
-    const float per_unit = 1.0f / power_of_two_above(rounding * distance * max(size1, size2));
+    const float per_unit = 1.0f / power_of_two_above(SHARED_EDGE_SLACK * distance * max(size1, size2));
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;

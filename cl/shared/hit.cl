@@ -5,10 +5,11 @@
 
 // A few roundings of single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
-// The part of it by which planes of a light's origin let triangles overlap where neighbours do not share their edges'
-// planes: on the long way from a light all of it darkens what lies beside a grazed edge. (Measured: with a quarter a pixel
-// of eight million is dark on terrain, with a sixteenth two of 60,516 rays at edges slip through; with an eighth neither.)
-#define SHADOW_SLACK 0.125f
+// What is allowed on the long way from a light: more of it darkens what lies beside an edge that is grazed. (Measured: with
+// twice as much a pixel of eight million is dark on terrain, with half of it two of 60,516 rays at edges slip through.)
+#define LIGHT_SLACK (0.125f * ROUNDING)
+// The same where neighbours share an edge's plane: only rays at vertices need any.
+#define SHARED_EDGE_SLACK LIGHT_SLACK
 
 typedef struct {
     Mask lanes;     // those whose ray hits

@@ -53,11 +53,14 @@ Lanes3 load_corners(const __global float4 *rows, Uniform3 origin) {
 // Swapping the corners changes nothing but all signs.
 Lanes3 edge_plane(Lanes3 p, Lanes3 q) { return lanes_cross(lanes_difference(p, q), lanes_sum(p, q)); }
 
-void store_plane(Lanes3 plane, int8 sign, float to[3][PREPARED]) {
-    vstore8(as_float8(as_int8(plane.x) ^ sign), 0, to[0]);
-    vstore8(as_float8(as_int8(plane.y) ^ sign), 0, to[1]);
-    vstore8(as_float8(as_int8(plane.z) ^ sign), 0, to[2]);
+void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
+    vstore8(plane.x * by, 0, to[0]);
+    vstore8(plane.y * by, 0, to[1]);
+    vstore8(plane.z * by, 0, to[2]);
 }
+
+// The next power of two, by which planes are divided without rounding.
+float8 powers_of_two_above(float8 positive) { return as_float8((as_int8(positive) & 0x7f800000) + 0x00800000); }
 
 // Prepares the triangles from `first` on. Returns those that a ray can hit: a bit each.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
@@ -69,12 +72,15 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 n = lanes_cross(e2, e1);
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
-    store_plane(n, sign, prepared->a);
-    store_plane(edge_plane(b, a), sign, prepared->edges[0]);
-    store_plane(edge_plane(c, b), sign, prepared->edges[1]);
-    store_plane(edge_plane(a, c), sign, prepared->edges[2]);
+    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
+    const float8 unit = powers_of_two_above(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
+    const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
+    store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
+    store_plane(edge_plane(b, a), turn, prepared->edges[0]);
+    store_plane(edge_plane(c, b), turn, prepared->edges[1]);
+    store_plane(edge_plane(a, c), turn, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
-    vstore8(1e-5f * bundle->longest * lanes_size(e1) * lanes_size(e2), 0, prepared->edge_on);
+    vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
     return LANE_BITS8(any ? height < 0.0f : height > 0.0f);
 #else
@@ -95,9 +101,9 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        const varying u = x * ux + (y * uy + z * uz);
-        const varying v = x * vx + (y * vy + z * vz);
-        const varying w = x * wx + (y * wy + z * wz);
+        const varying u = 1.0f + x * ux + y * uy + z * uz;
+        const varying v = 1.0f + x * vx + y * vy + z * vz;
+        const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying nearness = a * per_height;
         // One comparison instead of six: masks wait for one another longer than minima do.
         const varying inside = min(min(u, v), w);

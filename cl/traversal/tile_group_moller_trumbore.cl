@@ -28,7 +28,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const float turn = height < 0.0f ? -1.0f : 1.0f, per_height = turn / height;
     // Slack and edge-on triangles as in tile.cl.
     const float size1 = uniform_size(e1), size2 = uniform_size(e2);
-    const float rounding = (any ? SHADOW_SLACK : 1.0f) * ROUNDING * uniform_size(s) * shaft->longest;
+    const float rounding = (any ? LIGHT_SLACK : ROUNDING) * uniform_size(s) * shaft->longest;
     const float slack1 = rounding * size2, slack2 = rounding * size1;
     const float edge_on = 1e-5f * size1 * size2 * shaft->longest * per_height;
     triangle->a = linear(n, turn, 0.0f, per_height);

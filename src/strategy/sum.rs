@@ -12,7 +12,8 @@ pub(super) struct Sum {
 
 impl Sum {
     pub fn add(&mut self, what: &str, factors: &[(u64, &str)]) {
-        let bytes = factors.iter().fold(1_u128, |bytes, (factor, _)| bytes.saturating_mul(u128::from(*factor)));
+        let bytes =
+            factors.iter().fold(1_u128, |bytes, (factor, _)| bytes.saturating_mul(u128::from(*factor)));
         let factors: Vec<_> = factors.iter().map(|(factor, unit)| format!("{factor}{unit}")).collect();
         self.bytes = self.bytes.saturating_add(bytes);
         self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
