@@ -6,15 +6,7 @@
 #define PLANES_OF_ORIGIN 1
 #define ROUNDED_PLANES 1
 
-typedef struct {
-    varying t_min;
-} Probe;
-
-Probe prepare_probe(varying t_min, Vec3 direction) {
-    Probe probe;
-    probe.t_min = t_min;
-    return probe;
-}
+#include "intersect/plain_probe.cl"
 
 // What pixels share comes first: depth, then down.
 varying along_plane(float more, float x, float y, float z, Vec3 direction) {

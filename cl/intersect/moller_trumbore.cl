@@ -5,15 +5,7 @@
 #define LINEAR_IN_PIXEL 0
 #define ROUNDED_PLANES 1 // rays of a common origin may share planes, as rounding is allowed for
 
-typedef struct {
-    varying t_min;
-} Probe;
-
-Probe prepare_probe(varying t_min, Vec3 direction) {
-    Probe probe;
-    probe.t_min = t_min;
-    return probe;
-}
+#include "intersect/plain_probe.cl"
 
 // A row holds a corner, two edges, and three numbers:
 #define SLACK1(row) (row).u  // what w1 may lack, times a distance
