@@ -33,6 +33,7 @@ fuzz: ## fuzz every reader of files, MINUTES (10) each; needs cargo-fuzz
 lint: setup ## check format and lints, as CI does
 	cargo fmt --check
 	cargo clippy --all-targets --locked -- -D warnings
+	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
 
 bench: build ## measure the fast strategies
 	$(RAYCL) run configs/beyond.toml --out results/beyond --resume

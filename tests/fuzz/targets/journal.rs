@@ -12,7 +12,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(read) = read_lines::<Record>(&path) {
         let _ = summary_csv(&read.lines);
         summary_markdown(&read.lines, "?", "!");
-        let _ = summary_terminal(&read.lines);
+        let _ = summary_terminal(&read.lines, false);
         let mut journal = JsonLines::append_to(&path).expect("a journal");
         journal.append(&Record::default()).expect("a line");
         let again = read_lines::<Record>(&path).expect("what was read before");
