@@ -9,6 +9,8 @@
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & 0x1ffffff)
 #define LEAF_COUNT(word) (((word) >> 25) & 63)
+// By so much a box's far side is moved out, which is more than its rounding (Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013).
+#define OUTWARDS 1.0000005f
 #define LEAF_ROW 12 // words a triangle: v0, its number; v1, its material; v2
 
 typedef struct {
@@ -18,11 +20,12 @@ typedef struct {
 
 // The corners of the triangle at a place of leaf order.
 Corners leaf_corners(const Tree *tree, int place) {
-    const __global float *at = tree->leaves + LEAF_ROW * (size_t)place;
+    const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+    const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
-    corners.a = LOAD3(at);
-    corners.b = LOAD3(at + 4);
-    corners.c = LOAD3(at + 8);
+    corners.a = uniform3(a.x, a.y, a.z);
+    corners.b = uniform3(b.x, b.y, b.z);
+    corners.c = uniform3(c.x, c.y, c.z);
     return corners;
 }
 

@@ -1,9 +1,7 @@
 // What is known of a tile's rays without looking at any: intervals of their directions, for the whole tile (a Cone)
 // and for each of its vectors (Slices).
 
-// A far side is moved out by more than its rounding (Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013).
-#define OUTWARDS 1.0000005f
-// The same for reciprocals.
+// By more than their rounding reciprocals are moved apart.
 #define RECIPROCAL_ROUNDING 3e-7f
 // Directions with smaller components count as zeros.
 #define NO_DIRECTION 1e-20f

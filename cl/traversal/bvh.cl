@@ -2,49 +2,7 @@
 // defines any_hit, with ANY_HIT 0 closest_hit, as exhaustive.cl does.
 
 #if ANY_HIT
-// The reciprocals of a direction; where a component is nearly zero, of something small.
-varying safe_reciprocal(varying d) {
-    return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
-}
-
-typedef struct {
-    Vec3 origin, per_direction;
-} BoxProbe;
-
-BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
-    BoxProbe probe;
-    probe.origin = origin;
-    probe.per_direction = vec3(safe_reciprocal(direction.x), safe_reciprocal(direction.y), safe_reciprocal(direction.z));
-    return probe;
-}
-
-// Lanes whose ray meets a child's box nearer than reach, and where it enters. Errs towards a hit: the far side is
-// moved out by more than its rounding (Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013).
-Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
-    const Vec3 o = probe->origin, per = probe->per_direction;
-    const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
-    const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
-    const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;
-    const varying near = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (varying)(0.0f)));
-    const varying far = min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * 1.0000005f;
-    *entry = near;
-    return (near <= far) & (near <= reach);
-}
-
-// The least of the lanes that are set.
-float least_of(varying values, Mask mask) {
-    Lanes lanes;
-    lanes.all = SELECT(mask, values, (varying)(FAR));
-    float least = lanes.each[0];
-    for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);
-    return least;
-}
-
-// A child waiting to be visited.
-typedef struct {
-    uint word;
-    float entry;
-} Waiting;
+#include "traversal/bvh_node.cl"
 
 // Lanes of `wanted` that hit anything nearer than t_max, from `bias` along w_i off the working vector P.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
@@ -93,20 +51,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
             if (!ANY(open)) break;
 #endif
         } else {
-            // Children that are met go onto the stack, nearest last.
-            const __global float *node = scene->tree.nodes + NODE_STRIDE * (size_t)word;
-            const int below = waiting;
-            const varying reach = REACH;
-            for (int child = 0; child < NODE_WIDTH; child++) {
-                varying entry;
-                const Mask met = enter_box(&box_probe, node + child, reach, &entry);
-                if (!ANY(met)) continue;
-                const float at = least_of(entry, met);
-                int place = waiting++;
-                for (; place > below && stack[place - 1].entry < at; place--) stack[place] = stack[place - 1];
-                stack[place].word = as_uint(node[CHILD_ROW + child]);
-                stack[place].entry = at;
-            }
+            waiting = push_met_children(&box_probe, scene->tree.nodes + NODE_STRIDE * (size_t)word, REACH, stack, waiting);
         }
         // The nearest child that can still hold a nearer hit.
 #if !ANY_HIT

@@ -1,0 +1,110 @@
+// Which children of a node rays meet. The tests err towards a hit.
+
+// The reciprocals of a direction; where a component is nearly zero, of something small.
+varying safe_reciprocal(varying d) {
+    return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
+}
+
+typedef struct {
+    Vec3 origin, per_direction;
+} BoxProbe;
+
+BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
+    BoxProbe probe;
+    probe.origin = origin;
+    probe.per_direction = vec3(safe_reciprocal(direction.x), safe_reciprocal(direction.y), safe_reciprocal(direction.z));
+    return probe;
+}
+
+// A child waiting to be visited.
+typedef struct {
+    uint word;
+    float entry;
+} Waiting;
+
+// Puts a child onto the stack, below those of its node (above `below`) that are entered earlier. Returns the new height.
+int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
+    int place = waiting;
+    for (; place > below && stack[place - 1].entry < entry; place--) stack[place] = stack[place - 1];
+    stack[place].word = word;
+    stack[place].entry = entry;
+    return waiting + 1;
+}
+
+#if WIDTH == 1
+// One ray tests all children at once, a lane each; a node is read before anything is done with it, in as few pieces as a
+// device can.
+
+#define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
+#if NODE_WIDTH == 2
+typedef float2 BoxLanes;
+#elif NODE_WIDTH == 4
+typedef float4 BoxLanes;
+#elif NODE_WIDTH == 8
+typedef float8 BoxLanes;
+#else
+typedef float16 BoxLanes;
+#endif
+typedef union {
+    BoxLanes all;
+    float each[CHILD_LANES];
+} EachBox;
+
+// Where a ray passes the sides of an axis.
+BoxLanes pass_sides(const __global float *sides, float origin, float per_direction) {
+    return (*(const __global BoxLanes *)sides - origin) * per_direction;
+}
+
+// Puts the children of a node that the ray enters before `reach` onto the stack, nearest last. Returns its new height.
+int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
+    const Vec3 o = probe->origin, per = probe->per_direction;
+    const int below = waiting;
+    for (int first = 0; first < NODE_WIDTH; first += CHILD_LANES) {
+        const __global float *box = node + first;
+        const BoxLanes x0 = pass_sides(box, o.x, per.x), x1 = pass_sides(box + NODE_WIDTH, o.x, per.x);
+        const BoxLanes y0 = pass_sides(box + 2 * NODE_WIDTH, o.y, per.y), y1 = pass_sides(box + 3 * NODE_WIDTH, o.y, per.y);
+        const BoxLanes z0 = pass_sides(box + 4 * NODE_WIDTH, o.z, per.z), z1 = pass_sides(box + 5 * NODE_WIDTH, o.z, per.z);
+        EachBox entry, leave, word;
+        entry.all = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (BoxLanes)(0.0f)));
+        leave.all = min(min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * OUTWARDS, (BoxLanes)(reach));
+        word.all = *(const __global BoxLanes *)(box + CHILD_ROW);
+#pragma unroll
+        for (int child = 0; child < CHILD_LANES; child++)
+            if (entry.each[child] <= leave.each[child])
+                waiting = push_child(stack, below, waiting, as_uint(word.each[child]), entry.each[child]);
+    }
+    return waiting;
+}
+#else
+// Lanes whose ray meets a child's box nearer than reach, and where it enters.
+Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
+    const Vec3 o = probe->origin, per = probe->per_direction;
+    const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
+    const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
+    const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;
+    const varying near = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (varying)(0.0f)));
+    const varying far = min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * OUTWARDS;
+    *entry = near;
+    return (near <= far) & (near <= reach);
+}
+
+// The least of the lanes that are set.
+float least_of(varying values, Mask mask) {
+    Lanes lanes;
+    lanes.all = SELECT(mask, values, (varying)(FAR));
+    float least = lanes.each[0];
+    for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);
+    return least;
+}
+
+// Puts the children of a node that any ray enters before its `reach` onto the stack, nearest last. Returns its new height.
+int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
+    const int below = waiting;
+    for (int child = 0; child < NODE_WIDTH; child++) {
+        varying entry;
+        const Mask met = enter_box(probe, node + child, reach, &entry);
+        if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
+    }
+    return waiting;
+}
+#endif
