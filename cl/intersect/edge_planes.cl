@@ -13,8 +13,8 @@ varying along_plane(float more, float x, float y, float z, Vec3 direction) {
     return more + direction.z * z + direction.y * y + direction.x * x;
 }
 
-// How far inside an edge a direction is. Planes are scaled so that rounding may move it by 1: triangles overlap by so
-// little rather than leave gaps.
+// How far inside an edge a direction is. Planes are scaled so that triangles overlap by 1, which costs
+// nothing: it is where the multiply-adds begin.
 varying inside_edge(Uniform3 plane, Vec3 direction) { return along_plane(1.0f, plane.x, plane.y, plane.z, direction); }
 
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
@@ -41,8 +41,8 @@ Uniform3 edge_plane(Uniform3 p, Uniform3 q) {
     return uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
-// The next power of two: by that, planes are scaled without rounding, and neighbours' planes stay the same.
-float power_of_two_above(float positive) { return as_float((as_int(positive) & 0x7f800000) + 0x00800000); }
+// The largest power of two that is not more: by that, planes are scaled without rounding, and stay the same for neighbours.
+float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
 // A row that no ray hits: it is outside one of the first two edges.
 Row row_of_nothing() {
@@ -67,7 +67,7 @@ Row planes_of(Corners seen, float front) {
 #endif
     if (!hit) return row_of_nothing();
 
-    const float per_unit = 1.0f / power_of_two_above(SHARED_EDGE_SLACK * distance * max(size1, size2));
+    const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;

@@ -8,7 +8,8 @@
 // What is allowed on the long way from a light: more of it darkens what lies beside an edge that is grazed. (Measured: with
 // twice as much a pixel of eight million is dark on terrain, with half of it two of 60,516 rays at edges slip through.)
 #define LIGHT_SLACK (0.125f * ROUNDING)
-// The same where neighbours share an edge's plane: only rays at vertices need any.
+// The same, at most, where neighbours share an edge's plane: only rays at vertices need any. (Measured: from half of it to
+// all of it none of 60,516 leaks and terrain is right in 16 million pixels; with up to twice as much one is dark.)
 #define SHARED_EDGE_SLACK LIGHT_SLACK
 
 typedef struct {

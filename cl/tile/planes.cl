@@ -1,7 +1,7 @@
 // Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span the
 // plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has the right
-// sign. The triangle next door has the plane with the opposite sign, to the last bit: no ray passes between the two, and
-// none beside them is taken for a hit. (So does Embree's robust mode.)
+// sign. The triangle next door has the plane with the opposite sign, to the last bit. (So does Embree's robust mode.)
+// Planes are scaled so that triangles overlap by 1, which costs nothing, for the sake of rays at vertices.
 // With a = d.(e2 x e1), a t is the same for all rays: the height. What lies in front of them has an a of its sign, so
 // that none asks for signs.
 
@@ -59,8 +59,8 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// The next power of two, by which planes are divided without rounding.
-float8 powers_of_two_above(float8 positive) { return as_float8((as_int8(positive) & 0x7f800000) + 0x00800000); }
+// The largest powers of two that are not more: by them planes are divided without rounding.
+float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
 
 // Prepares the triangles from `first` on. Returns those that a ray can hit: a bit each.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
@@ -73,7 +73,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    const float8 unit = powers_of_two_above(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
+    const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(b, a), turn, prepared->edges[0]);
