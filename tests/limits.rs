@@ -62,7 +62,7 @@ fn limits_are_measured_and_a_run_tells_its_part_of_them() {
     for record in place.json_lines("out/records.jsonl") {
         let number = |field: &str| record[field].as_f64();
         let expected = match record["name"].as_str().expect("a name") {
-            "naive" => Some(21.0),
+            "naive" => Some(15.0),
             "watertight" => Some(50.0),
             _ => None,
         };
