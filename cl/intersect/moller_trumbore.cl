@@ -50,7 +50,6 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);
     const varying slack1 = SLACK1(row) * distance;
-    // A number that must not be negative has no sign bit: one test for several of them.
     const varying reach1 = size + slack1;
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;

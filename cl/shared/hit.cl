@@ -14,7 +14,7 @@
 
 typedef struct {
     Mask lanes;     // those whose ray hits
-    varying t;      // distance along the unit direction
+    varying t;      // distance along the unit direction; depth where rays are counted in pixels
     varying w1, w2; // barycentric weights of the second and third corner
 } Hit;
 
