@@ -36,6 +36,8 @@ fn two_devices_cast_the_pixels_of_one() {
         ["tiled-common-origin", "4x2"],
         ["naive", "4x2"],
         ["tile", "1x1"],
+        ["tile-group", "32x1"],
+        ["tile-group-watertight", "32x1"],
     ] {
         let one = render(&place, None, strategy, "one.exr");
         let two = render(&place, Some("portable computing language"), strategy, "two.exr");

@@ -6,23 +6,42 @@
 #define PLANES_OF_ORIGIN 1
 #define ROUNDED_PLANES 1
 
-#include "intersect/plain_probe.cl"
+#ifndef LINEAR_IN_PIXEL
+#define LINEAR_IN_PIXEL 0
+#endif
 
-// What pixels share comes first: depth, then down.
-varying along_plane(float more, float x, float y, float z, Vec3 direction) {
-    return more + direction.z * z + direction.y * y + direction.x * x;
+typedef struct {
+    varying t_min;
+    float overlap; // where the multiply-adds of edges begin
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    Probe probe;
+    probe.t_min = t_min;
+    probe.overlap = 1.0f;
+    return probe;
 }
 
-// How far inside an edge a direction is. Planes are scaled so that triangles overlap by 1, which costs
-// nothing: it is where the multiply-adds begin.
-varying inside_edge(Uniform3 plane, Vec3 direction) { return along_plane(1.0f, plane.x, plane.y, plane.z, direction); }
+// Planes are scaled so that triangles overlap by 1, which costs nothing: it is where the multiply-adds begin. A ray counted
+// in pixels has a z of 1, so that its planes hold the overlap themselves; what is added then is nothing (-0 + z is z).
+float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
+
+// What pixels share comes first: depth, then down.
+varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
+    return begin + direction.z * z + direction.y * y + direction.x * x;
+}
+
+// How far inside an edge a direction is.
+varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
+    return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
+}
 
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
 // there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    const varying w0 = inside_edge(row.a, direction);
-    const varying w1 = inside_edge(row.b, direction);
-    const varying w2 = inside_edge(row.c, direction);
+    const varying w0 = inside_edge(probe, row.a, direction);
+    const varying w1 = inside_edge(probe, row.b, direction);
+    const varying w2 = inside_edge(probe, row.c, direction);
     // What is not negative has no sign bit: one test for three.
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
@@ -91,6 +110,7 @@ Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     row.a = along_pixels(row.a, corner, step_x, step_y);
     row.b = along_pixels(row.b, corner, step_x, step_y);
     row.c = along_pixels(row.c, corner, step_x, step_y);
+    row.a.z += 1.0f, row.b.z += 1.0f, row.c.z += 1.0f; // the overlap
     row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
     return row;
 }

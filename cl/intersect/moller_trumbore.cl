@@ -5,7 +5,16 @@
 #define LINEAR_IN_PIXEL 0
 #define ROUNDED_PLANES 1 // rays of a common origin may share planes, as rounding is allowed for
 
-#include "intersect/plain_probe.cl"
+// Of a ray whose test prepares nothing, all there is to know.
+typedef struct {
+    varying t_min;
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    Probe probe;
+    probe.t_min = t_min;
+    return probe;
+}
 
 // A row holds a corner, two edges, and three numbers:
 #define SLACK1(row) (row).u  // what w1 may lack, times a distance

@@ -28,6 +28,7 @@ typedef struct {
 } Group;
 
 #define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))
+#define HIGHEST_BIT(bits) (31 - clz(bits))
 // How many of `bits` belong to lanes before this one.
 #define BITS_BEFORE(group, bits) popcount((bits) & ((1u << (group)->lane) - 1u))
 
@@ -175,6 +176,17 @@ INLINED int forgotten(int value) {
     asm volatile("" : "+r"(value));
 #endif
     return value;
+}
+
+// 1 / a, to the last bit or so: nothing that asks for it here asks for more, and some compilers' takes five instructions.
+INLINED float reciprocal(float a) {
+#if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
+    float result;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(a));
+    return result;
+#else
+    return 1.0f / a;
+#endif
 }
 
 INLINED int lane_any(const Group *group, int yes) { return lane_ballot(group, yes) != 0; }

@@ -5,6 +5,9 @@
 #ifndef WIDTH
 #error "WIDTH: rays a work-item casts side by side: 1, 2, 4, 8 or 16"
 #endif
+#ifndef BLOCK_X
+#error "BLOCK_X: how many of them lie side by side in a row of pixels"
+#endif
 #ifndef REDUCE_BUILTIN
 #error "REDUCE_BUILTIN: 1 to use the compiler's __builtin_reduce_or where it has one, 0 to avoid it"
 #endif
@@ -12,37 +15,33 @@
 #if WIDTH == 1
 typedef float varying;
 typedef int varying_int;
-#define LANE_X 0
-#define LANE_Y 0
+#define LANE_NUMBER 0
 #elif WIDTH == 2
 typedef float2 varying;
 typedef int2 varying_int;
-#define LANE_X ((int2)(0, 1))
-#define LANE_Y ((int2)(0))
+#define LANE_NUMBER ((int2)(0, 1))
 #elif WIDTH == 4
 typedef float4 varying;
 typedef int4 varying_int;
-#define LANE_X ((int4)(0, 1, 0, 1))
-#define LANE_Y ((int4)(0, 0, 1, 1))
+#define LANE_NUMBER ((int4)(0, 1, 2, 3))
 #elif WIDTH == 8
 typedef float8 varying;
 typedef int8 varying_int;
-#define LANE_X ((int8)(0, 1, 2, 3, 0, 1, 2, 3))
-#define LANE_Y ((int8)(0, 0, 0, 0, 1, 1, 1, 1))
+#define LANE_NUMBER ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
 #elif WIDTH == 16
 typedef float16 varying;
 typedef int16 varying_int;
-#define LANE_X ((int16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
-#define LANE_Y ((int16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
+#define LANE_NUMBER ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #else
 #error "WIDTH must be 1, 2, 4, 8 or 16"
 #endif
 
 typedef varying_int Mask;
 
-// The block of pixels that the lanes of a work-item cover.
-#define BLOCK_X (WIDTH == 1 ? 1 : WIDTH <= 4 ? 2 : 4)
+// The block of pixels that the lanes of a work-item cover, and their places in it.
 #define BLOCK_Y (WIDTH / BLOCK_X)
+#define LANE_X (LANE_NUMBER % BLOCK_X)
+#define LANE_Y (LANE_NUMBER / BLOCK_X)
 
 // Lanes seen one by one, to gather and scatter.
 typedef union {
@@ -84,10 +83,14 @@ int any16(int16 m) { return any8(m.lo | m.hi); }
 #elif defined(HAS_REDUCE_OR)
 #define ALL_NEGATIVE(bits) (!ANY((bits) >= 0))
 #else
+// By threes: some hardware combines three words at once.
 int all2(int2 m) { return m.x & m.y; }
-int all4(int4 m) { return all2(m.lo & m.hi); }
-int all8(int8 m) { return all4(m.lo & m.hi); }
-int all16(int16 m) { return all8(m.lo & m.hi); }
+int all4(int4 m) { return m.x & m.y & m.z & m.w; }
+int all8(int8 m) { return (m.s0 & m.s1 & m.s2) & (m.s3 & m.s4 & m.s5) & (m.s6 & m.s7); }
+int all16(int16 m) {
+    return ((m.s0 & m.s1 & m.s2) & (m.s3 & m.s4 & m.s5) & (m.s6 & m.s7 & m.s8)) &
+           ((m.s9 & m.sa & m.sb) & (m.sc & m.sd & m.se) & m.sf);
+}
 #define ALL_NEGATIVE(bits) (PASTE(all, WIDTH)(bits) < 0)
 #endif
 

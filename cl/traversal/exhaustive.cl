@@ -6,21 +6,27 @@
 #if ANY_HIT
 // Lanes of `wanted` that hit anything nearer than t_max, from `bias` along w_i off the working vector P.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
-    const Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
+    Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
 #else
 // Finds the nearest hit at t_min < t of the rays in the working vectors.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
-    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
+    Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;
     nearest->t = SELECT(wanted, (varying)(FAR), (varying)(0.0f)); // others reach nothing
     nearest->triangle = (varying_int)(NO_HIT);
+#endif
+#if PLANES_OF_ORIGIN
+    probe.overlap = overlap_of(origin);
 #endif
     for (int first = 0; first < scene->geometry.count; first += TILE_STEP(scene)) {
         stage_tile(scene, origin, first);
         int end = min(TILE_STEP(scene), scene->geometry.count - first);
 #if ANY_HIT
         if (!ANY(open)) end = 0;
+#endif
+#if STREAM_TILES && !LINEAR_IN_PIXEL
+#pragma unroll 8 // 7% faster on a GPU than what its compiler chooses, of which pixel-linear's many rays leave more to do
 #endif
         for (int k = 0; k < end; k++) {
             const Row row = row_in_tile(scene, origin, first, k);

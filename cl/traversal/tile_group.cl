@@ -24,8 +24,10 @@
 
 // Rays join a pass if the axis has more than this part of their direction; the leader's has at least a third.
 #define ALONG_AXIS 0.25f
-// Where rays are grouped: how many times further from the leader than its nearest neighbour they may be.
-#define NEIGHBOURS 16.0f
+// Where rays are grouped: how many times further from the leader than those beside it they may be.
+#define NEIGHBOURS 8.0f
+// A leader is sought here first: in the middle of the lanes' 8 x 4 pixels.
+#define MIDDLE_LANE 20
 
 #include "traversal/tile_group_shaft.cl"
 
@@ -53,22 +55,19 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 #if WATERTIGHT
 #include "traversal/tile_group_watertight.cl"
 #else
-#include "traversal/tile_group_moller_trumbore.cl"
+#include "traversal/tile_group_planes.cl"
 #endif
 
-// How near, in slopes, another ray comes to a leader's at (x, y), of which this lane has `own`. A lane without any
-// says FAR.
-INLINED float nearest_neighbour(const Shaft *shaft, const Ways *ways, uint todo, uint own, float x, float y) {
-    float least = FAR;
-    EACH_RAY(ray) {
-        const float depth = depth_of(shaft, ways->x[ray], ways->y[ray], ways->z[ray]);
-        if (!HAS(todo & ~own, ray) || depth <= 0.0f) continue;
-        const float per_depth = 1.0f / depth;
-        const float across = component(ways->x[ray], ways->y[ray], ways->z[ray], shaft->across) * per_depth;
-        const float down = component(ways->x[ray], ways->y[ray], ways->z[ray], shaft->down) * per_depth;
-        least = fmin(least, fabs(across - x) + fabs(down - y));
-    }
-    return least;
+// How far apart, in slopes, a leader's ray and those of the pixels beside it are: in its row and its column the nearer
+// one, and of the two the further. Each lane says how far from the leader's its ray is. FAR without any beside it.
+INLINED float spacing_at(const Group *group, float distance, int leader) {
+    const int row = leader & ~7;
+    const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
+    const float right = lane_get_float(group, distance, row | ((leader + 1) & 7));
+    const float above = lane_get_float(group, distance, (leader - 8) & 31);
+    const float below = lane_get_float(group, distance, (leader + 8) & 31);
+    const float across = fmin(left, right), down = fmin(above, below);
+    return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
 // Chooses the rays of `todo` that go with some leader's, and makes their shaft and beam. With `close`, they must be
@@ -76,34 +75,38 @@ INLINED float nearest_neighbour(const Shaft *shaft, const Ways *ways, uint todo,
 INLINED uint begin_pass(const Group *group, Uniform3 origin, const Ways *ways, uint todo, const int close,
                 Shaft *shaft, Beam *beam) {
     const uint lanes = lane_ballot(group, todo != 0);
-    const int leader = HAS(lanes, 16) ? 16 : LOWEST_BIT(lanes); // from the middle of the tile, if it can be
-    const uint first = todo & (0u - todo);
+    const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
+    const uint first = lane_get(group, todo & (0u - todo), leader); // the leader's first ray, and those in its place
     Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);
+    const Uniform3 own = way;
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
-    aim(origin, way, shaft);
+    aim(group, origin, way, shaft);
 
-    const float per_leader = 1.0f / fabs(component(way.x, way.y, way.z, shaft->along));
+    const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
     const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
     float tolerance = FAR;
     if (close) {
-        const uint own = group->lane == leader ? first : 0;
-        const float least = nearest_neighbour(shaft, ways, todo, own, leader_x, leader_y);
-        tolerance = fmin(lane_least_positive(group, least), 1e30f) * NEIGHBOURS + 2.0f * SLOPE_ROUNDING;
+        const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
+        const float x = component(own.x, own.y, own.z, shaft->across) * per_depth;
+        const float y = component(own.x, own.y, own.z, shaft->down) * per_depth;
+        const int beside = (todo & first) && depth > 0.0f;
+        const float spacing = spacing_at(group, beside ? fabs(x - leader_x) + fabs(y - leader_y) : FAR, leader);
+        tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
     }
 
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {
         const float depth = depth_of(shaft, ways->x[ray], ways->y[ray], ways->z[ray]);
-        const float per_depth = depth > 0.0f ? 1.0f / depth : 0.0f;
+        const float per_depth = depth > 0.0f ? reciprocal(depth) : 0.0f;
         const float x = component(ways->x[ray], ways->y[ray], ways->z[ray], shaft->across) * per_depth;
         const float y = component(ways->x[ray], ways->y[ray], ways->z[ray], shaft->down) * per_depth;
-        const int joins = HAS(todo, ray) && depth > 0.0f && fabs(x - leader_x) < tolerance &&
-                          fabs(y - leader_y) < tolerance;
+        const int joins = HAS(todo, ray) && depth > 0.0f &&
+                          (!close || (fabs(x - leader_x) < tolerance && fabs(y - leader_y) < tolerance));
         joining |= joins ? 1u << ray : 0u;
         low_x = joins ? fmin(low_x, x) : low_x;
         high_x = joins ? fmax(high_x, x) : high_x;
@@ -127,18 +130,16 @@ typedef struct {
 
 // Whether the shaft meets this lane's child of a node nearer than reach. Errs towards a hit.
 INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
-    const __global float *child = tree->nodes + group->lane;
     const uint at = NODE_STRIDE * node; // below 2^32: a node has more than 32 triangles below it
-    const __global float *x_rows = child + (at + 2 * NODE_WIDTH * shaft->across);
-    const __global float *y_rows = child + (at + 2 * NODE_WIDTH * shaft->down);
-    const __global float *z_rows = child + (at + 2 * NODE_WIDTH * shaft->along);
+    const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
+    const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
-    const float z0 = MULTIPLY_ADD(shaft->sign, z_rows[0], -shaft->z);
-    const float z1 = MULTIPLY_ADD(shaft->sign, z_rows[NODE_WIDTH], -shaft->z);
-    const float near = fmax(fmin(z0, z1), 0.0f), far = fmax(z0, z1);
+    const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
+    const float far = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->far_row], -shaft->z);
+    const float near = fmax(first, 0.0f);
     Child result;
-    result.word = as_uint(child[at + CHILD_ROW]);
+    result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
@@ -162,30 +163,46 @@ INLINED uint push(const Group *group, Child child, uint met, const int sorted, _
     return lane_get(group, child.word, LOWEST_BIT(nearest));
 }
 
+// Triangles that a group's rays have to test, side by side, and the lanes that prepared them.
+typedef struct {
+    __local float4 *quads; // three each
+    __local int *lanes;
+} Candidates;
+
 // Tests a leaf's triangles with the beam, those that the shaft cannot rule out. With `any`, a ray that hits one is done;
 // otherwise the nearest hit is kept. Returns whether any triangle was tested.
 INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
-               const int any, __local float4 *candidates) {
+               const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);
     Candidate own;
     int wanted = 0;
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
-    lane_sync(group); // the last leaf's triangles have been tested
-    if (wanted) store_candidate(own, candidates + 3 * group->lane);
     const uint tested = lane_ballot(group, wanted);
+    lane_sync(group); // the last leaf's triangles have been tested
+    if (wanted) {
+        const int at = BITS_BEFORE(group, tested);
+        store_candidate(own, candidates->quads + 3 * at);
+        if (!any) candidates->lanes[at] = group->lane;
+    }
     lane_sync(group);
-    for (uint left = tested; left; left &= left - 1) {
-        const int slot = LOWEST_BIT(left);
-        const Candidate triangle = load_candidate(candidates + 3 * slot);
+    const int count = popcount(tested);
+    int found[RAYS];
+    EACH_RAY(ray) found[ray] = -1;
+#pragma unroll 4
+    for (int k = 0; k < count; k++) {
+        const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
             const int hit = meets(&triangle, beam->x[ray], beam->y[ray], beam->nearest[ray], beam->ceiling[ray], any,
                                   &per_depth);
             beam->nearest[ray] = hit ? (any ? FAR : per_depth) : beam->nearest[ray];
-            if (!any) beam->place[ray] = hit ? first + slot : beam->place[ray];
+            found[ray] = hit ? k : found[ray];
         }
     }
-    return tested != 0;
+    if (!any) {
+        EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
+    }
+    return count != 0;
 }
 
 // The least 1/z that a hit must have to matter to any ray of the group.
@@ -195,13 +212,20 @@ INLINED float worst_of(const Group *group, const Beam *beam) {
     return lane_least_positive(group, worst);
 }
 
+// Whether any of this lane's rays still looks for a hit.
+INLINED int is_looking(const Beam *beam) {
+    int looking = 0;
+    EACH_RAY(ray) looking |= beam->nearest[ray] < FAR;
+    return looking;
+}
+
 // z beyond which no hit matters.
-INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f / worst, FAR) : FAR; }
+INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
 // Walks the tree with a pass's beam: to the nearest hit of each ray, or with `any` to some. Each word taken from the stack
 // costs one of `budget`; returns whether it was enough.
 INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, const int any, int *budget,
-         __local uint2 *stack, __local float4 *candidates) {
+         __local uint2 *stack, const Candidates *candidates) {
     float worst = worst_of(group, beam), reach = reach_of(worst);
     uint word = 0;
     int waiting = 0, enough = 1, going = worst < FAR;
@@ -212,9 +236,9 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, !any, stack, &waiting);
         } else if (visit_leaf(group, tree, shaft, beam, word, worst, any, candidates)) {
-            worst = worst_of(group, beam);
+            going = any ? lane_any(group, is_looking(beam)) : 1;
+            if (!any) worst = worst_of(group, beam);
             reach = reach_of(worst);
-            going = worst < FAR;
         }
         if (met || !going) continue;
         // Nothing to go on to: back to the nearest node or leaf that can still matter.

@@ -13,6 +13,8 @@
 typedef struct {
     int across, down, along; // which axes of the scene x, y and z are
     float sign;              // -1 where rays run towards smaller z
+    uint x_rows, y_rows;     // where a lane's child has its x and y in a node
+    uint near_row, far_row;  // and the z at which rays come to it first and last
     float x, y, z;           // the rays' origin along these axes
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
@@ -21,14 +23,19 @@ typedef struct {
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
 // Turns a pass's axes so that the largest component of a direction is z.
-INLINED void aim(Uniform3 origin, Uniform3 leader, Shaft *shaft) {
+INLINED void aim(const Group *group, Uniform3 origin, Uniform3 leader, Shaft *shaft) {
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
     const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
     shaft->across = across;
     shaft->down = down;
     shaft->along = along;
-    shaft->sign = component(leader.x, leader.y, leader.z, along) < 0.0f ? -1.0f : 1.0f;
+    const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
+    shaft->sign = back ? -1.0f : 1.0f;
+    shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
+    shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
+    shaft->near_row = (uint)(NODE_WIDTH * (2 * along + back) + group->lane);
+    shaft->far_row = (uint)(NODE_WIDTH * (2 * along + 1 - back) + group->lane);
     shaft->x = component(origin.x, origin.y, origin.z, across);
     shaft->y = component(origin.x, origin.y, origin.z, down);
     shaft->z = shaft->sign * component(origin.x, origin.y, origin.z, along);
@@ -67,3 +74,10 @@ INLINED float most_of(const Shaft *shaft, Uniform3 v) {
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
     return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
 }
+
+// A corner seen from the rays' origin.
+INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
+    return uniform_difference(corner, uniform3(shaft->x, shaft->y, shaft->z));
+}
+
+INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }

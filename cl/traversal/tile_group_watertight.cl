@@ -6,13 +6,6 @@ typedef struct {
     float4 a, b, c; // corners along the pass's axes, seen from the origin; a's fourth: the sign of det in front faces
 } Candidate;
 
-// A corner seen from the rays' origin.
-INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
-    return uniform_difference(corner, uniform3(shaft->x, shaft->y, shaft->z));
-}
-
-INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
-
 // The most that v . (x, y, 1) can be in a shaft, with v's sign changed as `turn` says.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));

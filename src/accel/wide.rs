@@ -95,13 +95,15 @@ impl WideBvh {
     pub const UNUSED: u32 = Self::LEAF;
     const COUNT_SHIFT: u32 = 25;
 
-    /// Builds a mesh's tree as a device reads it.
+    /// Builds a mesh's tree as a device reads it. Places that are left over in a node make its leaves smaller; not with 32
+    /// children, where 32 work-items prepare a leaf's triangles side by side and small leaves are only more visits.
     ///
     /// # Errors
     ///
     /// As [`Self::new`].
     pub fn of_mesh(mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
-        Self::new(&Bvh::build(mesh, leaf_size.min(Bvh::LEAF_SIZE)), width, leaf_size)
+        let own = if width < 32 { Bvh::LEAF_SIZE } else { leaf_size };
+        Self::new(&Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
     /// Collapses a binary tree. A node's children are found by opening, as long as there is room, the subtree of largest

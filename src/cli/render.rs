@@ -294,6 +294,7 @@ fn medians(frames: &[FrameTimes]) -> FrameTimes {
         frame_ms: median(&|frame| Some(frame.frame_ms)).unwrap_or(0.0),
         primary_ms: median(&|frame| frame.primary_ms),
         shadow_ms: median(&|frame| frame.shadow_ms),
+        shade_ms: median(&|frame| frame.shade_ms),
         host_ms: median(&|frame| Some(frame.host_ms)).unwrap_or(0.0),
         ..FrameTimes::default()
     }

@@ -23,9 +23,6 @@ pub enum LaneOperations {
 const LANES: usize = 32;
 /// Groups of the work-group that is tried.
 const GROUPS: usize = 4;
-/// Registers of a work-item, where the compiler takes a limit: with it a compute unit of 65,536 holds 24 groups at a time,
-/// without it 16 to 20. The shading of tiles then keeps some words in memory while it walks; primary rays none.
-const PTX_REGISTERS: u32 = 80;
 /// Answers of a lane.
 const ANSWERS: usize = 8;
 /// The lanes that a rank is asked among.
@@ -53,11 +50,7 @@ impl LaneOperations {
             (Self::SubGroups, false) => "CL2.0",
             _ => "CL1.2",
         };
-        let mut options = vec![format!("-D LANE_OPERATIONS={}", self as u32), format!("-cl-std={standard}")];
-        if self >= Self::PtxShuffles {
-            options.push(format!("-cl-nv-maxrregcount={PTX_REGISTERS}"));
-        }
-        options
+        vec![format!("-D LANE_OPERATIONS={}", self as u32), format!("-cl-std={standard}")]
     }
 }
 

@@ -23,6 +23,7 @@ pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) 
     record.host_median_ms = median(&|frame| Some(frame.host_ms));
     record.primary_ms = median(&|frame| frame.primary_ms);
     record.shadow_ms = median(&|frame| frame.shadow_ms);
+    record.shade_ms = median(&|frame| frame.shade_ms);
     record.batch = frames.iter().filter_map(|frame| frame.batch).max();
     record.sensed = Sensed::mean(frames.iter().filter_map(|frame| frame.sensed.as_ref()));
     let throttled = |frame: &&FrameTimes| frame.sensed.is_some_and(|sensed| sensed.throttled);

@@ -54,6 +54,7 @@ impl Keep for Keeper<'_> {
             ms: times.frame_ms,
             primary_ms: times.primary_ms,
             shadow_ms: times.shadow_ms,
+            shade_ms: times.shade_ms,
             host_ms: Some(times.host_ms),
             batch: times.batch,
             sensed: times.sensed,

@@ -125,6 +125,7 @@ impl Past {
                 frame_ms: sample.ms,
                 primary_ms: sample.primary_ms,
                 shadow_ms: sample.shadow_ms,
+                shade_ms: sample.shade_ms,
                 host_ms: sample.host_ms.unwrap_or(sample.ms),
                 batch: sample.batch,
                 sensed: sample.sensed,

@@ -3,9 +3,9 @@
 use super::band::Band;
 use super::buffers::{allocate, read_with};
 use super::frame::{FrameTimes, Phase};
-use super::left_over::LeftOver;
 use super::parts::{Parts, Working};
 use super::scene::DeviceScene;
+use super::shared::Shared;
 use super::steps::{CameraArguments, Step, Steps};
 use super::tree::DeviceTree;
 use super::{LaunchError, Queue, ROW_FLOATS};
@@ -79,6 +79,11 @@ impl Caster {
             steps.extend(parts.prepare_origins(prepared)?);
         }
         match strategy.passes {
+            _ if strategy.shares_tiles() => {
+                let nearest = allocate::<i32>(queue, pixels)?;
+                let shared = Shared::allocate(queue, pixels)?;
+                steps.extend(parts.cast_shared(&image, &nearest, &shared)?);
+            }
             Passes::Fused => {
                 steps.extend(parts.reset_heap(Phase::Whole));
                 steps.push((Phase::Whole, Step::Run(parts.cast_frame(&image)?)));
@@ -93,12 +98,7 @@ impl Caster {
                     }
                 }
                 steps.extend(parts.reset_heap(Phase::Shadow));
-                if strategy.shares_tiles() {
-                    let left_over = LeftOver::allocate(queue, pixels)?;
-                    steps.extend(parts.shade_shared(&image, &nearest, &left_over)?);
-                } else {
-                    steps.push((Phase::Shadow, Step::Run(parts.shade_nearest(&image, &nearest)?)));
-                }
+                steps.push((Phase::Shadow, Step::Run(parts.shade_nearest(&image, &nearest)?)));
             }
         }
         Ok(Self { queue: queue.clone(), steps, image, working, size })

@@ -9,9 +9,7 @@ pub enum LaunchError {
     #[error("{0}")]
     OpenCl(String),
     /// The built kernel holds fewer work-items than the local size has.
-    #[error(
-        "the built kernel {kernel} holds work-groups of {most}, but the local size has {items} work-items"
-    )]
+    #[error("the built kernel {kernel}: {items} work-items of the local size > {most} that it can hold")]
     WorkGroup {
         /// Its name.
         kernel: String,

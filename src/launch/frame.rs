@@ -10,8 +10,10 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// Finding what primary rays hit, with its preparation.
     Primary,
-    /// Shading and shadow rays.
+    /// Shadow rays, with shading where that is not apart.
     Shadow,
+    /// Shading, where it has a kernel of its own.
+    Shade,
     /// Both in one kernel.
     Whole,
 }
@@ -26,6 +28,8 @@ pub struct FrameTimes {
     pub primary_ms: Option<f64>,
     /// The shadow part, where the strategy separates it.
     pub shadow_ms: Option<f64>,
+    /// Shading, where it is apart from shadow rays.
+    pub shade_ms: Option<f64>,
     /// The same frame by the host's clock, from enqueueing to completion.
     pub host_ms: f64,
     /// Frames of the batch that these times are the mean of; none for one frame alone.
@@ -56,7 +60,7 @@ impl FrameTimes {
 
     /// Its shortest part: a pass where there are passes.
     pub fn shortest_ms(&self) -> f64 {
-        let passes = [self.primary_ms, self.shadow_ms];
+        let passes = [self.primary_ms, self.shadow_ms, self.shade_ms];
         passes.into_iter().flatten().fold(self.frame_ms, f64::min)
     }
 
@@ -76,6 +80,7 @@ impl FrameTimes {
             frame_ms: durations_ms.iter().map(|(_, ms)| ms).sum(),
             primary_ms: of_phase(Phase::Primary),
             shadow_ms: of_phase(Phase::Shadow),
+            shade_ms: of_phase(Phase::Shade),
             host_ms: host_ms / f64::from(frames),
             batch: (frames > 1).then_some(frames),
             sensed: None,

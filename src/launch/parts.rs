@@ -3,8 +3,8 @@
 use super::band::Band;
 use super::buffers::allocate;
 use super::frame::Phase;
-use super::left_over::LeftOver;
 use super::scene::DeviceScene;
+use super::shared::{LIGHTS_OF_ROUND, Shared};
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments, ray_arguments};
 use super::tree::DeviceTree;
 use super::{LaunchError, NO_HIT, Queue};
@@ -121,23 +121,46 @@ impl<'a> Parts<'a> {
         })
     }
 
-    /// Shades in tiles that groups share; then the shadow rays that were left over have a group each.
-    pub fn shade_shared(
+    /// Casts in tiles that groups share. For every [`LIGHTS_OF_ROUND`] lights there is a round: shadow rays, then those that
+    /// were left over, a group to each, and shading. Fused, the first round's shadow rays follow in the kernel that casts
+    /// primary rays.
+    pub fn cast_shared(
         &self,
         image: &'a Buffer<Float4>,
         nearest: &'a Buffer<i32>,
-        left_over: &'a LeftOver,
+        shared: &'a Shared,
     ) -> Result<Steps, LaunchError> {
-        let shade = self.pixel_kernel("tile_shade", |kernel| {
-            kernel.arg(self.background).arg(image).arg(nearest).arg(&left_over.rays).arg(&left_over.count);
-        })?;
-        let groups = left_over.global_size(self.queue, self.workload.local_size)?;
-        let cast = self.pixel_kernel("tile_left_over", |kernel| {
-            kernel.global_work_size(groups);
-            kernel.arg(image).arg(nearest).arg(&left_over.rays).arg(&left_over.count);
-        })?;
-        let reset = Step::Fill(left_over.count.clone(), 0);
-        Ok([reset, Step::Run(shade), Step::Run(cast)].map(|step| (Phase::Shadow, step)).into())
+        let Shared { lit, queue, queued } = shared;
+        let groups = shared.global_size(self.queue, self.workload.local_size)?;
+        let lights = self.scene.light_count;
+        let fused = self.strategy.passes == Passes::Fused && lights > 0;
+        let phase = if fused { Phase::Whole } else { Phase::Shadow };
+        let mut steps = Steps::new();
+        if !fused {
+            steps.push((Phase::Primary, Step::Run(self.cast_primary(nearest)?)));
+        }
+        for first_light in (0..lights.max(1)).step_by(LIGHTS_OF_ROUND) {
+            let first_light = first_light as i32;
+            let cast = |name| {
+                self.pixel_kernel(name, |kernel| {
+                    if name == "tile_left_over" {
+                        kernel.global_work_size(groups);
+                    }
+                    kernel.arg(first_light).arg(nearest).arg(lit).arg(queue).arg(queued);
+                })
+            };
+            if lights > 0 {
+                let first = if fused && first_light == 0 { "tile_cast" } else { "tile_shadow" };
+                steps.push((phase, Step::Fill(queued.clone(), 0)));
+                steps.push((phase, Step::Run(cast(first)?)));
+                steps.push((phase, Step::Run(cast("tile_left_over")?)));
+            }
+            let shade = self.pixel_kernel("tile_shade", |kernel| {
+                kernel.arg(first_light).arg(self.background).arg(image).arg(nearest).arg(lit);
+            })?;
+            steps.push((Phase::Shade, Step::Run(shade)));
+        }
+        Ok(steps)
     }
 
     pub fn cast_primary(&self, nearest: &'a Buffer<i32>) -> Result<Kernel, LaunchError> {

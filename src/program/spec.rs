@@ -53,6 +53,7 @@ fn defines(strategy: &Strategy, workload: &Workload, builtins: Builtins) -> Vec<
     let if_staged = |count: usize| if staged { count as u64 } else { 0 };
     let mut defines = vec![
         ("WIDTH", strategy.width.rays() as u64),
+        ("BLOCK_X", strategy.block().0 as u64),
         ("LOCAL_X", u64::from(workload.local_size[0])),
         ("LOCAL_Y", u64::from(workload.local_size[1])),
         ("CULL_BACK", u64::from(strategy.culling == Culling::Back)),

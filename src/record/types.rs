@@ -100,8 +100,11 @@ pub struct Record {
     pub stop_reason: Option<String>,
     /// The median of the primary pass, where passes are separate.
     pub primary_ms: Option<f64>,
-    /// The median of the shading and shadow pass, where passes are separate.
+    /// The median of the shadow pass, where passes are separate; it shades too, where `shade_ms` is none.
     pub shadow_ms: Option<f64>,
+    /// The median of the shading pass, where it is apart from shadow rays.
+    #[serde(default)]
+    pub shade_ms: Option<f64>,
     /// The median of the host's clock around the same frames.
     pub host_median_ms: Option<f64>,
     /// Assembling and compiling the program.
@@ -202,8 +205,11 @@ pub struct Sample {
     pub ms: f64,
     /// Its primary pass, where passes are separate.
     pub primary_ms: Option<f64>,
-    /// Its shading and shadow pass, where passes are separate.
+    /// Its shadow pass, where passes are separate; it shades too, where `shade_ms` is none.
     pub shadow_ms: Option<f64>,
+    /// Its shading pass, where it is apart from shadow rays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shade_ms: Option<f64>,
     /// The host's clock around it.
     pub host_ms: Option<f64>,
     /// Frames that these times are the mean of, cast in one batch; none for a frame alone.

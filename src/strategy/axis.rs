@@ -145,7 +145,7 @@ axis! {
         W2 "2" "2 x 1 pixels",
         W4 "4" "2 x 2 pixels",
         W8 "8" "4 x 2 pixels",
-        W16 "16" "4 x 4 pixels: a CPU's widest vectors",
+        W16 "16" "4 x 4 pixels (8 x 2 for pixel-linear): a CPU's widest vectors",
     }
 }
 axis! {
@@ -223,16 +223,5 @@ impl Width {
     /// The number of rays.
     pub fn rays(self) -> usize {
         1 << (self as usize)
-    }
-
-    /// The block of pixels these rays make: (across, down).
-    pub fn block(self) -> (usize, usize) {
-        match self {
-            Self::W1 => (1, 1),
-            Self::W2 => (2, 1),
-            Self::W4 => (2, 2),
-            Self::W8 => (4, 2),
-            Self::W16 => (4, 4),
-        }
     }
 }

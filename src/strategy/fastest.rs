@@ -1,7 +1,7 @@
 //! The strategy to use when none is named.
 
 use super::{Axis, Strategy, Width, preset};
-use crate::device::DeviceLimits;
+use crate::device::{DeviceLimits, LaneOperations};
 use crate::error::Result;
 
 /// From this many triangles on, a tree walked by single rays or packets beats testing them all.
@@ -13,7 +13,8 @@ const TREE_TRIANGLES_OF_TILES: usize = 50;
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
 /// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
 /// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
-/// on a CPU tiles of rays walk together. (Tiles that the work-items of a GPU share are not timed yet.)
+/// tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane operations that
+/// were timed.
 pub fn fastest(limits: &DeviceLimits, triangles: usize) -> Result<(Strategy, [u32; 2])> {
     let width = widest(limits.native_width);
     let tiles = limits.is_cpu && width == Width::W16;
@@ -22,6 +23,10 @@ pub fn fastest(limits: &DeviceLimits, triangles: usize) -> Result<(Strategy, [u3
         (true, true) if tiles => (preset("tile")?.strategy, [1, 1]),
         (true, true) => (Strategy { width, ..preset("bvh-packet")?.strategy }, [4, 4]),
         (true, false) => (Strategy { width, ..preset("wide-common-origin")?.strategy }, [4, 4]),
+        (false, true) if limits.lane_operations >= LaneOperations::PtxShuffles => {
+            let strategy = preset("tile-group")?.strategy;
+            (strategy, strategy.local_size(limits, [8, 8]))
+        }
         (false, true) => (preset("bvh")?.strategy, [8, 8]),
         (false, false) => (preset("tiled-common-origin")?.strategy, [16, 8]),
     })
@@ -54,6 +59,22 @@ mod tests {
             assert_eq!([of(1), of(first_tree - 1)], [named(small), named(small)]);
             assert_eq!([of(first_tree), of(10_000_000)], [named(large), named(large)]);
         }
+    }
+
+    #[test]
+    fn a_gpu_whose_work_items_can_share_tiles_does() {
+        let limits = |lane_operations| DeviceLimits {
+            lane_operations,
+            is_cpu: false,
+            native_width: 1,
+            ..crate::device::EXAMPLE_LIMITS
+        };
+        let of = |lanes| {
+            fastest(&limits(lanes), 10_000).map(|(strategy, local)| (strategy.shares_tiles(), local)).ok()
+        };
+        assert_eq!(of(LaneOperations::Ptx), Some((true, [32, 4])));
+        assert_eq!(of(LaneOperations::Barriers), Some((false, [8, 8])));
+        assert_eq!(fastest(&limits(LaneOperations::Ptx), 10).map(|(s, _)| s.needs_tree()).ok(), Some(false));
     }
 
     #[test]

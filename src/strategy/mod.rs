@@ -115,6 +115,19 @@ impl Strategy {
         self.traversal != Traversal::Tile
     }
 
+    /// The block of pixels whose rays a work-item casts side by side: (across, down). About square, so that they agree in
+    /// what they hit; but planes that are linear in the pixel have terms that a row shares, which a longer row saves.
+    pub fn block(&self) -> (usize, usize) {
+        let across = match self.width {
+            Width::W1 => 1,
+            Width::W2 | Width::W4 => 2,
+            Width::W8 => 4,
+            Width::W16 if self.intersector == Intersector::PixelLinear => 8,
+            Width::W16 => 4,
+        };
+        (across, self.width.rays() / across)
+    }
+
     /// Whether 32 work-items share a tile, not one work-item has it in vectors.
     pub fn shares_tiles(&self) -> bool {
         self.traversal == Traversal::Tile && self.width == Width::W1
@@ -194,10 +207,6 @@ impl Strategy {
             (
                 shared && self.node_width != NodeWidth::N32,
                 "traversal = tile with width = 1 tests a child of a node with each of 32 work-items: node_width = 32",
-            ),
-            (
-                shared && self.passes == Passes::Fused,
-                "traversal = tile with width = 1 shades in a pass of its own: passes = separate",
             ),
             (
                 shared && large,

@@ -54,9 +54,11 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
-/// A tile shared by 32 work-items.
+/// A tile shared by 32 work-items. One pass, so that tiles that are done with rays from the eye go on to shadow rays while
+/// the last ones are at it; the watertight test needs too many registers for that.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
+    passes: Passes::Fused,
     node_width: NodeWidth::N32,
     leaf_size: LeafSize::L32,
     tile: TileSize::T8x8,
@@ -199,7 +201,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "tile-group-watertight",
         about: "tile-group with the test that leaks no ray at edges and vertices",
-        strategy: Strategy { intersector: Intersector::Watertight, ..TILE_GROUP },
+        strategy: Strategy { intersector: Intersector::Watertight, passes: Passes::Separate, ..TILE_GROUP },
     },
 ];
 

@@ -17,7 +17,7 @@ const MATERIAL_BYTES: u64 = 8 * 4;
 const POINT_BYTES: u64 = 3 * 4;
 
 /// Triangles of a tile where triangles are streamed through `__local` memory.
-pub const TILE_TRIANGLES: u64 = 128;
+pub const TILE_TRIANGLES: u64 = 256;
 
 /// A ray of a tile: direction, nearness, place, what the watertight test has of it; and while it is shaded the surface it
 /// hit, what arrives and the sum so far.
@@ -29,8 +29,12 @@ pub const GROUP_LANES: u32 = 32;
 const STACK_ENTRY_BYTES: u64 = 8;
 /// A word a lane, by which they tell each other things where they have no other way.
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
+/// A leaf's triangle that has to be tested, and the lane that prepared it.
+const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// A pixel in the queue of shadow rays left over, and its lights.
 const QUEUE_ENTRY_BYTES: u64 = 8;
+/// A pixel's word of lights that reach it.
+const LIT_BYTES: u64 = 4;
 
 /// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
 /// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
@@ -194,7 +198,7 @@ fn local(strategy: &Strategy, w: &Workload) -> Sum {
     if strategy.shares_tiles() {
         let groups = (u64::from(w.local_size[1]), " tiles");
         sum.add("stack", &[(STACK_ENTRY_BYTES, " B"), (w.stack_size as u64, " entries"), groups]);
-        sum.add("leaf", &[(ROW_BYTES, " B"), (GROUP_LANES.into(), " triangles"), groups]);
+        sum.add("leaf", &[(CANDIDATE_BYTES, " B"), (GROUP_LANES.into(), " triangles"), groups]);
         sum.add("board", &[(BOARD_BYTES, " B")]);
     }
     match strategy.triangles {
@@ -256,7 +260,7 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     }
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
-    if strategy.passes == super::Passes::Separate {
+    if strategy.passes == super::Passes::Separate || strategy.shares_tiles() {
         sum.add("nearest triangles", &[(4, " B"), (w.nearest_count(strategy) as u64, " pixels")]);
     }
     if strategy.traversal == Traversal::Raster {
@@ -264,6 +268,7 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     }
     if strategy.shares_tiles() {
         sum.add("queue", &[(QUEUE_ENTRY_BYTES, " B"), (pixels, " pixels")]);
+        sum.add("lights that reach", &[(LIT_BYTES, " B"), (pixels, " pixels")]);
     }
     if strategy.needs_tree() {
         let (bytes, nodes) = node_bytes(strategy, w);

@@ -29,10 +29,11 @@ impl Workload {
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
         if strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
-            let tiles = (self.image_size[1] as usize).div_ceil(down);
+            let [tiles_across, tiles_down] = self.tiles_of_group();
+            let groups = |pixels: u32, tile: usize, tiles: usize| (pixels as usize).div_ceil(tile * tiles);
             return [
-                (self.image_size[0] as usize).div_ceil(across) * GROUP_LANES as usize,
-                tiles.next_multiple_of(self.local_size[1] as usize),
+                groups(self.image_size[0], across, tiles_across) * GROUP_LANES as usize,
+                groups(self.image_size[1], down, tiles_down) * self.local_size[1] as usize,
             ];
         }
         let block = block(strategy);
@@ -55,8 +56,18 @@ impl Workload {
         }
     }
 
+    /// Tiles across and down of a work-group whose tiles are shared: TILES_ACROSS and TILES_DOWN in the kernels.
+    fn tiles_of_group(&self) -> [usize; 2] {
+        let tiles = self.local_size[1] as usize;
+        let across = if tiles.is_multiple_of(2) { 2 } else { 1 };
+        [across, tiles / across]
+    }
+
     /// Rows of pixels that a row of work-groups covers.
     pub fn group_height(&self, strategy: &Strategy) -> u32 {
+        if strategy.shares_tiles() {
+            return (strategy.tile.pixels().1 * self.tiles_of_group()[1]) as u32;
+        }
         block(strategy).1 as u32 * self.local_size[1]
     }
 
@@ -67,5 +78,5 @@ impl Workload {
 
 /// Pixels across and down that a work-item covers.
 fn block(strategy: &Strategy) -> (usize, usize) {
-    if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.width.block() }
+    if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.block() }
 }

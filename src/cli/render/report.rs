@@ -38,8 +38,10 @@ pub struct Report {
     pub upload_ms: f64,
     /// Device time of the primary pass, where the strategy has one.
     pub primary_ms: Option<f64>,
-    /// Device time of the shading and shadow pass, where the strategy has one.
+    /// Device time of the shadow pass, where the strategy has one; it shades too, where `shade_ms` is none.
     pub shadow_ms: Option<f64>,
+    /// Device time of the shading pass, where it is apart from shadow rays.
+    pub shade_ms: Option<f64>,
     /// Device time of the whole frame.
     pub frame_ms: f64,
     /// Bringing the image back.
@@ -89,6 +91,7 @@ impl Report {
             upload_ms: cast.upload_ms,
             primary_ms: cast.times.primary_ms,
             shadow_ms: cast.times.shadow_ms,
+            shade_ms: cast.times.shade_ms,
             frame_ms: cast.times.frame_ms,
             read_ms: cast.read_ms,
             primary_rays_per_s: per_s(pixels, primary_ms),
@@ -142,10 +145,11 @@ impl Report {
 
     /// What the kernel's time is made of.
     fn kernel_remark(&self) -> String {
-        let parts = self.primary_ms.zip(self.shadow_ms);
-        let parts = parts.map(|(primary, shadow)| format!("primary {primary:.2}, shadow {shadow:.2}"));
+        let parts = [("primary", self.primary_ms), ("shadow", self.shadow_ms), ("shading", self.shade_ms)]
+            .into_iter();
+        let parts = parts.filter_map(|(name, ms)| ms.map(|ms| format!("{name} {ms:.2}")));
         let median = (self.frames > 1).then(|| format!("median of {}", self.frames));
-        let remarks: Vec<_> = parts.into_iter().chain(median).collect();
+        let remarks: Vec<_> = parts.chain(median).collect();
         if remarks.is_empty() { String::new() } else { format!(" ({})", remarks.join(", ")) }
     }
 

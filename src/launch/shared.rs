@@ -1,4 +1,4 @@
-//! Shadow rays that tiles shared by groups leave to be cast one by one.
+//! What the kernels of tiles shared by groups hand on to each other.
 
 use super::buffers::allocate;
 use super::{LaunchError, Queue};
@@ -9,16 +9,27 @@ use ocl::prm::Uint2;
 /// Groups that cast them, for each compute unit: as many as a large GPU's can hold at a time.
 const GROUPS_A_UNIT: usize = 64;
 
-/// Pixels with their lights, at most one entry a pixel, and how many there are.
-pub(super) struct LeftOver {
-    pub rays: Buffer<Uint2>,
-    pub count: Buffer<i32>,
+/// Lights that a word of a pixel tells of: LIGHTS_OF_ROUND in the kernels.
+pub(super) const LIGHTS_OF_ROUND: usize = 32;
+
+/// Between the kernels of a round of lights.
+pub(super) struct Shared {
+    /// The lights that reach a pixel, a bit each.
+    pub lit: Buffer<u32>,
+    /// Pixels with the lights whose shadow rays were left over, at most one entry a pixel.
+    pub queue: Buffer<Uint2>,
+    /// How many entries the queue has.
+    pub queued: Buffer<i32>,
 }
 
-impl LeftOver {
+impl Shared {
     /// Room for every pixel.
     pub fn allocate(queue: &Queue, pixels: usize) -> ocl::Result<Self> {
-        Ok(Self { rays: allocate(queue, pixels)?, count: allocate(queue, 1)? })
+        Ok(Self {
+            lit: allocate(queue, pixels)?,
+            queue: allocate(queue, pixels)?,
+            queued: allocate(queue, 1)?,
+        })
     }
 
     /// Work-items across and down that work off any number of them.

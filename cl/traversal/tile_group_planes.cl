@@ -1,0 +1,72 @@
+// A leaf's triangle for the rays of a pass, the test of tile/planes.cl: edges are planes through the rays' origin, which
+// neighbours share to the last bit, and so is 1/z: linear in x and y all four.
+
+typedef struct {
+    float4 u, v, w; // planes of the edges, not negative inside; their fourths: the three numbers of 1/z
+} Candidate;
+
+// A plane of an edge, scaled so that triangles overlap by 1. Swapping the corners changes nothing but all signs.
+INLINED Uniform3 edge_between(Uniform3 p, Uniform3 q, float scale) {
+    const Uniform3 plane =
+        uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
+    return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
+}
+
+// The reciprocal of the largest power of two that is not more.
+INLINED float per_power_of_two_below(float positive) {
+    return as_float(0x7f000000 - (as_int(positive) & 0x7f800000));
+}
+
+// Prepares the triangle at a place of leaf order. Returns whether any ray of the shaft may hit it at a 1/z that is
+// more than `worst`.
+INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
+    Uniform3 a, b, c;
+    const int used = load_corners(shaft, tree, place, &a, &b, &c);
+    a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
+    const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
+    const Uniform3 n = uniform_cross(e1, e2);
+    const float height = uniform_dot(a, n);
+    const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
+    const float per_unit = per_power_of_two_below(SHARED_EDGE_SLACK * shaft->longest * size);
+    const float turn = height > 0.0f ? per_unit : -per_unit;
+    const Uniform3 u = edge_between(b, c, turn), v = edge_between(c, a, turn), w = edge_between(a, b, turn);
+    const Uniform3 per_z = uniform_scale(n, reciprocal(height));
+    triangle->u = quad(u, per_z.x);
+    triangle->v = quad(v, per_z.y);
+    triangle->w = quad(w, per_z.z);
+    // What is seen edge-on is not hit, as in edge_planes.cl.
+    int wanted = used & (fabs(height) > 1e-5f * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
+#if CULL_BACK // a shadow ray runs towards its light, away from where it is cast here; against its axis all is mirrored
+    wanted &= (any ? height : -height) * shaft->sign > 0.0f;
+#endif
+    return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
+           (most_of(shaft, per_z) * 1.00001f > worst);
+}
+
+INLINED float at_slopes(float4 plane, float x, float y) {
+    return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
+}
+
+// Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
+INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
+                  float *per_depth) {
+    const float u = at_slopes(triangle->u, x, y), v = at_slopes(triangle->v, x, y), w = at_slopes(triangle->w, x, y);
+    *per_depth = MULTIPLY_ADD(triangle->u.w, x, MULTIPLY_ADD(triangle->v.w, y, triangle->w.w));
+    // What is not negative has no sign bit: one test for three.
+    const int outside = as_int(u) | as_int(v) | as_int(w);
+    return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
+}
+
+INLINED void store_candidate(Candidate triangle, __local float4 *at) {
+    at[0] = triangle.u;
+    at[1] = triangle.v;
+    at[2] = triangle.w;
+}
+
+INLINED Candidate load_candidate(const __local float4 *at) {
+    Candidate triangle;
+    triangle.u = at[0];
+    triangle.v = at[1];
+    triangle.w = at[2];
+    return triangle;
+}
