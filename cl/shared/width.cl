@@ -83,14 +83,10 @@ int any16(int16 m) { return any8(m.lo | m.hi); }
 #elif defined(HAS_REDUCE_OR)
 #define ALL_NEGATIVE(bits) (!ANY((bits) >= 0))
 #else
-// By threes: some hardware combines three words at once.
 int all2(int2 m) { return m.x & m.y; }
-int all4(int4 m) { return m.x & m.y & m.z & m.w; }
-int all8(int8 m) { return (m.s0 & m.s1 & m.s2) & (m.s3 & m.s4 & m.s5) & (m.s6 & m.s7); }
-int all16(int16 m) {
-    return ((m.s0 & m.s1 & m.s2) & (m.s3 & m.s4 & m.s5) & (m.s6 & m.s7 & m.s8)) &
-           ((m.s9 & m.sa & m.sb) & (m.sc & m.sd & m.se) & m.sf);
-}
+int all4(int4 m) { return all2(m.lo & m.hi); }
+int all8(int8 m) { return all4(m.lo & m.hi); }
+int all16(int16 m) { return all8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(all, WIDTH)(bits) < 0)
 #endif
 
