@@ -214,7 +214,8 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
 
 /// The strategy and local size asked for, or the fastest for the device.
 fn strategy(args: &Args, device: &Device, triangles: usize) -> Result<(Strategy, [u32; 2])> {
-    let (best, best_local) = fastest(&device.info.limits, triangles)?;
+    let pixels = args.width as usize * args.height as usize;
+    let (best, best_local) = fastest(&device.info.limits, triangles, pixels)?;
     let mut strategy = match &args.strategy {
         Some(text) => parse_strategy(text)?,
         None => best,

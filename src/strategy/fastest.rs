@@ -9,21 +9,26 @@ const TREE_TRIANGLES: usize = 200;
 /// The same for tiles on a CPU: at 50 triangles 4.6 ms a frame against 7.7, at 6 no difference that lasts (PoCL,
 /// 2 cores under load, 800 x 500, 2026-11-20).
 const TREE_TRIANGLES_OF_TILES: usize = 50;
+/// From so many triangles a pixel on, rays of a tile share too little: packets beat tiles on a CPU, single rays on a GPU.
+/// Between what was measured on terrain: at 7.5 a pixel 66 against 98 ms, at 25 256 against 163 (PoCL); at 1.4 a pixel 1.21
+/// against 1.33 ms, at 4.8 2.59 against 1.71 (NVIDIA H200; both 2026-11-20).
+const TRIANGLES_A_PIXEL_OF_TILES: [usize; 2] = [13, 2];
 
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
 /// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
 /// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
 /// tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane operations that
-/// were timed.
-pub fn fastest(limits: &DeviceLimits, triangles: usize) -> Result<(Strategy, [u32; 2])> {
+/// were timed. Where triangles are much smaller than pixels, the rays of a tile go apart.
+pub fn fastest(limits: &DeviceLimits, triangles: usize, pixels: usize) -> Result<(Strategy, [u32; 2])> {
     let width = widest(limits.native_width);
+    let [of_cpu, of_gpu] = TRIANGLES_A_PIXEL_OF_TILES.map(|most| triangles < most.saturating_mul(pixels));
     let tiles = limits.is_cpu && width == Width::W16;
     let tree = triangles >= if tiles { TREE_TRIANGLES_OF_TILES } else { TREE_TRIANGLES };
     Ok(match (limits.is_cpu, tree) {
-        (true, true) if tiles => (preset("tile")?.strategy, [1, 1]),
+        (true, true) if tiles && of_cpu => (preset("tile")?.strategy, [1, 1]),
         (true, true) => (Strategy { width, ..preset("bvh-packet")?.strategy }, [4, 4]),
         (true, false) => (Strategy { width, ..preset("wide-common-origin")?.strategy }, [4, 4]),
-        (false, true) if limits.lane_operations >= LaneOperations::PtxShuffles => {
+        (false, true) if limits.lane_operations >= LaneOperations::PtxShuffles && of_gpu => {
             let strategy = preset("tile-group")?.strategy;
             (strategy, strategy.local_size(limits, [8, 8]))
         }
@@ -43,9 +48,11 @@ mod tests {
     use super::super::Traversal;
     use super::*;
 
+    const PIXELS: usize = 1920 * 1080;
+
     fn choice(is_cpu: bool, native_width: u32, triangles: usize) -> (Strategy, [u32; 2]) {
         let limits = DeviceLimits { native_width, is_cpu, ..crate::device::EXAMPLE_LIMITS };
-        fastest(&limits, triangles).unwrap_or_else(|error| panic!("{error}"))
+        fastest(&limits, triangles, PIXELS).unwrap_or_else(|error| panic!("{error}"))
     }
 
     #[test]
@@ -70,11 +77,30 @@ mod tests {
             ..crate::device::EXAMPLE_LIMITS
         };
         let of = |lanes| {
-            fastest(&limits(lanes), 10_000).map(|(strategy, local)| (strategy.shares_tiles(), local)).ok()
+            fastest(&limits(lanes), 10_000, PIXELS)
+                .map(|(strategy, local)| (strategy.shares_tiles(), local))
+                .ok()
         };
         assert_eq!(of(LaneOperations::Ptx), Some((true, [32, 4])));
         assert_eq!(of(LaneOperations::Barriers), Some((false, [8, 8])));
-        assert_eq!(fastest(&limits(LaneOperations::Ptx), 10).map(|(s, _)| s.needs_tree()).ok(), Some(false));
+        assert_eq!(
+            fastest(&limits(LaneOperations::Ptx), 10, PIXELS).map(|(s, _)| s.needs_tree()).ok(),
+            Some(false)
+        );
+    }
+
+    #[test]
+    fn triangles_much_smaller_than_pixels_are_for_packets_and_single_rays() {
+        let cpu = DeviceLimits { native_width: 16, is_cpu: true, ..crate::device::EXAMPLE_LIMITS };
+        let gpu = DeviceLimits { lane_operations: LaneOperations::Ptx, is_cpu: false, ..cpu };
+        let tiles = |limits: &DeviceLimits, triangles| {
+            fastest(limits, triangles, 100_000)
+                .map(|(strategy, _)| strategy.traversal == Traversal::Tile)
+                .ok()
+        };
+        assert_eq!([tiles(&cpu, 1_299_999), tiles(&cpu, 1_300_000)], [Some(true), Some(false)]);
+        assert_eq!([tiles(&gpu, 199_999), tiles(&gpu, 200_000)], [Some(true), Some(false)]);
+        assert_eq!(fastest(&cpu, 1_300_000, 100_000).map(|(s, _)| s.width).ok(), Some(Width::W16));
     }
 
     #[test]
