@@ -85,6 +85,17 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     // A rasteriser does not test every ray against every triangle.
     let raster = report(&place, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
     assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
+    // Tiles that work-items share are shaded apart from their shadow rays, and from all rays where those are one pass.
+    for (passes, apart) in [("separate", true), ("fused", false)] {
+        let strategy = format!("tile-group,passes={passes}");
+        let tiles = report(&place, &[&["scene.toml", "--strategy", &strategy], &size[..]].concat());
+        assert!(tiles["shade_ms"].is_number() && raster["shade_ms"].is_null(), "{tiles}");
+        assert_eq!(
+            [&tiles["primary_ms"], &tiles["shadow_ms"]].map(|ms| ms.is_number()),
+            [apart; 2],
+            "{tiles}"
+        );
+    }
 }
 
 #[test]

@@ -26,7 +26,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         if (!ANY(open)) end = 0;
 #endif
 #if STREAM_TILES && !LINEAR_IN_PIXEL
-#pragma unroll 8 // 7% faster on a GPU than what its compiler chooses, of which pixel-linear's many rays leave more to do
+#pragma unroll 8 // 7% faster on a GPU than the 4 its compiler chooses; with the many rays of pixel-linear 4 is enough
 #endif
         for (int k = 0; k < end; k++) {
             const Row row = row_in_tile(scene, origin, first, k);

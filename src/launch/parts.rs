@@ -141,19 +141,20 @@ impl<'a> Parts<'a> {
         }
         for first_light in (0..lights.max(1)).step_by(LIGHTS_OF_ROUND) {
             let first_light = first_light as i32;
-            let cast = |name| {
-                self.pixel_kernel(name, |kernel| {
-                    if name == "tile_left_over" {
+            let cast = |name, groups: Option<[usize; 2]>| {
+                let kernel = self.pixel_kernel(name, |kernel| {
+                    if let Some(groups) = groups {
                         kernel.global_work_size(groups);
                     }
                     kernel.arg(first_light).arg(nearest).arg(lit).arg(queue).arg(queued);
-                })
+                })?;
+                Ok::<_, LaunchError>((phase, Step::Run(kernel)))
             };
             if lights > 0 {
                 let first = if fused && first_light == 0 { "tile_cast" } else { "tile_shadow" };
                 steps.push((phase, Step::Fill(queued.clone(), 0)));
-                steps.push((phase, Step::Run(cast(first)?)));
-                steps.push((phase, Step::Run(cast("tile_left_over")?)));
+                steps.push(cast(first, None)?);
+                steps.push(cast("tile_left_over", Some(groups))?);
             }
             let shade = self.pixel_kernel("tile_shade", |kernel| {
                 kernel.arg(first_light).arg(self.background).arg(image).arg(nearest).arg(lit);
