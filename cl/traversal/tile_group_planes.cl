@@ -5,7 +5,9 @@ typedef struct {
     float4 u, v, w; // planes of the edges, not negative inside; their fourths: the three numbers of 1/z
 } Candidate;
 
-// A plane of an edge, scaled so that triangles overlap by 1. Swapping the corners changes nothing but all signs.
+// A plane of an edge, scaled so that triangles overlap by 1. Swapping the corners changes nothing but all signs. One is half
+// of what it is elsewhere: rays of a pass are (x, y, 1), whose planes round less. (Measured on a GPU: with all of it a pixel of
+// two million is dark on terrain; with half none is, and none of 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane =
         uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
@@ -27,7 +29,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const Uniform3 n = uniform_cross(e1, e2);
     const float height = uniform_dot(a, n);
     const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
-    const float per_unit = per_power_of_two_below(SHARED_EDGE_SLACK * shaft->longest * size);
+    const float per_unit = per_power_of_two_below(0.5f * SHARED_EDGE_SLACK * shaft->longest * size);
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 u = edge_between(b, c, turn), v = edge_between(c, a, turn), w = edge_between(a, b, turn);
     const Uniform3 per_z = uniform_scale(n, reciprocal(height));
