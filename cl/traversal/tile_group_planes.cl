@@ -5,9 +5,9 @@ typedef struct {
     float4 u, v, w; // planes of the edges, not negative inside; their fourths: the three numbers of 1/z
 } Candidate;
 
-// A plane of an edge, scaled so that triangles overlap by 1. Swapping the corners changes nothing but all signs. One is half
-// of what it is elsewhere: rays of a pass are (x, y, 1), whose planes round less. (Measured on a GPU: with all of it a pixel of
-// two million is dark on terrain; with half none is, and none of 60,516 rays leaks.)
+// A plane of an edge, scaled so that triangles overlap by 1, which is half of what it is elsewhere. Swapping the corners
+// changes nothing but all signs. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
+// and none of 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane =
         uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
