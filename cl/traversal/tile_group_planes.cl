@@ -1,9 +1,6 @@
 // A leaf's triangle for the rays of a pass, the test of tile/planes.cl: edges are planes through the rays' origin, which
-// neighbours share to the last bit, and so is 1/z: linear in x and y all four.
-
-typedef struct {
-    float4 u, v, w; // planes of the edges, not negative inside; their fourths: the three numbers of 1/z
-} Candidate;
+// neighbours share to the last bit, and so is 1/z: linear in x and y all four. A candidate holds the planes of the edges
+// opposite a, b and c, not negative inside, and in their fourths the three numbers of 1/z.
 
 // A plane of an edge, scaled so that triangles overlap by 1, which is half of what it is elsewhere. Swapping the corners
 // changes nothing but all signs. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
@@ -33,9 +30,9 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 u = edge_between(b, c, turn), v = edge_between(c, a, turn), w = edge_between(a, b, turn);
     const Uniform3 per_z = uniform_scale(n, reciprocal(height));
-    triangle->u = quad(u, per_z.x);
-    triangle->v = quad(v, per_z.y);
-    triangle->w = quad(w, per_z.z);
+    triangle->a = quad(u, per_z.x);
+    triangle->b = quad(v, per_z.y);
+    triangle->c = quad(w, per_z.z);
     // What is seen edge-on is not hit, as in edge_planes.cl.
     int wanted = used & (fabs(height) > 1e-5f * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
 #if CULL_BACK // a shadow ray runs towards its light, away from where it is cast here; against its axis all is mirrored
@@ -52,23 +49,9 @@ INLINED float at_slopes(float4 plane, float x, float y) {
 // Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
-    const float u = at_slopes(triangle->u, x, y), v = at_slopes(triangle->v, x, y), w = at_slopes(triangle->w, x, y);
-    *per_depth = MULTIPLY_ADD(triangle->u.w, x, MULTIPLY_ADD(triangle->v.w, y, triangle->w.w));
+    const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
+    *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
     // What is not negative has no sign bit: one test for three.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
-}
-
-INLINED void store_candidate(Candidate triangle, __local float4 *at) {
-    at[0] = triangle.u;
-    at[1] = triangle.v;
-    at[2] = triangle.w;
-}
-
-INLINED Candidate load_candidate(const __local float4 *at) {
-    Candidate triangle;
-    triangle.u = at[0];
-    triangle.v = at[1];
-    triangle.w = at[2];
-    return triangle;
 }

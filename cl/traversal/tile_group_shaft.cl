@@ -81,3 +81,22 @@ INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
 }
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
+
+// A leaf's triangle that a group's rays have to test, as its test prepares it.
+typedef struct {
+    float4 a, b, c;
+} Candidate;
+
+INLINED void store_candidate(Candidate triangle, __local float4 *at) {
+    at[0] = triangle.a;
+    at[1] = triangle.b;
+    at[2] = triangle.c;
+}
+
+INLINED Candidate load_candidate(const __local float4 *at) {
+    Candidate triangle;
+    triangle.a = at[0];
+    triangle.b = at[1];
+    triangle.c = at[2];
+    return triangle;
+}

@@ -1,10 +1,7 @@
 // A leaf's triangle for the rays of a pass, the test of intersect/watertight.cl: corners sheared along the ray, and edge
 // functions that are the difference of two products, each rounded on its own. A pass's axis instead of each ray's own is as
 // good: for one ray it is the same at all triangles, and where they share a corner it is sheared alike.
-
-typedef struct {
-    float4 a, b, c; // corners along the pass's axes, seen from the origin; a's fourth: the sign of det in front faces
-} Candidate;
+// A candidate holds the corners along the pass's axes, seen from the origin; a's fourth is the sign of det in front faces.
 
 // The most that v . (x, y, 1) can be in a shaft, with v's sign changed as `turn` says.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
@@ -56,18 +53,4 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
 #endif
     *per_depth = any ? 0.0f : size / turned;
     return inside;
-}
-
-INLINED void store_candidate(Candidate triangle, __local float4 *at) {
-    at[0] = triangle.a;
-    at[1] = triangle.b;
-    at[2] = triangle.c;
-}
-
-INLINED Candidate load_candidate(const __local float4 *at) {
-    Candidate triangle;
-    triangle.a = at[0];
-    triangle.b = at[1];
-    triangle.c = at[2];
-    return triangle;
 }
