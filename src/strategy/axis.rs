@@ -111,7 +111,7 @@ axis! {
 axis! {
     /// How many kernels a frame takes.
     Passes "passes" "how many kernels a frame takes" {
-        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays",
+        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (tiles that work-items share are shaded after it)",
         Separate "separate" "one kernel finds the nearest hits, another shades them: timed apart",
     }
 }
