@@ -30,6 +30,8 @@
 #endif
 #include "triangles/rows.cl"
 #include "shared/gather.cl"
+#include "shared/reflectance.cl"
+#if !TILES // which cast and shade in ways of their own
 #define ANY_HIT 1
 #include "traversal/{traversal}.cl"
 #undef ANY_HIT
@@ -38,12 +40,15 @@
 #define ANY_HIT 0
 #include "traversal/{traversal}.cl"
 #undef ANY_HIT
+#endif
 
 #if PLANES_OF_ORIGIN
 #define PREPARED_PARAMETER , const __global float4 *restrict prepared
+#define PREPARED_ROW , const int prepared_row
 #define BIND_PREPARED(scene) scene.prepared = prepared;
 #else
 #define PREPARED_PARAMETER
+#define PREPARED_ROW
 #define BIND_PREPARED(scene)
 #endif
 
@@ -64,7 +69,7 @@
     const __global float *restrict lights, const int light_count, const float bias,                                 \
         const __global float *restrict nodes, const __global float *restrict leaves,                                \
         const __global float4 *restrict surfaces, const __global float *restrict materials,                         \
-        const int material_count
+        const int material_count PREPARED_PARAMETER PREPARED_ROW
 #define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
 #define BIND_SCENE(scene)            \
     BIND_GEOMETRY(scene.geometry)    \
@@ -133,6 +138,7 @@ varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pi
     return number.all;
 }
 
+#if !TILES
 // A whole frame: primary rays, shading, shadow rays.
 __kernel GROUP_SHAPE void cast_frame(SCENE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
                                      const float4 background, __global float4 *restrict image WORKING_PARAMETERS) {
@@ -218,12 +224,15 @@ __kernel GROUP_SHAPE void cast_rays(SCENE_PARAMETERS, const __global float4 *res
         if (first + lane < ray_count) nearest_triangle[first + lane] = triangle.each[lane];
 }
 
-#if PLANES_OF_ORIGIN
+#endif
+
+#if PLANES_OF_ORIGIN && !TILES
 // The planes of every triangle (first dimension) for the eye and each light (second dimension).
 __kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restrict lights, CAMERA_PARAMETERS,
                               __global float4 *restrict prepared) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);
+    if (triangle >= triangle_count) return;
     const Uniform3 from = origin ? LOAD3(lights + 6 * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     const __global float *at = soup + SOUP_STRIDE * triangle;
     Corners seen;

@@ -16,6 +16,10 @@
 typedef struct {
     const __global float *nodes;
     const __global float *leaves;
+#if PLANES_OF_ORIGIN
+    const __global float4 *planes; // three rows of quads for the eye, then for each light; a quad a triangle in leaf order
+    int row;                       // quads of one
+#endif
 } Tree;
 
 // The corners of the triangle at a place of leaf order.
@@ -30,3 +34,8 @@ Corners leaf_corners(const Tree *tree, int place) {
 }
 
 int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }
+
+#if PLANES_OF_ORIGIN
+// What is prepared for the eye, which is origin 0, or for a light.
+const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
+#endif

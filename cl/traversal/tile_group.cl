@@ -24,8 +24,9 @@
 
 // Rays join a pass if the axis has more than this part of their direction; the leader's has at least a third.
 #define ALONG_AXIS 0.25f
-// Where rays are grouped: how many times further from the leader than those beside it they may be.
-#define NEIGHBOURS 8.0f
+// Where rays are grouped: how many times further from the leader than those beside it they may be: as far as pixels of a
+// tile are.
+#define NEIGHBOURS ((float)TILE_X)
 // A leader is sought here first: in the middle of the lanes' 8 x 4 pixels.
 #define MIDDLE_LANE 20
 
@@ -54,6 +55,8 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #if WATERTIGHT
 #include "traversal/tile_group_watertight.cl"
+#elif PLANES_OF_ORIGIN
+#include "traversal/tile_group_prepared.cl"
 #else
 #include "traversal/tile_group_planes.cl"
 #endif
@@ -72,8 +75,8 @@ INLINED float spacing_at(const Group *group, float distance, int leader) {
 
 // Chooses the rays of `todo` that go with some leader's, and makes their shaft and beam. With `close`, they must be
 // close to it in direction. Returns this lane's; a leader's own ray is among them, unless it has no direction.
-INLINED uint begin_pass(const Group *group, Uniform3 origin, const Ways *ways, uint todo, const int close,
-                Shaft *shaft, Beam *beam) {
+INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
+                        const int close, Shaft *shaft, Beam *beam) {
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     const uint first = lane_get(group, todo & (0u - todo), leader); // the leader's first ray, and those in its place
@@ -83,7 +86,7 @@ INLINED uint begin_pass(const Group *group, Uniform3 origin, const Ways *ways, u
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
-    aim(group, origin, way, shaft);
+    aim(group, tree, origin, way, shaft);
 
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;

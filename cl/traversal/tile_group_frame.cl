@@ -1,12 +1,16 @@
-// The kernels of a frame cast in tiles that groups own: the nearest hits; for up to 32 lights the shadow rays, and those
+// The kernels of a frame cast in tiles that groups own: the nearest hits; for a round of lights the shadow rays, and those
 // of them that were left over; and shading. tile_group.cl walks the tree for the first three.
 
 // Shadow rays of a tile are cast in at most so many passes, each of rays close to each other, and with so many words from
 // the stack for one light. Past silhouettes that is never enough: what is left over has a group to each ray.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A word tells the lights that reach a pixel, a bit each, from the first of a round on.
-#define LIGHTS_OF_ROUND 32
+// A round has so many lights that a word holds a bit for each of them and of a lane's rays: light after light. Of a pixel
+// such a word has every so manieth bit.
+#define LIGHTS_OF_ROUND (32 / RAYS)
+#define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
+#define LIGHT_OF_BIT(bit) ((bit) / RAYS)
+#define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
 
 // Tiles of a work-group lie in a square where they can, so that they read the same part of the tree.
 #define TILES_ACROSS (LOCAL_Y % 2 ? 1 : 2)
@@ -25,10 +29,18 @@
     Candidates candidates;                                     \
     candidates.quads = leaf_quads[group.number];          \
     candidates.lanes = leaf_lanes[group.number];
-#define TREE_OF_TILES   \
-    Tree tree;          \
-    tree.nodes = nodes; \
-    tree.leaves = leaves;
+#if PLANES_OF_ORIGIN
+#define PLANES_OF_TREE       \
+    tree.planes = prepared;    \
+    tree.row = prepared_row;
+#else
+#define PLANES_OF_TREE
+#endif
+#define TREE_OF_TILES     \
+    Tree tree;              \
+    tree.nodes = nodes;     \
+    tree.leaves = leaves;   \
+    PLANES_OF_TREE
 
 typedef struct {
     int x, y, inside;
@@ -49,15 +61,20 @@ INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
 
 INLINED size_t index_of(Pixel pixel, int2 image_size) { return (size_t)pixel.y * image_size.x + pixel.x; }
 
+// A direction of depth 1 through a pixel's centre, as camera_ray has it.
+INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel) {
+    const float x = pixel.x + 0.5f, y = pixel.y + 0.5f;
+    return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
+                corner.z + x * step_x.z + y * step_y.z);
+}
+
 // The tile's rays from the eye. Returns those inside the image.
 INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
     uint inside = 0;
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
-        const float x = pixel.x + 0.5f, y = pixel.y + 0.5f;
-        ways->x[ray] = corner.x + x * step_x.x + y * step_y.x;
-        ways->y[ray] = corner.y + x * step_x.y + y * step_y.y;
-        ways->z[ray] = corner.z + x * step_x.z + y * step_y.z;
+        const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
+        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
         inside |= pixel.inside ? 1u << ray : 0u;
     }
     ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
@@ -65,9 +82,10 @@ INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size,
     return inside;
 }
 
-// Finds the place in leaf order of the nearest triangle of each of a tile's rays from the eye, or NO_HIT.
-INLINED void find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
-                          const Candidates *candidates, int *place) {
+// Finds the nearest triangle of each of a tile's rays from the eye, and stores its place in leaf order, or NO_HIT. Returns
+// the rays that hit.
+INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
+                          const Candidates *candidates, __global int *nearest) {
     uint done = 0;
     int unlimited = 0;
     Beam beam;
@@ -77,19 +95,18 @@ INLINED void find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETER
         Shaft shaft;
         const uint todo = camera_ways(group, eye, corner, step_x, step_y, image_size, &ways) & ~done;
         if (!lane_any(group, todo != 0)) break;
-        const uint active = begin_pass(group, uniform3(eye.x, eye.y, eye.z), &ways, todo, 0, &shaft, &beam);
+        const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
         walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
         done |= active;
     }
-    EACH_RAY(ray) place[ray] = beam.place[ray];
-}
-
-INLINED void store_places(const Group *group, int2 image_size, const int *place, __global int *nearest) {
+    uint hits = 0;
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
-        if (pixel.inside) nearest[index_of(pixel, image_size)] = place[ray];
+        if (pixel.inside) nearest[index_of(pixel, image_size)] = beam.place[ray];
+        hits |= beam.place[ray] != NO_HIT ? 1u << ray : 0u;
     }
+    return hits;
 }
 
 // The nearest hits.
@@ -98,9 +115,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PARAMETERS, CAMERA_P
     STACK_LOCALS
     LEAF_LOCALS
     TREE_OF_TILES
-    int place[RAYS];
-    find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, place);
-    store_places(&group, image_size, place, nearest);
+    find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
 }
 
 // Where a ray from the eye meets its nearest triangle; the normal is of any length.
@@ -133,6 +148,27 @@ INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
     return camera_ray(eye, corner, step_x, step_y, one);
 }
 
+// The same, with no material, for who asks which lights a surface faces and where rays to them begin.
+INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, Pixel pixel, int place) {
+#if PLANES_OF_ORIGIN // which tell t and weights at once; in slivers they are out by roundings, which shading must not be
+    const __global float4 *planes = planes_for(tree, 0) + place;
+    const __global float4 *normals = surfaces + 3 * (size_t)place;
+    const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
+    const float4 na = normals[0], nb = normals[1], nc = normals[2];
+    const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
+    const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
+    Meeting meeting;
+    meeting.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), way);
+    meeting.normal = vec3(inside.x * na.x + inside.y * nb.x + inside.z * nc.x,
+                          inside.x * na.y + inside.y * nb.y + inside.z * nc.y,
+                          inside.x * na.z + inside.y * nb.z + inside.z * nc.z);
+    meeting.material = 0;
+    return meeting;
+#else
+    return meet(tree, surfaces, pixel_ray(eye, corner, step_x, step_y, pixel), place);
+#endif
+}
+
 // Whether a surface faces a light, which is not on it: whether a shadow ray is to be cast.
 INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
     return (dot3(offset, meeting.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
@@ -143,16 +179,17 @@ INLINED Vec3 way_to_hit(Vec3 offset, float bias) { return scale(offset, bias * r
 
 INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
 
-// The rays from a light to the tile's hits. Returns those that are to be cast, of those that are wanted.
+// The rays from a light to the tile's hits, where they are wanted. Returns those that are to be cast.
 INLINED uint light_ways(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                        int2 image_size, const int *place, Vec3 light, float bias, uint wanted, Ways *ways) {
+                        int2 image_size, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
     uint cast = 0;
     ways->per_begin = FAR;
     ways->per_end = 1.0f;
     EACH_RAY(ray) { // no branch: all rays' loads are under way at once
-        const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, tile_pixel(group, ray, image_size));
-        const int hit = HAS(wanted, ray) && place[ray] != NO_HIT;
-        const Meeting meeting = meet(tree, surfaces, from_eye, hit ? place[ray] : 0);
+        const Pixel pixel = tile_pixel(group, ray, image_size);
+        const int hit = HAS(wanted, ray) != 0;
+        const int place = hit ? nearest[index_of(pixel, image_size)] : 0;
+        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
         const Vec3 offset = subtract(light, meeting.point);
         const Vec3 way = way_to_hit(offset, bias);
         cast |= hit & faces(meeting, offset, bias) ? 1u << ray : 0u;
@@ -161,13 +198,13 @@ INLINED uint light_ways(const Group *group, const Tree *tree, const __global flo
     return cast;
 }
 
-// Casts a tile's shadow rays from a light. Returns those that nothing blocks; `*left` are those not known of.
-// Rays are made anew for each pass, of which there is seldom a second: they would take registers while it walks.
+// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` are those not known of.
+// Rays are made anew for each pass, of which there is seldom a second, and the places of hits are read again: they would
+// take registers while it walks.
 INLINED uint unblocked(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                       int2 image_size, const int *place, Uniform3 light, float bias, __local uint2 *stack,
-                       const Candidates *candidates, uint *left) {
-    uint todo = 0, clear = 0;
-    EACH_RAY(ray) todo |= place[ray] != NO_HIT ? 1u << ray : 0u;
+                       int2 image_size, const __global int *nearest, uint hits, Origin light, float bias,
+                       __local uint2 *stack, const Candidates *candidates, uint *left) {
+    uint todo = hits, clear = 0;
     int budget = SHADOW_BUDGET;
     *left = 0;
     for (int pass = 0; lane_any(group, todo != 0); pass++) {
@@ -175,10 +212,10 @@ INLINED uint unblocked(const Group *group, const Tree *tree, const __global floa
         Shaft shaft;
         Beam beam;
         Ways ways;
-        todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, place,
-                          vec3(light.x, light.y, light.z), bias, todo, &ways);
+        todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest,
+                          vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
         if (!lane_any(group, todo != 0)) break;
-        const uint active = begin_pass(group, light, &ways, todo, 1, &shaft, &beam);
+        const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
         const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
         EACH_RAY(ray) {
@@ -203,7 +240,7 @@ INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights
 
 // Where shadow rays' results go.
 typedef struct {
-    __global uint *lit;    // a word a pixel that hits: a bit for each light of a round
+    __global uint *lit;    // a word of lights a pixel that hits
     __global uint2 *queue; // pixels with the lights that are left over, and how many
     __global int *queued;
 } Found;
@@ -211,26 +248,28 @@ typedef struct {
 // Casts the shadow rays of a round's lights, from `first_light` on: a bit of a pixel's word tells that nothing is between
 // it and a light that it faces. What is left over goes to the queue.
 INLINED void find_lit(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                      int2 image_size, const int *place, const __global float *lights, int light_count, int first_light,
-                      float bias, __local uint2 *stack, const Candidates *candidates, Found found) {
-    uint reached[RAYS], left_over[RAYS];
-    EACH_RAY(ray) reached[ray] = left_over[ray] = 0;
+                      int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
+                      int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
+                      Found found) {
+    uint reached = 0, left_over = 0;
     const int end = min(light_count - first_light, LIGHTS_OF_ROUND);
     for (int light = 0; light < end; light++) {
         uint left;
-        const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, place,
-                                     LOAD3(lights + 6 * (first_light + light)), bias, stack, candidates, &left);
-        EACH_RAY(ray) {
-            reached[ray] |= HAS(clear, ray) << light;
-            left_over[ray] |= HAS(left, ray) << light;
-        }
+        const Origin origin = origin_at(LOAD3(lights + 6 * (first_light + light)), 1 + light);
+        const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, origin,
+                                     bias, stack, candidates, &left);
+        reached |= BITS_OF_LIGHT(clear, light);
+        left_over |= BITS_OF_LIGHT(left, light);
     }
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
-        if (place[ray] != NO_HIT) found.lit[index_of(pixel, image_size)] = reached[ray];
+        if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray);
     }
-    for (int ray = 0; ray < RAYS; ray++)
-        leave(group, tile_pixel(group, ray, image_size), image_size, left_over[ray], found.queue, found.queued);
+    if (lane_any(group, left_over != 0)) {
+        for (int ray = 0; ray < RAYS; ray++)
+            leave(group, tile_pixel(group, ray, image_size), image_size, BITS_OF_PIXEL(left_over, ray), found.queue,
+                  found.queued);
+    }
 }
 
 #define FOUND_PARAMETERS __global uint *restrict lit, __global uint2 *restrict queue, __global int *restrict queued
@@ -248,13 +287,13 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_PARAMETERS, CAMERA_PA
     LEAF_LOCALS
     TREE_OF_TILES
     BIND_FOUND
-    int place[RAYS];
+    uint hits = 0;
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(&group, ray, image_size);
-        place[ray] = pixel.inside ? nearest[index_of(pixel, image_size)] : NO_HIT;
+        hits |= pixel.inside && nearest[index_of(pixel, image_size)] != NO_HIT ? 1u << ray : 0u;
     }
-    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, place, lights, light_count, first_light,
-             bias, stack, &candidates, found);
+    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
+             first_light, bias, stack, &candidates, found);
 }
 
 // Both, one after the other: while the last tiles' rays from the eye are cast, other tiles are at their shadow rays.
@@ -265,11 +304,10 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_PARAMETERS, CAMERA_PARA
     LEAF_LOCALS
     TREE_OF_TILES
     BIND_FOUND
-    int place[RAYS];
-    find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, place);
-    store_places(&group, image_size, place, nearest);
-    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, place, lights, light_count, first_light,
-             bias, stack, &candidates, found);
+    const uint hits =
+        find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
+    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
+             first_light, bias, stack, &candidates, found);
 }
 
 // Casts the shadow rays that were left over, a group to each. A pixel is in the queue once, with a bit for each of its
@@ -287,21 +325,21 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_PARAMETERS, CAMERA
         pixel.x = (int)entry.x % image_size.x;
         pixel.y = (int)entry.x / image_size.x;
         pixel.inside = 1;
-        const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
         uint reached = 0;
         for (uint left = entry.y; left; left &= left - 1) {
-            const int light = LOWEST_BIT(left);
+            const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
             const __global float *at = lights + 6 * (first_light + light);
             const int place = nearest[entry.x];
-            const Meeting meeting = meet(&tree, surfaces, from_eye, place == NO_HIT ? 0 : place);
+            const Meeting meeting = meet_for_lights(&tree, surfaces, eye, corner, step_x, step_y, pixel,
+                                                    place == NO_HIT ? 0 : place);
             const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
             Shaft shaft;
-            aim(&group, LOAD3(at), uniform3(way.x, way.y, way.z), &shaft);
+            aim(&group, &tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
             const float per_depth = reciprocal(fabs(component(way.x, way.y, way.z, shaft.along)));
             const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
             const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
             widen(&shaft, x, x, y, y);
-            if (!is_blocked(&group, &tree, &shaft, x, y, per_depth, stack)) reached |= 1u << light;
+            if (!is_blocked(&group, &tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
         }
         if (group.lane == 0) lit[entry.x] |= reached;
     }
@@ -318,11 +356,11 @@ INLINED void load_material(const __global float *material, Surface *surface) {
 INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface *surface, Meeting meeting, Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
     for (; reached; reached &= reached - 1) {
-        const __global float *light = lights + 6 * LOWEST_BIT(reached);
+        const __global float *light = lights + 6 * LIGHT_OF_BIT(LOWEST_BIT(reached));
         const Vec3 offset = subtract(load_vec3(light), meeting.point);
         const float squared = dot3(offset, offset);
         const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
-        const float cosine = dot3(to_light, meeting.normal);
+        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // it faces the light, but for rounding
         const Vec3 f = reflectance(surface, to_light, to_eye, meeting.normal, 1);
         sum = add(sum, scale(multiply(load_vec3(light + 3), f), cosine / (4.0f * M_PI_F * squared)));
     }

@@ -9,6 +9,19 @@
 // An interval of slopes is widened by this much, several times the rounding of what it is compared with.
 #define SLOPE_ROUNDING 1e-6f
 
+// Where the rays of a pass come from.
+typedef struct {
+    Uniform3 at;
+    int number; // 0 for the eye, from 1 on for a round's lights
+} Origin;
+
+INLINED Origin origin_at(Uniform3 at, int number) {
+    Origin origin;
+    origin.at = at;
+    origin.number = number;
+    return origin;
+}
+
 // The axes of a pass and the slopes of its rays: a box in (x, y).
 typedef struct {
     int across, down, along; // which axes of the scene x, y and z are
@@ -18,12 +31,16 @@ typedef struct {
     float x, y, z;           // the rays' origin along these axes
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
+#if PLANES_OF_ORIGIN
+    const __global float4 *planes; // of all triangles, for this origin
+    uint across_row, down_row, along_row; // where in them the quads of its axes are
+#endif
 } Shaft;
 
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
 // Turns a pass's axes so that the largest component of a direction is z.
-INLINED void aim(const Group *group, Uniform3 origin, Uniform3 leader, Shaft *shaft) {
+INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
     const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
@@ -36,9 +53,15 @@ INLINED void aim(const Group *group, Uniform3 origin, Uniform3 leader, Shaft *sh
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     shaft->near_row = (uint)(NODE_WIDTH * (2 * along + back) + group->lane);
     shaft->far_row = (uint)(NODE_WIDTH * (2 * along + 1 - back) + group->lane);
-    shaft->x = component(origin.x, origin.y, origin.z, across);
-    shaft->y = component(origin.x, origin.y, origin.z, down);
-    shaft->z = shaft->sign * component(origin.x, origin.y, origin.z, along);
+    shaft->x = component(origin.at.x, origin.at.y, origin.at.z, across);
+    shaft->y = component(origin.at.x, origin.at.y, origin.at.z, down);
+    shaft->z = shaft->sign * component(origin.at.x, origin.at.y, origin.at.z, along);
+#if PLANES_OF_ORIGIN
+    shaft->planes = planes_for(tree, origin.number);
+    shaft->across_row = (uint)(tree->row * across);
+    shaft->down_row = (uint)(tree->row * down);
+    shaft->along_row = (uint)(tree->row * along);
+#endif
 }
 
 // The box of slopes, given its sides without rounding.

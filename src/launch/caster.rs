@@ -58,7 +58,7 @@ impl Caster {
         let pixels = size[0] as usize * size[1] as usize;
         let image = allocate::<Float4>(queue, pixels)?;
         let working = working(queue, strategy, workload)?;
-        let prepared = prepared_planes(queue, strategy, device_scene)?;
+        let prepared = prepared_planes(queue, strategy, workload)?;
         let [red, green, blue] = scene.background.to_array();
         let parts = Parts {
             queue,
@@ -75,7 +75,7 @@ impl Caster {
             band,
         };
         let mut steps = Steps::new();
-        if let Some(prepared) = &prepared {
+        if let (Some(prepared), false) = (&prepared, strategy.shares_tiles()) {
             steps.extend(parts.prepare_origins(prepared)?);
         }
         match strategy.passes {
@@ -178,14 +178,12 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Room for each triangle's planes, for the eye and each light.
+/// Room for each triangle's planes, for the eye and each light, or those of a round.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,
-    scene: &DeviceScene,
+    workload: &Workload,
 ) -> ocl::Result<Option<Buffer<f32>>> {
-    if !strategy.intersector.prepares_planes() {
-        return Ok(None);
-    }
-    allocate(queue, ROW_FLOATS * scene.triangle_count * (1 + scene.light_count)).map(Some)
+    let rows = workload.prepared_origins(strategy) * workload.triangles;
+    strategy.intersector.prepares_planes().then(|| allocate(queue, ROW_FLOATS * rows)).transpose()
 }

@@ -4,12 +4,13 @@ use super::band::Band;
 use super::buffers::allocate;
 use super::frame::Phase;
 use super::scene::DeviceScene;
-use super::shared::{LIGHTS_OF_ROUND, Shared};
+use super::shared::Shared;
 use super::steps::{CameraArguments, Step, Steps, camera_arguments, geometry_arguments, ray_arguments};
 use super::tree::DeviceTree;
 use super::{LaunchError, NO_HIT, Queue};
 use crate::program::BuiltProgram;
 use crate::strategy::{Passes, Strategy, Traversal, Workload};
+use std::ops::Range;
 use ocl::builders::KernelBuilder;
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
@@ -20,6 +21,16 @@ pub(super) enum Working {
     None,
     Scratch(Buffer<f32>),
     Heap { pool: Buffer<f32>, top: Buffer<i32>, size: u32 },
+}
+
+/// Triangles that a work-group prepares.
+const PREPARED_TOGETHER: usize = 64;
+
+/// A work-item a triangle and origin. The work-group is given: OpenCL would look for a divisor of the number of triangles,
+/// which may be one.
+pub(super) fn prepared_together(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
+    kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
+    kernel.local_work_size([PREPARED_TOGETHER, 1]);
 }
 
 /// What all kernels of a frame are made from.
@@ -59,6 +70,9 @@ impl<'a> Parts<'a> {
                 self.light_arguments(&mut kernel);
                 kernel.arg(nodes).arg(leaves).arg(&surfaces.normals).arg(&surfaces.materials);
                 kernel.arg(surfaces.material_count as i32);
+                if let Some(prepared) = self.prepared {
+                    kernel.arg(prepared).arg(self.scene.triangle_count as i32);
+                }
             }
             _ => self.scene_arguments(&mut kernel),
         }
@@ -121,7 +135,7 @@ impl<'a> Parts<'a> {
         })
     }
 
-    /// Casts in tiles that groups share. For every [`LIGHTS_OF_ROUND`] lights there is a round: shadow rays, then those that
+    /// Casts in tiles that groups share. For every so many lights ([`Strategy::lights_of_round`]) there is a round: shadow rays, then those that
     /// were left over, a group to each, and shading. Fused, the first round's shadow rays follow in the kernel that casts
     /// primary rays.
     pub fn cast_shared(
@@ -137,9 +151,13 @@ impl<'a> Parts<'a> {
         let phase = if fused { Phase::Whole } else { Phase::Shadow };
         let mut steps = Steps::new();
         if !fused {
+            steps.extend(self.prepare_tiles(0..1, 0, Phase::Primary)?);
             steps.push((Phase::Primary, Step::Run(self.cast_primary(nearest)?)));
         }
-        for first_light in (0..lights.max(1)).step_by(LIGHTS_OF_ROUND) {
+        for first_light in (0..lights.max(1)).step_by(self.strategy.lights_of_round()) {
+            let first_origin = if fused && first_light == 0 { 0 } else { 1 };
+            let origins = first_origin..1 + (lights - first_light).min(self.strategy.lights_of_round());
+            steps.extend(self.prepare_tiles(origins, first_light, phase)?);
             let first_light = first_light as i32;
             let cast = |name, groups: Option<[usize; 2]>| {
                 let kernel = self.pixel_kernel(name, |kernel| {
@@ -196,12 +214,32 @@ impl<'a> Parts<'a> {
             return Ok(None);
         }
         let mut kernel = self.kernel("prepare_origins");
-        kernel.global_work_size([self.scene.triangle_count, 1 + self.scene.light_count]);
+        prepared_together(&mut kernel, self.scene.triangle_count, 1 + self.scene.light_count);
         geometry_arguments(&mut kernel, self.scene);
         kernel.arg(&self.scene.lights);
         ray_arguments(&mut kernel, &self.camera);
         kernel.arg(prepared);
         let phase = if self.strategy.passes == Passes::Fused { Phase::Whole } else { Phase::Primary };
+        Ok(Some((phase, Step::Run(kernel.build()?))))
+    }
+
+    /// The planes of a tree's triangles for origins of a round, of which the first is the eye and the second its first light;
+    /// nothing where none are wanted.
+    fn prepare_tiles(
+        &self,
+        origins: Range<usize>,
+        first_light: usize,
+        phase: Phase,
+    ) -> ocl::Result<Option<(Phase, Step)>> {
+        let (Some(prepared), Some(tree)) = (self.prepared, self.tree) else { return Ok(None) };
+        let triangles = self.scene.triangle_count;
+        if triangles == 0 || origins.is_empty() {
+            return Ok(None);
+        }
+        let mut kernel = self.kernel("tile_prepare");
+        prepared_together(&mut kernel, triangles, origins.len());
+        kernel.arg(&self.scene.lights).arg(&tree.leaves).arg(triangles as i32).arg(self.camera.eye);
+        kernel.arg(origins.start as i32).arg(first_light as i32).arg(prepared);
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 

@@ -2,6 +2,7 @@
 
 use super::buffers::{allocate, upload};
 use super::scene::DeviceScene;
+use super::parts::prepared_together;
 use super::steps::geometry_arguments;
 use super::{DeviceTree, LaunchError, Queue};
 use crate::program::BuiltProgram;
@@ -89,7 +90,7 @@ fn prepare(
     let prepared = allocate::<f32>(queue, super::ROW_FLOATS * scene.triangle_count)?;
     let mut kernel = Kernel::builder();
     kernel.program(&program.program).name("prepare_origins").queue(queue.commands.clone());
-    kernel.global_work_size([scene.triangle_count, 1]);
+    prepared_together(&mut kernel, scene.triangle_count, 1);
     geometry_arguments(&mut kernel, scene);
     kernel.arg(&scene.lights).arg(Float4::new(origin.x, origin.y, origin.z, 0.0));
     let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // which has no part in it

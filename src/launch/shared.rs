@@ -9,9 +9,6 @@ use ocl::prm::Uint2;
 /// Groups that cast them, for each compute unit: as many as a large GPU's can hold at a time.
 const GROUPS_A_UNIT: usize = 64;
 
-/// Lights that a word of a pixel tells of: LIGHTS_OF_ROUND in the kernels.
-pub(super) const LIGHTS_OF_ROUND: usize = 32;
-
 /// Between the kernels of a round of lights.
 pub(super) struct Shared {
     /// The lights that reach a pixel, a bit each.

@@ -133,6 +133,13 @@ impl Strategy {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }
 
+    /// Lights whose shadow rays work-items that share a tile cast at a time: a word has a bit for each of them and of a
+    /// work-item's rays. LIGHTS_OF_ROUND in the kernels.
+    pub fn lights_of_round(&self) -> usize {
+        let (across, down) = self.tile.pixels();
+        (u32::BITS * GROUP_LANES) as usize / (across * down)
+    }
+
     /// `other`, or the local size that a device with these limits does best with where the strategy leaves no choice: groups
     /// of 32 that share tiles.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
@@ -181,8 +188,8 @@ impl Strategy {
                 "traversal = bvh and tile read triangles in the order of their tree: triangles = global, layout = soup",
             ),
             (
-                self.needs_tree() && planes,
-                "traversal = bvh and tile prepare what rays of a common origin share themselves: another intersector",
+                self.needs_tree() && planes && !(shared && self.intersector == Intersector::CommonOrigin),
+                "traversal = bvh and tile prepare what rays of a common origin share themselves: another intersector (common-origin with traversal = tile and width = 1)",
             ),
             (
                 tile && (eager || self.vectors != Vectors::Private),

@@ -62,6 +62,7 @@ const TILE_GROUP: Strategy = Strategy {
     node_width: NodeWidth::N32,
     leaf_size: LeafSize::L32,
     tile: TileSize::T8x8,
+    intersector: Intersector::CommonOrigin,
     ..MODERN
 };
 

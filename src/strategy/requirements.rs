@@ -278,8 +278,8 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     if strategy.traversal == Traversal::Tile {
         sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
-    if strategy.intersector.prepares_planes() {
-        let origins = 1 + w.lights as u64;
+    let origins = w.prepared_origins(strategy) as u64;
+    if origins > 0 {
         sum.add("planes", &[(ROW_BYTES, " B"), (origins, " origins"), (w.triangles as u64, " triangles")]);
     }
     sum

@@ -56,6 +56,12 @@ impl Workload {
         }
     }
 
+    /// Origins, of the eye and of lights, that planes of all triangles are kept for at a time.
+    pub fn prepared_origins(&self, strategy: &Strategy) -> usize {
+        let at_once = if strategy.shares_tiles() { strategy.lights_of_round() } else { usize::MAX };
+        if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }
+    }
+
     /// Tiles across and down of a work-group whose tiles are shared: TILES_ACROSS and TILES_DOWN in the kernels.
     fn tiles_of_group(&self) -> [usize; 2] {
         let tiles = self.local_size[1] as usize;
