@@ -6,8 +6,9 @@
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A round has so many lights that a word holds a bit for each of them and of a lane's rays: light after light. Of a pixel
-// such a word has every so manieth bit.
-#define LIGHTS_OF_ROUND (32 / RAYS)
+// such a word has every so manieth bit; the last bit says that some of its lights are left over.
+#define LIGHTS_OF_ROUND (31 / RAYS)
+#define SOME_LEFT_OVER 0x80000000u
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
@@ -46,12 +47,11 @@ typedef struct {
     int x, y, inside;
 } Pixel;
 
-// The pixel of a lane's ray: a tile is blocks of 8 x 4 pixels.
-INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
+// The pixel of a lane's ray in a row of work-groups: a tile is blocks of 8 x 4 pixels.
+INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
-    const int group_y = (int)get_global_id(1) / LOCAL_Y; // of the image, of which this may be a band
-    const int tile_y = group_y * TILES_DOWN + group->number / TILES_ACROSS;
+    const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
     Pixel pixel;
     pixel.x = tile_x * TILE_X + ray % across * 8 + lane % 8;
     pixel.y = tile_y * TILE_Y + ray / across * 4 + lane / 8;
@@ -59,7 +59,12 @@ INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
     return pixel;
 }
 
-INLINED size_t index_of(Pixel pixel, int2 image_size) { return (size_t)pixel.y * image_size.x + pixel.x; }
+// The same in the work-group's own row of the image, of which this may be a band.
+INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
+    return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
+}
+
+INLINED uint index_of(Pixel pixel, int2 image_size) { return (uint)pixel.y * (uint)image_size.x + (uint)pixel.x; }
 
 // A direction of depth 1 through a pixel's centre, as camera_ray has it.
 INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel) {
@@ -235,14 +240,14 @@ INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights
     int first = 0; // and on, even if none is leaving: a compiler of barriers was seen to go wrong after a return here
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
-    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)((uint)index_of(pixel, image_size), lights);
+    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, image_size), lights);
 }
 
 // Where shadow rays' results go.
 typedef struct {
     __global uint *lit;    // a word of lights a pixel that hits
-    __global uint2 *queue; // pixels with the lights that are left over, and how many
-    __global int *queued;
+    __global uint2 *queue; // pixels with the lights that are left over
+    __global int *queued;  // how many; and how many groups have asked that
 } Found;
 
 // Casts the shadow rays of a round's lights, from `first_light` on: a bit of a pixel's word tells that nothing is between
@@ -263,7 +268,8 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
     }
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
-        if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray);
+        const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
+        if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray) | left;
     }
     if (lane_any(group, left_over != 0)) {
         for (int ray = 0; ray < RAYS; ray++)
@@ -310,38 +316,60 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_PARAMETERS, CAMERA_PARA
              first_light, bias, stack, &candidates, found);
 }
 
-// Casts the shadow rays that were left over, a group to each. A pixel is in the queue once, with a bit for each of its
-// lights.
+// How many pixels are in the queue. The last group to ask leaves it empty for the next frame or round.
+INLINED int take_queue(const Group *group, __global int *queued, int groups) {
+    int count = 0;
+    if (group->lane == 0) {
+        count = queued[0];
+        mem_fence(CLK_GLOBAL_MEM_FENCE);
+        if (atomic_add(queued + 1, 1) == groups - 1) queued[0] = queued[1] = 0;
+    }
+    return (int)lane_get(group, (uint)count, 0);
+}
+
+// Casts a pixel's shadow rays that were left over: the group casts one at a time. Returns the lights that they reach.
+INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+                            Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
+                            __local uint2 *stack) {
+    uint reached = 0;
+    for (uint left = left_over; left; left &= left - 1) {
+        const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
+        const __global float *at = lights + 6 * light;
+        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
+        const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
+        Shaft shaft;
+        aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
+        const float per_depth = reciprocal(fabs(component(way.x, way.y, way.z, shaft.along)));
+        const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
+        const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
+        widen(&shaft, x, x, y, y);
+        if (!is_blocked(group, tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
+    }
+    return reached;
+}
+
+INLINED Pixel pixel_of(uint index, int2 image_size) {
+    Pixel pixel;
+    pixel.x = (int)(index % (uint)image_size.x);
+    pixel.y = (int)(index / (uint)image_size.x);
+    pixel.inside = 1;
+    return pixel;
+}
+
+// Casts the shadow rays that were left over, a group to each pixel, which is in the queue once.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
                                                          const int first_light, const __global int *restrict nearest,
                                                          __global uint *restrict lit, const __global uint2 *restrict queue,
-                                                         const __global int *restrict queued) {
+                                                         __global int *restrict queued) {
     STACK_LOCALS
     TREE_OF_TILES
-    const int groups = (int)get_num_groups(0) * LOCAL_Y, count = *queued;
+    const int groups = (int)get_num_groups(0) * LOCAL_Y, count = take_queue(&group, queued, groups);
     for (int i = (int)get_group_id(0) * LOCAL_Y + group.number; i < count; i += groups) {
         const uint2 entry = queue[i];
-        Pixel pixel;
-        pixel.x = (int)entry.x % image_size.x;
-        pixel.y = (int)entry.x / image_size.x;
-        pixel.inside = 1;
-        uint reached = 0;
-        for (uint left = entry.y; left; left &= left - 1) {
-            const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
-            const __global float *at = lights + 6 * (first_light + light);
-            const int place = nearest[entry.x];
-            const Meeting meeting = meet_for_lights(&tree, surfaces, eye, corner, step_x, step_y, pixel,
-                                                    place == NO_HIT ? 0 : place);
-            const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
-            Shaft shaft;
-            aim(&group, &tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
-            const float per_depth = reciprocal(fabs(component(way.x, way.y, way.z, shaft.along)));
-            const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
-            const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
-            widen(&shaft, x, x, y, y);
-            if (!is_blocked(&group, &tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
-        }
-        if (group.lane == 0) lit[entry.x] |= reached;
+        const uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y,
+                                            pixel_of(entry.x, image_size), nearest[entry.x], lights + 6 * first_light,
+                                            entry.y, bias, stack);
+        if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
     }
 }
 
@@ -367,34 +395,62 @@ INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface 
     return sum;
 }
 
-// Shades a tile's nearest hits by the lights of a round that reach them; the first round clears the image.
+// Adds to a pixel what a round's lights send it, of which `reached` do.
+INLINED void shade_pixel(const Tree *tree, const __global float4 *surfaces, const __global float *materials,
+                         CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint reached, float4 *sum) {
+    const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
+    Meeting meeting = meet(tree, surfaces, from_eye, place);
+    meeting.normal = normalize_or_zero(meeting.normal);
+    Surface surface;
+    load_material(materials + 8 * meeting.material, &surface);
+    const Vec3 received = arriving(lights, reached, &surface, meeting, negate(from_eye.direction));
+    *sum += (float4)(received.x, received.y, received.z, 0.0f);
+}
+
+// Shades nearest hits by the lights of a round that reach them; the first round clears the image. The first `queue_rows`
+// rows of work-groups cast what shadow rays were left over, if no kernel did, and shade these pixels: that has few rays, of
+// which each takes long, while other work-groups shade all that is known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
                                                      const int first_light, const float4 background,
                                                      __global float4 *restrict image,
                                                      const __global int *restrict nearest,
-                                                     const __global uint *restrict lit) {
-    GROUP_LOCALS
+                                                     const __global uint *restrict lit,
+                                                     const __global uint2 *restrict queue,
+                                                     __global int *restrict queued, const int queue_rows) {
+    STACK_LOCALS
     TREE_OF_TILES
-    Group group;
-    BIND_GROUP(group)
-    EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(&group, ray, image_size);
+    const __global float *lights_of_round = lights + 6 * first_light;
+    const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+    if ((int)get_group_id(1) < queue_rows) {
+        const int across = (int)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
+        const int first = (int)get_group_id(1) * across + (int)get_group_id(0) * LOCAL_Y + group.number;
+        const int count = take_queue(&group, queued, groups);
+        for (int i = first; i < count; i += groups) {
+            const uint2 entry = queue[i];
+            const Pixel pixel = pixel_of(entry.x, image_size);
+            const int place = nearest[entry.x];
+            uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
+                                          lights_of_round, entry.y, bias, stack);
+            if (group.lane == 0) {
+                reached |= lit[entry.x] & ~SOME_LEFT_OVER;
+                float4 sum = first_light ? image[entry.x] : dark;
+                shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
+                            reached, &sum);
+                image[entry.x] = sum;
+            }
+        }
+    } else EACH_RAY(ray) {
+        const Pixel pixel = pixel_in_row(&group, (int)get_global_id(1) / LOCAL_Y - queue_rows, ray, image_size);
         if (!pixel.inside) continue;
-        const size_t at = index_of(pixel, image_size);
+        const uint at = index_of(pixel, image_size);
         const int place = nearest[at];
         const uint reached = light_count ? lit[at] : 0; // meaningless where nothing is hit
-        float4 sum = place == NO_HIT ? (float4)(background.xyz, 0.0f) : (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+        if (place != NO_HIT && reached & SOME_LEFT_OVER) continue;
+        float4 sum = place == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
         if (first_light) sum = image[at];
-        if (place != NO_HIT && reached) {
-            const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
-            Meeting meeting = meet(&tree, surfaces, from_eye, place);
-            meeting.normal = normalize_or_zero(meeting.normal);
-            Surface surface;
-            load_material(materials + 8 * meeting.material, &surface);
-            const Vec3 received =
-                arriving(lights + 6 * first_light, reached, &surface, meeting, negate(from_eye.direction));
-            sum += (float4)(received.x, received.y, received.z, 0.0f);
-        }
+        if (place != NO_HIT && reached)
+            shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round, reached,
+                        &sum);
         image[at] = sum;
     }
 }

@@ -57,13 +57,10 @@ impl<'a> Parts<'a> {
         finish: impl FnOnce(&mut KernelBuilder<'a>),
     ) -> Result<Kernel, LaunchError> {
         let mut kernel = self.kernel(name);
-        let mut size = self.workload.global_size(self.strategy);
         if let Some(band) = &self.band {
-            let items = self.workload.local_size[1] as usize;
-            size[1] = band.len() * items;
-            kernel.global_work_offset([0, band.start * items]);
+            kernel.global_work_offset([0, band.start * self.workload.local_size[1] as usize]);
         }
-        kernel.global_work_size(size);
+        kernel.global_work_size(self.pixel_items());
         kernel.local_work_size(self.workload.local_size.map(|n| n as usize));
         match self.tree {
             Some(DeviceTree { nodes, leaves, surfaces: Some(surfaces), .. }) => {
@@ -90,6 +87,13 @@ impl<'a> Parts<'a> {
         let kernel = kernel.build()?;
         self.check_work_group(&kernel, name)?;
         Ok(kernel)
+    }
+
+    /// Its work-items across and down.
+    fn pixel_items(&self) -> [usize; 2] {
+        let [across, down] = self.workload.global_size(self.strategy);
+        let rows = |band: &Band| band.len() * self.workload.local_size[1] as usize;
+        [across, self.band.as_ref().map_or(down, rows)]
     }
 
     /// SCENE_PARAMETERS in the kernels.
@@ -135,51 +139,74 @@ impl<'a> Parts<'a> {
         })
     }
 
-    /// Casts in tiles that groups share. For every so many lights ([`Strategy::lights_of_round`]) there is a round: shadow rays, then those that
-    /// were left over, a group to each, and shading. Fused, the first round's shadow rays follow in the kernel that casts
-    /// primary rays.
+    /// Casts in tiles that groups share. For every so many lights ([`Strategy::lights_of_round`]) there is a round: shadow
+    /// rays, those that were left over, a group to each, and shading. Fused, the first round's shadow rays follow in the
+    /// kernel that casts primary rays, and what was left over is cast beside shading.
     pub fn cast_shared(
         &self,
         image: &'a Buffer<Float4>,
         nearest: &'a Buffer<i32>,
         shared: &'a Shared,
     ) -> Result<Steps, LaunchError> {
-        let Shared { lit, queue, queued } = shared;
-        let groups = shared.global_size(self.queue, self.workload.local_size)?;
         let lights = self.scene.light_count;
         let fused = self.strategy.passes == Passes::Fused && lights > 0;
-        let phase = if fused { Phase::Whole } else { Phase::Shadow };
         let mut steps = Steps::new();
         if !fused {
             steps.extend(self.prepare_tiles(0..1, 0, Phase::Primary)?);
             steps.push((Phase::Primary, Step::Run(self.cast_primary(nearest)?)));
         }
         for first_light in (0..lights.max(1)).step_by(self.strategy.lights_of_round()) {
-            let first_origin = if fused && first_light == 0 { 0 } else { 1 };
-            let origins = first_origin..1 + (lights - first_light).min(self.strategy.lights_of_round());
-            steps.extend(self.prepare_tiles(origins, first_light, phase)?);
-            let first_light = first_light as i32;
-            let cast = |name, groups: Option<[usize; 2]>| {
-                let kernel = self.pixel_kernel(name, |kernel| {
-                    if let Some(groups) = groups {
-                        kernel.global_work_size(groups);
-                    }
-                    kernel.arg(first_light).arg(nearest).arg(lit).arg(queue).arg(queued);
-                })?;
-                Ok::<_, LaunchError>((phase, Step::Run(kernel)))
-            };
             if lights > 0 {
-                let first = if fused && first_light == 0 { "tile_cast" } else { "tile_shadow" };
-                steps.push((phase, Step::Fill(queued.clone(), 0)));
-                steps.push(cast(first, None)?);
-                steps.push(cast("tile_left_over", Some(groups))?);
+                steps.extend(self.cast_round(first_light, fused, nearest, shared)?);
             }
+            let queue_rows = if fused { self.queue_rows(shared) } else { 0 };
             let shade = self.pixel_kernel("tile_shade", |kernel| {
-                kernel.arg(first_light).arg(self.background).arg(image).arg(nearest).arg(lit);
+                let [across, down] = self.pixel_items();
+                let queue_items = queue_rows * self.workload.local_size[1] as usize;
+                kernel.global_work_size([across, down + queue_items]);
+                kernel.arg(first_light as i32).arg(self.background).arg(image).arg(nearest).arg(&shared.lit);
+                kernel.arg(&shared.queue).arg(&shared.queued).arg(queue_rows as i32);
             })?;
             steps.push((Phase::Shade, Step::Run(shade)));
         }
         Ok(steps)
+    }
+
+    /// The shadow rays of a round's lights.
+    fn cast_round(
+        &self,
+        first_light: usize,
+        fused: bool,
+        nearest: &'a Buffer<i32>,
+        shared: &'a Shared,
+    ) -> Result<Steps, LaunchError> {
+        let first = fused && first_light == 0;
+        let phase = if fused { Phase::Whole } else { Phase::Shadow };
+        let lights = (self.scene.light_count - first_light).min(self.strategy.lights_of_round());
+        let origins = if first { 0 } else { 1 }..1 + lights;
+        let cast = |name, groups: Option<[usize; 2]>| {
+            let kernel = self.pixel_kernel(name, |kernel| {
+                if let Some(groups) = groups {
+                    kernel.global_work_size(groups);
+                }
+                kernel.arg(first_light as i32).arg(nearest).arg(&shared.lit);
+                kernel.arg(&shared.queue).arg(&shared.queued);
+            })?;
+            Ok::<_, LaunchError>((phase, Step::Run(kernel)))
+        };
+        let mut steps = Steps::from_iter(self.prepare_tiles(origins, first_light, phase)?);
+        steps.push(cast(if first { "tile_cast" } else { "tile_shadow" }, None)?);
+        if !fused {
+            let [across, down] = self.workload.local_size.map(|n| n as usize);
+            steps.push(cast("tile_left_over", Some([across * shared.groups.div_ceil(down), down]))?);
+        }
+        Ok(steps)
+    }
+
+    /// Rows of work-groups, as wide as the image, that have room for the groups which cast what was left over.
+    fn queue_rows(&self, shared: &Shared) -> usize {
+        let [across, down] = self.workload.local_size.map(|n| n as usize);
+        shared.groups.div_ceil(down * (self.pixel_items()[0] / across))
     }
 
     pub fn cast_primary(&self, nearest: &'a Buffer<i32>) -> Result<Kernel, LaunchError> {

@@ -134,10 +134,11 @@ impl Strategy {
     }
 
     /// Lights whose shadow rays work-items that share a tile cast at a time: a word has a bit for each of them and of a
-    /// work-item's rays. LIGHTS_OF_ROUND in the kernels.
+    /// work-item's rays, and one more. LIGHTS_OF_ROUND in the kernels.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
-        (u32::BITS * GROUP_LANES) as usize / (across * down)
+        let rays = across * down / GROUP_LANES as usize;
+        (u32::BITS as usize - 1) / rays.max(1)
     }
 
     /// `other`, or the local size that a device with these limits does best with where the strategy leaves no choice: groups
