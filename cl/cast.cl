@@ -235,12 +235,12 @@ __kernel void prepare_origins(GEOMETRY_PARAMETERS, const __global float *restric
     if (triangle >= triangle_count) return;
     const Uniform3 from = origin ? LOAD3(lights + 6 * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     const __global float *at = soup + SOUP_STRIDE * triangle;
-    Corners seen;
-    seen.a = uniform_difference(LOAD3(at), from);
-    seen.b = uniform_difference(LOAD3(at + 3), from);
-    seen.c = uniform_difference(LOAD3(at + 6), from);
+    Corners corners;
+    corners.a = LOAD3(at);
+    corners.b = LOAD3(at + 3);
+    corners.c = LOAD3(at + 6);
     // A shadow ray runs towards the light: its front faces are those that face away from the light.
-    Row row = planes_of(seen, origin ? 1.0f : -1.0f);
+    Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
 #endif

@@ -66,9 +66,9 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     return 1;
 }
 
-// Swapping the corners changes nothing but all signs.
-Uniform3 edge_plane(Uniform3 p, Uniform3 q) {
-    return uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
+// The plane of an edge, which is p - q, whose ends are seen at p and q. Swapping them changes nothing but all signs.
+Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
+    return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
 // The largest power of two that is not more: by that, planes are scaled without rounding, and stay the same for neighbours.
@@ -84,13 +84,16 @@ Row row_of_nothing() {
     return row;
 }
 
-// The row of a triangle whose corners are seen from the origin; it is not hit where it is edge-on or culled.
-// `front` is the sign of N.A of a front face.
-Row planes_of(Corners seen, float front) {
-    const Uniform3 e1 = uniform_difference(seen.b, seen.a), e2 = uniform_difference(seen.c, seen.a);
+// The row of a triangle for rays from an origin; it is not hit where it is edge-on or culled. `front` is the sign of N.A of a
+// front face. Edges are taken from the corners as they are: seen from far away, they have lost what tells them apart.
+Row planes_of(Corners corners, Uniform3 origin, float front) {
+    const Uniform3 a = uniform_difference(corners.a, origin);
+    const Uniform3 b = uniform_difference(corners.b, origin);
+    const Uniform3 c = uniform_difference(corners.c, origin);
+    const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    const float height = uniform_dot(seen.a, n);
-    const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(seen.a);
+    const float height = uniform_dot(a, n);
+    const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > 1e-5f * distance * size1 * size2;
 #if CULL_BACK
     hit &= height * front > 0.0f;
@@ -101,9 +104,9 @@ Row planes_of(Corners seen, float front) {
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;
-    row.a = uniform_scale(edge_plane(seen.b, seen.c), turn);
-    row.b = uniform_scale(edge_plane(seen.c, seen.a), turn);
-    row.c = uniform_scale(edge_plane(seen.a, seen.b), turn);
+    row.a = uniform_scale(edge_plane(uniform_difference(corners.b, corners.c), b, c), turn);
+    row.b = uniform_scale(edge_plane(e2, c, a), turn);
+    row.c = uniform_scale(edge_plane(uniform_difference(corners.a, corners.b), a, b), turn);
     row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
     return row;
 }

@@ -439,18 +439,27 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_PARAMETERS, CAMERA_PAR
                 image[entry.x] = sum;
             }
         }
-    } else EACH_RAY(ray) {
-        const Pixel pixel = pixel_in_row(&group, (int)get_global_id(1) / LOCAL_Y - queue_rows, ray, image_size);
-        if (!pixel.inside) continue;
-        const uint at = index_of(pixel, image_size);
-        const int place = nearest[at];
-        const uint reached = light_count ? lit[at] : 0; // meaningless where nothing is hit
-        if (place != NO_HIT && reached & SOME_LEFT_OVER) continue;
-        float4 sum = place == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
-        if (first_light) sum = image[at];
-        if (place != NO_HIT && reached)
-            shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round, reached,
-                        &sum);
-        image[at] = sum;
+    } else {
+        const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
+        int place[RAYS];
+        uint reached[RAYS];
+        EACH_RAY(ray) { // all rays' loads at once
+            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
+            place[ray] = pixel.inside ? nearest[index_of(pixel, image_size)] : NO_HIT;
+        }
+        EACH_RAY(ray) {
+            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
+            reached[ray] = place[ray] != NO_HIT && light_count ? lit[index_of(pixel, image_size)] : 0;
+        }
+        EACH_RAY(ray) {
+            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
+            const uint at = index_of(pixel, image_size);
+            float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
+            if (first_light && pixel.inside) sum = image[at];
+            if (reached[ray])
+                shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
+                            reached[ray] & ~SOME_LEFT_OVER, &sum);
+            if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;
+        }
     }
 }

@@ -2,12 +2,11 @@
 // neighbours share to the last bit, and so is 1/z: linear in x and y all four. A candidate holds the planes of the edges
 // opposite a, b and c, not negative inside, and in their fourths the three numbers of 1/z.
 
-// A plane of an edge, scaled so that triangles overlap by 1, which is half of what it is elsewhere. Swapping the corners
-// changes nothing but all signs. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
+// The plane of an edge, which is p - q, scaled so that triangles overlap by 1, which is half of what it is elsewhere. Swapping
+// p and q changes nothing but all signs. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
 // and none of 60,516 rays leaks.)
-INLINED Uniform3 edge_between(Uniform3 p, Uniform3 q, float scale) {
-    const Uniform3 plane =
-        uniform_cross(uniform_difference(p, q), uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
+INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
+    const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
 }
 
@@ -21,14 +20,16 @@ INLINED float per_power_of_two_below(float positive) {
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
+    // Of the corners as they are: seen from far away, edges have lost what tells them apart.
+    const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a), e3 = uniform_difference(b, c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
-    const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
     const Uniform3 n = uniform_cross(e1, e2);
     const float height = uniform_dot(a, n);
     const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
     const float per_unit = per_power_of_two_below(0.5f * SHARED_EDGE_SLACK * shaft->longest * size);
     const float turn = height > 0.0f ? per_unit : -per_unit;
-    const Uniform3 u = edge_between(b, c, turn), v = edge_between(c, a, turn), w = edge_between(a, b, turn);
+    const Uniform3 u = edge_between(e3, b, c, turn), v = edge_between(e2, c, a, turn);
+    const Uniform3 w = edge_between(uniform_scale(e1, -1.0f), a, b, turn);
     const Uniform3 per_z = uniform_scale(n, reciprocal(height));
     triangle->a = quad(u, per_z.x);
     triangle->b = quad(v, per_z.y);

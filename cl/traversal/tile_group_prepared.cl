@@ -60,12 +60,8 @@ __kernel void tile_prepare(const __global float *restrict lights, const __global
         origin ? LOAD3(lights + 6 * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    Corners seen_from = leaf_corners(&tree, place);
-    seen_from.a = uniform_difference(seen_from.a, from);
-    seen_from.b = uniform_difference(seen_from.b, from);
-    seen_from.c = uniform_difference(seen_from.c, from);
     // A shadow ray runs towards its light, away from where it is cast here: front faces face away from the light.
-    const Row row = planes_of(seen_from, origin ? 1.0f : -1.0f);
+    const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);
     quads[count] = (float4)(row.a.y, row.b.y, row.c.y, row.v);
