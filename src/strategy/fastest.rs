@@ -1,6 +1,6 @@
 //! The strategy to use when none is named.
 
-use super::{Axis, Strategy, Width, preset};
+use super::{Axis, Strategy, TileSize, Width, preset};
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::error::Result;
 
@@ -13,6 +13,13 @@ const TREE_TRIANGLES_OF_TILES: usize = 50;
 /// Between what was measured on terrain: at 7.5 a pixel 66 against 98 ms, at 25 256 against 163 (PoCL); at 1.4 a pixel 1.21
 /// against 1.33 ms, at 4.8 2.59 against 1.71 (NVIDIA H200; both 2026-11-20).
 const TRIANGLES_A_PIXEL_OF_TILES: [usize; 2] = [13, 2];
+
+/// From so many pixels on, and so many for each triangle, tiles of 16 x 8 beat those of 8 x 8 on a GPU: there are enough of
+/// them to keep it busy, and rays share more. At 3.7 million that took 20% less to 17% more time, at 8.3 million 20% less to
+/// 4% more, at 14.7 million 2 to 22% less (six scenes of 10 thousand to 300 thousand triangles); with a million triangles at
+/// 8.3 million pixels 13% more (NVIDIA H200, 2026-11-20).
+const PIXELS_OF_LARGE_TILES: usize = 6_000_000;
+const PIXELS_A_TRIANGLE_OF_LARGE_TILES: usize = 20;
 
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
 /// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
@@ -29,7 +36,11 @@ pub fn fastest(limits: &DeviceLimits, triangles: usize, pixels: usize) -> Result
         (true, true) => (Strategy { width, ..preset("bvh-packet")?.strategy }, [4, 4]),
         (true, false) => (Strategy { width, ..preset("wide-common-origin")?.strategy }, [4, 4]),
         (false, true) if limits.lane_operations >= LaneOperations::PtxShuffles && of_gpu => {
-            let strategy = preset("tile-group")?.strategy;
+            let mut strategy = preset("tile-group")?.strategy;
+            let a_triangle = pixels / triangles.max(1);
+            if pixels >= PIXELS_OF_LARGE_TILES && a_triangle >= PIXELS_A_TRIANGLE_OF_LARGE_TILES {
+                strategy.tile = TileSize::T16x8;
+            }
             (strategy, strategy.local_size(limits, [8, 8]))
         }
         (false, true) => (preset("bvh")?.strategy, [8, 8]),
@@ -101,6 +112,21 @@ mod tests {
         assert_eq!([tiles(&cpu, 1_299_999), tiles(&cpu, 1_300_000)], [Some(true), Some(false)]);
         assert_eq!([tiles(&gpu, 199_999), tiles(&gpu, 200_000)], [Some(true), Some(false)]);
         assert_eq!(fastest(&cpu, 1_300_000, 100_000).map(|(s, _)| s.width).ok(), Some(Width::W16));
+    }
+
+    #[test]
+    fn many_pixels_are_for_large_tiles() {
+        let limits = DeviceLimits {
+            lane_operations: LaneOperations::Ptx,
+            is_cpu: false,
+            ..crate::device::EXAMPLE_LIMITS
+        };
+        let tile = |triangles, pixels| {
+            fastest(&limits, triangles, pixels).map(|(strategy, _)| strategy.tile).ok()
+        };
+        let (small, large) = (Some(TileSize::T8x8), Some(TileSize::T16x8));
+        assert_eq!([tile(10_000, 5_999_999), tile(10_000, 6_000_000)], [small, large]);
+        assert_eq!([tile(300_000, 6_000_000), tile(300_001, 6_000_000)], [large, small]);
     }
 
     #[test]
