@@ -38,20 +38,26 @@ Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
 
 float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
 
-// One corner of eight triangles, seen from the origin. Past the leaf's last there are others, or padding.
-Lanes3 load_corners(const __global float4 *rows, Uniform3 origin) {
+// One corner of eight triangles. Past the leaf's last there are others, or padding.
+Lanes3 load_corners(const __global float4 *rows) {
     const float16 a = (float16)(rows[0], rows[3], rows[6], rows[9]);
     const float16 b = (float16)(rows[12], rows[15], rows[18], rows[21]);
     const float8 xz = a.even, xz2 = b.even, yw = a.odd, yw2 = b.odd;
     Lanes3 corner;
-    corner.x = (float8)(xz.even, xz2.even) - origin.x;
-    corner.y = (float8)(yw.even, yw2.even) - origin.y;
-    corner.z = (float8)(xz.odd, xz2.odd) - origin.z;
+    corner.x = (float8)(xz.even, xz2.even);
+    corner.y = (float8)(yw.even, yw2.even);
+    corner.z = (float8)(xz.odd, xz2.odd);
     return corner;
 }
 
-// Swapping the corners changes nothing but all signs.
-Lanes3 edge_plane(Lanes3 p, Lanes3 q) { return lanes_cross(lanes_difference(p, q), lanes_sum(p, q)); }
+Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
+    Lanes3 from;
+    from.x = (float8)(origin.x), from.y = (float8)(origin.y), from.z = (float8)(origin.z);
+    return lanes_difference(corner, from);
+}
+
+// The plane of an edge, which is p - q, whose ends are seen at p and q. Swapping them changes nothing but all signs.
+Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.x * by, 0, to[0]);
@@ -65,10 +71,12 @@ float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive)
 // Prepares the triangles from `first` on. Returns those that a ray can hit: a bit each.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
-    const Lanes3 a = load_corners(rows, bundle->origin);
-    const Lanes3 b = load_corners(rows + 1, bundle->origin);
-    const Lanes3 c = load_corners(rows + 2, bundle->origin);
-    const Lanes3 e1 = lanes_difference(b, a), e2 = lanes_difference(c, a);
+    const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
+    // Of the corners as they are: seen from far away, edges have lost what tells them apart.
+    const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
+    const Lanes3 a = lanes_seen(corner_a, bundle->origin);
+    const Lanes3 b = lanes_seen(corner_b, bundle->origin);
+    const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
@@ -76,9 +84,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
-    store_plane(edge_plane(b, a), turn, prepared->edges[0]);
-    store_plane(edge_plane(c, b), turn, prepared->edges[1]);
-    store_plane(edge_plane(a, c), turn, prepared->edges[2]);
+    store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
+    store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
+    store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
     vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
