@@ -7,15 +7,19 @@ mod common;
 use common::Stand;
 use glam::Vec3;
 use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
-use raycl::strategy::{Strategy, preset};
+use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
 use std::path::Path;
 
 /// Neither side is a multiple of a tile.
 const SIZE: [u32; 2] = [75, 47];
 
-fn with_trees() -> [(Strategy, [u32; 2]); 3] {
-    [("tile", 1), ("bvh-packet", 4), ("bvh", 8)]
-        .map(|(name, side)| (preset(name).expect("a preset").strategy, [side, side]))
+fn of(name: &str) -> Strategy {
+    preset(name).expect("a preset").strategy
+}
+
+fn with_trees() -> [(Strategy, [u32; 2]); 4] {
+    [("tile", [1, 1]), ("bvh-packet", [4, 4]), ("bvh", [8, 8]), ("tile-group", [32, 1])]
+        .map(|(name, local_size)| (of(name), local_size))
 }
 
 /// A scene of the repository with its first object made of so many triangles.
@@ -42,6 +46,24 @@ fn many_lights_an_interior_and_hills() {
         let scene = coarse(scene, triangles);
         assert_eq!(scene.lights.len(), lights, "{}", scene.name);
         agrees(scene);
+    }
+}
+
+/// The lights of a round are as many as a word has room for, which depends on the tile: 32 lights are two to eleven rounds.
+#[test]
+fn rounds_of_lights_of_every_tile() {
+    let shared = of("tile-group");
+    let mut stand = Stand::new(coarse("many-lights.toml", 2_000), SIZE);
+    for (tile, intersector, rounds) in [
+        (TileSize::T8x4, Intersector::CommonOrigin, 2),
+        (TileSize::T8x8, Intersector::MollerTrumbore, 3),
+        (TileSize::T16x16, Intersector::CommonOrigin, 11),
+    ] {
+        // Fused ones are among those above, and take a CPU's compiler longer.
+        let strategy = Strategy { tile, passes: Passes::Separate, intersector, ..shared };
+        assert_eq!(32_usize.div_ceil(strategy.lights_of_round()), rounds, "{strategy}");
+        let verdict = stand.check(&strategy, [32, 1]).expect("a device that holds it");
+        assert!(verdict.ok, "{strategy}: {:?}", verdict.reason);
     }
 }
 
