@@ -10,11 +10,11 @@ use super::tree::DeviceTree;
 use super::{LaunchError, NO_HIT, Queue};
 use crate::program::BuiltProgram;
 use crate::strategy::{Passes, Strategy, Traversal, Workload};
-use std::ops::Range;
 use ocl::builders::KernelBuilder;
 use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
+use std::ops::Range;
 
 /// Where working vectors that need a buffer live.
 pub(super) enum Working {

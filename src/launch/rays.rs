@@ -1,8 +1,8 @@
 //! Casting any rays, not only a camera's.
 
 use super::buffers::{allocate, upload};
-use super::scene::DeviceScene;
 use super::parts::prepared_together;
+use super::scene::DeviceScene;
 use super::steps::geometry_arguments;
 use super::{DeviceTree, LaunchError, Queue};
 use crate::program::BuiltProgram;

@@ -1,7 +1,7 @@
 //! What the kernels of tiles shared by groups hand on to each other.
 
-use super::buffers::allocate;
 use super::Queue;
+use super::buffers::allocate;
 use ocl::Buffer;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::prm::Uint2;

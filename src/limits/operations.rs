@@ -2,7 +2,8 @@
 
 /// Floating-point operations of a test up to where most tests end, the first proof that the ray misses: additions,
 /// multiplications and fused multiply-adds, each counted as one. Comparisons, sign changes, minima and the slack of
-/// edges are not counted. None for a strategy that names no intersector.
+/// edges are not counted. Where edges are asked one by one (on GPUs), some tests end after one or two of the three planes
+/// that are counted here. None for a strategy that names no intersector.
 ///
 /// | intersector | operations | what they are |
 /// |---|---|---|

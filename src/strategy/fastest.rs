@@ -121,9 +121,8 @@ mod tests {
             is_cpu: false,
             ..crate::device::EXAMPLE_LIMITS
         };
-        let tile = |triangles, pixels| {
-            fastest(&limits, triangles, pixels).map(|(strategy, _)| strategy.tile).ok()
-        };
+        let tile =
+            |triangles, pixels| fastest(&limits, triangles, pixels).map(|(strategy, _)| strategy.tile).ok();
         let (small, large) = (Some(TileSize::T8x8), Some(TileSize::T16x8));
         assert_eq!([tile(10_000, 5_999_999), tile(10_000, 6_000_000)], [small, large]);
         assert_eq!([tile(300_000, 6_000_000), tile(300_001, 6_000_000)], [large, small]);
