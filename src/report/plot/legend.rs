@@ -31,10 +31,27 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
     top + entries.len() as f64 * STEP
 }
 
-/// A name of at most `longest` characters; what is cut leaves an ellipsis.
+/// A name of at most `longest` characters; what is cut from its middle leaves an ellipsis. Names of one experiment differ at
+/// their ends: in the value of an axis, in an exponent.
 pub fn shorten(name: &str, longest: usize) -> String {
-    match name.char_indices().nth(longest) {
-        Some(_) => name.chars().take(longest - 1).chain(['…']).collect(),
-        None => name.to_owned(),
+    let length = name.chars().count();
+    if length <= longest {
+        return name.to_owned();
+    }
+    let head = longest / 3;
+    let tail = longest.saturating_sub(head + 1);
+    name.chars().take(head).chain(['…']).chain(name.chars().skip(length - tail)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_names_keep_both_ends() {
+        assert_eq!(shorten("tile-group", 24), "tile-group");
+        let long = shorten("tile-group+intersector=common-origin: ^0.36", 24);
+        assert_eq!(long, "tile-gro…n-origin: ^0.36");
+        assert_eq!(long.chars().count(), 24);
     }
 }
