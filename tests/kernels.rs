@@ -5,7 +5,7 @@ mod common;
 
 use common::cover::pairwise_cover;
 use common::{Stand, scene};
-use raycl::strategy::{PRESETS, Strategy, Traversal, Vectors, preset};
+use raycl::strategy::{PRESETS, Strategy, Traversal, Vectors, Width, preset};
 
 /// The paper's local sizes and some that divide nothing.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
@@ -56,6 +56,18 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
         _ => strategy.vectors == Vectors::Local && x * y == 1024,
     };
     assert!(checked >= points.filter(|point| !may_not_fit(point)).count(), "{checked}");
+}
+
+/// As on a GPU, whose vectors are made of scalars: edges are asked one by one, masks reduced by trees of operations.
+#[test]
+fn presets_of_vectors_that_no_built_in_reduces() {
+    let mut stand = Stand::new(scene("still-life.toml"), SIZE);
+    stand.builtins.reduce = false;
+    let vectors = PRESETS.iter().map(|preset| preset.strategy);
+    let vectors = vectors.filter(|s| s.tests_every_triangle() && s.width != Width::W1);
+    let checked = all_agree(&mut stand, vectors.clone().map(|strategy| (strategy, [4, 2])));
+    assert_eq!(checked, vectors.count());
+    assert_eq!(checked, 6);
 }
 
 #[test]

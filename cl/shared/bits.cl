@@ -10,7 +10,7 @@ typedef int Hardware16 __attribute__((__vector_size__(64)));
 #ifdef HAS_REDUCE_OR
 #define ANY8(mask) __builtin_reduce_or(mask)
 #else
-#define ANY8(mask) any8(mask)
+#define ANY8(mask) or_of_8(mask)
 #endif
 #define LANE_BITS8(mask) ((uint)ANY8((mask) & (int8)(1, 2, 4, 8, 16, 32, 64, 128)))
 #define LANE_BITS16(mask) \

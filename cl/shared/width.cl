@@ -69,12 +69,12 @@ typedef union {
 #define ANY(mask) (mask)
 #elif defined(HAS_REDUCE_OR)
 #define ANY(mask) __builtin_reduce_or(mask)
-#else
-int any2(int2 m) { return m.x | m.y; }
-int any4(int4 m) { return any2(m.lo | m.hi); }
-int any8(int8 m) { return any4(m.lo | m.hi); }
-int any16(int16 m) { return any8(m.lo | m.hi); }
-#define ANY(mask) PASTE(any, WIDTH)(mask)
+#else // names that no header makes a macro of
+int or_of_2(int2 m) { return m.x | m.y; }
+int or_of_4(int4 m) { return or_of_2(m.lo | m.hi); }
+int or_of_8(int8 m) { return or_of_4(m.lo | m.hi); }
+int or_of_16(int16 m) { return or_of_8(m.lo | m.hi); }
+#define ANY(mask) PASTE(or_of_, WIDTH)(mask)
 #endif
 
 // ALL_NEGATIVE(bits): whether every lane has its sign bit set.
@@ -83,11 +83,11 @@ int any16(int16 m) { return any8(m.lo | m.hi); }
 #elif defined(HAS_REDUCE_OR)
 #define ALL_NEGATIVE(bits) (!ANY((bits) >= 0))
 #else
-int all2(int2 m) { return m.x & m.y; }
-int all4(int4 m) { return all2(m.lo & m.hi); }
-int all8(int8 m) { return all4(m.lo & m.hi); }
-int all16(int16 m) { return all8(m.lo & m.hi); }
-#define ALL_NEGATIVE(bits) (PASTE(all, WIDTH)(bits) < 0)
+int and_of_2(int2 m) { return m.x & m.y; }
+int and_of_4(int4 m) { return and_of_2(m.lo & m.hi); }
+int and_of_8(int8 m) { return and_of_4(m.lo & m.hi); }
+int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
+#define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
 // The sign bit of a, and a with the sign bits of s flipped in: a * sign without a multiplication.

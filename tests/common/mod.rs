@@ -4,7 +4,7 @@
 pub mod cover;
 pub mod edges;
 
-use raycl::device::{Device, discover, select};
+use raycl::device::{Builtins, Device, discover, select};
 use raycl::image::Radiance;
 use raycl::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use raycl::program::{BuiltProgram, ProgramSpec, Sources};
@@ -42,6 +42,8 @@ pub struct Built {
 pub struct Stand {
     device: Device,
     pub queue: Queue,
+    /// What kernels may use of what the compiler has.
+    pub builtins: Builtins,
     scene: Scene,
     size: [u32; 2],
     references: HashMap<&'static str, Reference>,
@@ -51,7 +53,8 @@ impl Stand {
     pub fn new(scene: Scene, size: [u32; 2]) -> Self {
         let device = device();
         let queue = Queue::open(device.platform, device.device).expect("an open device");
-        Self { device, queue, scene, size, references: HashMap::new() }
+        let builtins = device.info.builtins();
+        Self { device, queue, builtins, scene, size, references: HashMap::new() }
     }
 
     /// The local size of a strategy here: `wished` where it has the choice.
@@ -67,8 +70,8 @@ impl Stand {
             .map_err(|refused| refused.reason)?;
         let tree = DeviceTree::build(&self.queue, &self.scene.mesh, strategy).expect("a tree");
         workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-        let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, self.device.info.builtins())
-            .expect("a program");
+        let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, self.builtins);
+        let spec = spec.expect("a program");
         let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
         let program = program.unwrap_or_else(|error| panic!("{strategy}: {error}"));
         let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy).expect("an upload");
