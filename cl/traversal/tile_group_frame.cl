@@ -247,7 +247,7 @@ INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights
 typedef struct {
     __global uint *lit;    // a word of lights a pixel that hits
     __global uint2 *queue; // pixels with the lights that are left over
-    __global int *queued;  // how many; and how many groups have asked that
+    __global int *queued;  // how many
 } Found;
 
 // Casts the shadow rays of a round's lights, from `first_light` on: a bit of a pixel's word tells that nothing is between

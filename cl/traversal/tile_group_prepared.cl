@@ -50,11 +50,12 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
 }
 
 // The planes of every triangle (first dimension) for the eye, which is origin 0, and a round's lights (second dimension,
-// from `first_origin` on).
+// from `first_origin` on). Empties the queue of the round as well: a command less.
 __kernel void tile_prepare(const __global float *restrict lights, const __global float *restrict leaves, const int count,
                            const float4 eye, const int first_origin, const int first_light,
-                           __global float4 *restrict prepared) {
+                           __global float4 *restrict prepared, __global int *restrict queued) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
+    if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
     if (place >= count) return;
     const Uniform3 from =
         origin ? LOAD3(lights + 6 * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);

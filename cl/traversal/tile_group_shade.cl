@@ -1,16 +1,5 @@
 // What is left of a round of lights when tiles have cast their shadow rays: the rays that were left over, and shading.
 
-// How many pixels are in the queue. The last group to ask leaves it empty for the next frame or round.
-INLINED int take_queue(const Group *group, __global int *queued, int groups) {
-    int count = 0;
-    if (group->lane == 0) {
-        count = queued[0];
-        mem_fence(CLK_GLOBAL_MEM_FENCE);
-        if (atomic_add(queued + 1, 1) == groups - 1) queued[0] = queued[1] = 0;
-    }
-    return (int)lane_get(group, (uint)count, 0);
-}
-
 // Casts a pixel's shadow rays that were left over: the group casts one at a time. Returns the lights that they reach.
 INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                             Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
@@ -44,10 +33,10 @@ INLINED Pixel pixel_of(uint index, int2 image_size) {
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_PARAMETERS, CAMERA_PARAMETERS, const int2 image_size,
                                                          const int first_light, const __global int *restrict nearest,
                                                          __global uint *restrict lit, const __global uint2 *restrict queue,
-                                                         __global int *restrict queued) {
+                                                         const __global int *restrict queued) {
     STACK_LOCALS
     TREE_OF_TILES
-    const int groups = (int)get_num_groups(0) * LOCAL_Y, count = take_queue(&group, queued, groups);
+    const int groups = (int)get_num_groups(0) * LOCAL_Y, count = *queued;
     for (int i = (int)get_group_id(0) * LOCAL_Y + group.number; i < count; i += groups) {
         const uint2 entry = queue[i];
         const uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y,
@@ -100,7 +89,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_PARAMETERS, CAMERA_PAR
                                                      const __global int *restrict nearest,
                                                      const __global uint *restrict lit,
                                                      const __global uint2 *restrict queue,
-                                                     __global int *restrict queued, const int queue_rows) {
+                                                     const __global int *restrict queued, const int queue_rows) {
     STACK_LOCALS
     TREE_OF_TILES
     const __global float *lights_of_round = lights + 6 * first_light;
@@ -108,7 +97,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_PARAMETERS, CAMERA_PAR
     if ((int)get_group_id(1) < queue_rows) {
         const int across = (int)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
         const int first = (int)get_group_id(1) * across + (int)get_group_id(0) * LOCAL_Y + group.number;
-        const int count = take_queue(&group, queued, groups);
+        const int count = *queued;
         for (int i = first; i < count; i += groups) {
             const uint2 entry = queue[i];
             const Pixel pixel = pixel_of(entry.x, image_size);

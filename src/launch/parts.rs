@@ -152,7 +152,7 @@ impl<'a> Parts<'a> {
         let fused = self.strategy.passes == Passes::Fused && lights > 0;
         let mut steps = Steps::new();
         if !fused {
-            steps.extend(self.prepare_tiles(0..1, 0, Phase::Primary)?);
+            steps.extend(self.prepare_tiles(0..1, 0, Phase::Primary, shared)?);
             steps.push((Phase::Primary, Step::Run(self.cast_primary(nearest)?)));
         }
         for first_light in (0..lights.max(1)).step_by(self.strategy.lights_of_round()) {
@@ -194,7 +194,8 @@ impl<'a> Parts<'a> {
             })?;
             Ok::<_, LaunchError>((phase, Step::Run(kernel)))
         };
-        let mut steps = Steps::from_iter(self.prepare_tiles(origins, first_light, phase)?);
+        let emptied = (phase, Step::Fill(shared.queued.clone(), 0));
+        let mut steps = vec![self.prepare_tiles(origins, first_light, phase, shared)?.unwrap_or(emptied)];
         steps.push(cast(if first { "tile_cast" } else { "tile_shadow" }, None)?);
         if !fused {
             let [across, down] = self.workload.local_size.map(|n| n as usize);
@@ -250,13 +251,14 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
-    /// The planes of a tree's triangles for origins of a round, of which the first is the eye and the second its first light;
-    /// nothing where none are wanted.
+    /// Prepares the planes of a tree's triangles for origins of a round, of which the first is the eye and the second its
+    /// first light, and empties the queue; nothing where no planes are wanted.
     fn prepare_tiles(
         &self,
         origins: Range<usize>,
         first_light: usize,
         phase: Phase,
+        shared: &'a Shared,
     ) -> ocl::Result<Option<(Phase, Step)>> {
         let (Some(prepared), Some(tree)) = (self.prepared, self.tree) else { return Ok(None) };
         let triangles = self.scene.triangle_count;
@@ -266,7 +268,7 @@ impl<'a> Parts<'a> {
         let mut kernel = self.kernel("tile_prepare");
         prepared_together(&mut kernel, triangles, origins.len());
         kernel.arg(&self.scene.lights).arg(&tree.leaves).arg(triangles as i32).arg(self.camera.eye);
-        kernel.arg(origins.start as i32).arg(first_light as i32).arg(prepared);
+        kernel.arg(origins.start as i32).arg(first_light as i32).arg(prepared).arg(&shared.queued);
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 

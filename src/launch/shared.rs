@@ -16,7 +16,7 @@ pub(super) struct Shared {
     pub lit: Buffer<u32>,
     /// Pixels with the lights whose shadow rays were left over, at most one entry a pixel.
     pub queue: Buffer<Uint2>,
-    /// How many entries the queue has, and how many groups have asked that; the last one leaves both 0.
+    /// How many entries the queue has.
     pub queued: Buffer<i32>,
     /// Groups that cast what is in the queue, any number of entries.
     pub groups: usize,
@@ -29,12 +29,10 @@ impl Shared {
             DeviceInfoResult::MaxComputeUnits(units) => units as usize,
             _ => 1,
         };
-        let queued = allocate::<i32>(queue, 2)?;
-        queued.cmd().fill(0, None).enq()?;
         Ok(Self {
             lit: allocate(queue, pixels)?,
             queue: allocate(queue, pixels)?,
-            queued,
+            queued: allocate(queue, 1)?,
             groups: units * GROUPS_A_UNIT,
         })
     }
