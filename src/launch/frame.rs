@@ -28,7 +28,8 @@ pub struct FrameTimes {
     pub primary_ms: Option<f64>,
     /// The shadow part, where the strategy separates it.
     pub shadow_ms: Option<f64>,
-    /// Shading, where it is apart from shadow rays.
+    /// Shading, where it is apart from shadow rays; beside it, where tiles are shared and passes fused, shadow rays that were
+    /// left over are cast.
     pub shade_ms: Option<f64>,
     /// The same frame by the host's clock, from enqueueing to completion.
     pub host_ms: f64,

@@ -28,7 +28,7 @@ const PREPARED_TOGETHER: usize = 64;
 
 /// A work-item a triangle and origin. The work-group is given: OpenCL would look for a divisor of the number of triangles,
 /// which may be one.
-pub(super) fn prepared_together(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
+pub(super) fn size_for_preparing(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
     kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
     kernel.local_work_size([PREPARED_TOGETHER, 1]);
 }
@@ -242,7 +242,7 @@ impl<'a> Parts<'a> {
             return Ok(None);
         }
         let mut kernel = self.kernel("prepare_origins");
-        prepared_together(&mut kernel, self.scene.triangle_count, 1 + self.scene.light_count);
+        size_for_preparing(&mut kernel, self.scene.triangle_count, 1 + self.scene.light_count);
         geometry_arguments(&mut kernel, self.scene);
         kernel.arg(&self.scene.lights);
         ray_arguments(&mut kernel, &self.camera);
@@ -266,7 +266,7 @@ impl<'a> Parts<'a> {
             return Ok(None);
         }
         let mut kernel = self.kernel("tile_prepare");
-        prepared_together(&mut kernel, triangles, origins.len());
+        size_for_preparing(&mut kernel, triangles, origins.len());
         kernel.arg(&self.scene.lights).arg(&tree.leaves).arg(triangles as i32).arg(self.camera.eye);
         kernel.arg(origins.start as i32).arg(first_light as i32).arg(prepared).arg(&shared.queued);
         Ok(Some((phase, Step::Run(kernel.build()?))))

@@ -1,7 +1,7 @@
 //! Casting any rays, not only a camera's.
 
 use super::buffers::{allocate, upload};
-use super::parts::prepared_together;
+use super::parts::size_for_preparing;
 use super::scene::DeviceScene;
 use super::steps::geometry_arguments;
 use super::{DeviceTree, LaunchError, Queue};
@@ -90,7 +90,7 @@ fn prepare(
     let prepared = allocate::<f32>(queue, super::ROW_FLOATS * scene.triangle_count)?;
     let mut kernel = Kernel::builder();
     kernel.program(&program.program).name("prepare_origins").queue(queue.commands.clone());
-    prepared_together(&mut kernel, scene.triangle_count, 1);
+    size_for_preparing(&mut kernel, scene.triangle_count, 1);
     geometry_arguments(&mut kernel, scene);
     kernel.arg(&scene.lights).arg(Float4::new(origin.x, origin.y, origin.z, 0.0));
     let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // which has no part in it
