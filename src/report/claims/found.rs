@@ -175,11 +175,13 @@ pub(super) fn fastest_of_figure_8(found: &Found<'_>) -> Finding {
     };
     let names: Vec<_> = level.iter().take(4).map(|record| what(record)).collect();
     let tie = tie(&level);
-    let text = format!("{}{tie}, {}, n = {}", names.join(", "), time(best), best.samples_ms.len());
+    let names = names.join(", ");
+    let text =
+        format!("of the paper's three kernels {names}{tie}, {}, n = {}", time(best), best.samples_ms.len());
     (text, of_all(&level, claimed))
 }
 
-/// Whether some record that says `part` in its strategy ran.
+/// What became of the points that `wanted` picks: the first that was measured, else the first that was refused.
 fn ran(found: &Found<'_>, wanted: &dyn Fn(&Record) -> bool) -> Option<Finding> {
     let records =
         found.groups.iter().filter(|group| group.device == found.device).flat_map(|group| &group.records);
