@@ -60,7 +60,8 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-Shaded meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, varying_int place, Mask hits) {
+void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, varying_int place, Mask hits,
+                 Shaded *shaded) {
     const varying_int safe = SELECT(hits, place, (varying_int)(0));
     varying corner[12], normal[12];
     gather_rows((const __global float4 *)tree->tree.leaves, safe, corner);
@@ -69,15 +70,13 @@ Shaded meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, v
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
     const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
-    Shaded shaded;
-    shaded.point = along(ray.origin, hit.t, ray.direction);
+    shaded->point = along(ray.origin, hit.t, ray.direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
     const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
-    shaded.normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
-    shaded.to_eye = negate(ray.direction);
-    shaded.surface = gather_materials(lighting, corner[7], hits);
-    return shaded;
+    shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
+    shaded->to_eye = negate(ray.direction);
+    shaded->surface = gather_materials(lighting, corner[7], hits);
 }
 
 // Turns a vector of hits into rays from a light to them, their slice, and the radiance that arrives if nothing is in
@@ -129,17 +128,17 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         const Mask hits = bundle->place[vector] != NO_HIT;
-        Shaded surface;
-        if (light > 0) {
-            surface = shaded[vector];
-        } else {
+        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // those of one light are not kept
+        if (light == 0) {
             const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
-            surface = meet_vector(tree, lighting, ray, bundle->place[vector], hits);
-            if (lighting->light_count > 1) shaded[vector] = surface;
+            meet_vector(tree, lighting, ray, bundle->place[vector], hits, surface);
         }
-        const Mask lit = light_vector(bundle, slices, lighting, light, vector, &surface, hits, arriving + vector);
+        const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
         open |= ANY(lit) ? 1u << vector : 0;
     }
+    const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
+    const float block_side = BLOCK_X * pixel_side(step_x, step_y);
+    set_scattered(bundle, open & scattered_vectors(slices, eye_to_light, block_side));
     return open;
 }
 

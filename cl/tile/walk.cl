@@ -14,14 +14,16 @@ void fetch_child(const Tree *tree, uint word) {
 }
 
 // Puts the children of a node that vectors of `live` meet on the stack, the nearest last.
-int push_children(Uniform3 origin, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word, uint live,
-                  const int any, WaitingTile *stack, int waiting) {
+int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
+                  uint live, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], kept = 0;
-    for (uint met = children_meet(cone, origin, node, any ? 1.0f : furthest(slices), &boxes); met; met &= met - 1) {
+    for (uint met = children_meet(cone, bundle->origin, node, any ? 1.0f : furthest(slices), &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_meet(slices, cone, &boxes, child);
+        const uint unsure = any ? vectors[child] & bundle->scattered : 0;
+        if (unsure) vectors[child] ^= unsure ^ rays_meet(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
         fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
         kept |= 1u << child;
@@ -53,7 +55,7 @@ void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *t
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
-            waiting = push_children(bundle->origin, slices, cone, tree, next.word, live, any, stack, waiting);
+            waiting = push_children(bundle, slices, cone, tree, next.word, live, any, stack, waiting);
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);

@@ -1,9 +1,9 @@
 // A tile of rays with a common origin (the eye, or a light) walks the tree together. A work-item owns the tile, as
 // VECTORS vectors of WIDTH rays in private memory; a bit of a `live` mask stands for a vector.
 //
-// No ray is tested against a box. A node's children are tested at once against the interval of the tile's directions,
-// then child by child against the intervals of its vectors, at once too (slices.cl). A leaf's triangles meet the rays
-// of the vectors that are left (planes.cl, or sheared.cl).
+// A node's children are tested at once against the interval of the tile's directions, then child by child against the
+// intervals of its vectors, at once too (slices.cl). Rays are tested against boxes only where such an interval says
+// little (scattered.cl). A leaf's triangles meet the rays of the vectors that are left (planes.cl, or sheared.cl).
 
 #define VECTORS (TILE_X * TILE_Y / WIDTH)
 #if WIDTH != 16 || VECTORS > 32
@@ -38,6 +38,8 @@ typedef struct {
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
     varying nearness[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
     varying_int place[VECTORS]; // the nearest triangle so far, in leaf order
+    uint scattered;             // vectors whose directions lie far apart, a bit each
+    varying per[3][VECTORS];    // their reciprocals
 #if !ROUNDED_PLANES
     Shears shears;
 #endif
@@ -65,6 +67,7 @@ float most_lane(float16 v) {
 
 #include "shared/bits.cl"
 #include "tile/slices.cl"
+#include "tile/scattered.cl"
 #include "tile/leaf.cl"
 #include "tile/walk.cl"
 #include "tile/camera.cl"

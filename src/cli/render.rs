@@ -17,8 +17,8 @@ use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::reference::reference;
 use crate::scene::{Loaded, Scene, load_scene_with};
 use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload, fastest};
-use crate::verify::verify;
-use report::Report;
+use crate::verify::{Verdict, verify};
+use report::{Report, Verified};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -107,9 +107,7 @@ fn render(args: &Args) -> Result<()> {
     host_fits(&needs)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
-    if args.verify {
-        check(scene, &cast.image, &strategy)?;
-    }
+    let verified = args.verify.then(|| check(scene, &cast.image, &strategy)).transpose()?;
     let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &output));
     saved?;
     let report = Report {
@@ -121,6 +119,7 @@ fn render(args: &Args) -> Result<()> {
         host_bytes: needs.bytes(),
         device_bytes,
         peak_bytes: peak_bytes(),
+        verified,
         output: output.display().to_string(),
         notes: loaded.notes.clone(),
         ..Report::of(scene, &device, &strategy, &workload, &cast)
@@ -301,11 +300,12 @@ fn medians(frames: &[FrameTimes]) -> FrameTimes {
     }
 }
 
-fn check(scene: &Scene, image: &Radiance, strategy: &Strategy) -> Result<()> {
+fn check(scene: &Scene, image: &Radiance, strategy: &Strategy) -> Result<Verified> {
     let expected = reference(scene, [image.width, image.height], strategy.culling);
     let verdict = verify(image, &expected, scene.display);
+    let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {
-        return Ok(());
+        return Ok(Verified { max_difference, uncertain_pixels });
     }
     Err(Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default())))
 }

@@ -3,7 +3,7 @@
 use super::intersect::Hit;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
-use super::shade::shade;
+use super::shade::{shade, towards};
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
 use crate::scene::Scene;
@@ -46,9 +46,35 @@ impl<'a, R: Real> Caster<'a, R> {
     /// The radiance along a ray that was looked along.
     pub fn radiance(&self, ray: &Ray<R>, hit: Option<&Hit<R>>, bias: R) -> R::Vector {
         match hit {
-            Some(hit) => shade(self.scene, self.finder.as_ref(), ray, hit, bias),
+            Some(hit) => shade(self.scene, self.finder.as_ref(), ray, hit, &|_| bias),
             None => R::Vector::of(self.scene.background),
         }
+    }
+
+    /// What the radiance may be where light grazes the hit's triangle, so that rounding decides what shadow rays meet first:
+    /// with their starts on the wrong side of it, and with the hit above and below it. Rounding moves a hit by a `part` of
+    /// its distance, or of how far it is from the scene's origin if that is more. Empty where all lights stand too high.
+    pub fn grazed(&self, ray: &Ray<R>, hit: &Hit<R>, bias: R, part: R) -> Vec<R::Vector> {
+        let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
+        let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let point = ray.origin + ray.direction * hit.t;
+        let rounding = hit.t.max(point.dot(point).sqrt()) * part;
+        let grazes = |w_i: R::Vector| {
+            let height = bias * w_i.dot(normal);
+            height.max(R::ZERO - height) < rounding
+        };
+        if !self.scene.lights.iter().any(|light| grazes(towards::<R>(light, point).0)) {
+            return Vec::new();
+        }
+        let shade =
+            |ray, bias: &dyn Fn(R::Vector) -> R| shade(self.scene, self.finder.as_ref(), ray, hit, bias);
+        let off_plane = |off| Ray { origin: ray.origin + normal * off, ..*ray };
+        vec![
+            shade(ray, &|w_i| if grazes(w_i) { R::ZERO - bias } else { bias }),
+            shade(&off_plane(rounding), &|_| bias),
+            shade(&off_plane(R::ZERO - rounding), &|_| bias),
+        ]
     }
 
     fn row(&self, y: usize, row: &mut [[f32; 3]]) {

@@ -1,18 +1,17 @@
 //! Which pixels any correct caster must agree on, whatever its arithmetic.
 
 use super::cast::Caster;
-use super::intersect::Hit;
 use crate::image::RELATIVE_LIMIT;
 use crate::scene::PixelFrame;
 use glam::DVec3;
 
-/// How far a pixel's ray is nudged, in radians.
-const NUDGE_RADIANS: f64 = 1e-5;
+/// How far a pixel's ray is nudged, in radians: a little, and by about a rounding, for what is narrower than a little.
+const NUDGES_RADIANS: [f64; 2] = [1e-5, 1e-6];
 /// Another triangle this near behind the closest hit, as a part of its distance, may as well be the closest.
 const RIVAL: f64 = 1e-6;
-/// How far along the ray a hit may lie off its triangle's plane for rounding, as a part of its distance. Where light
+/// How far off its triangle's plane rounding may put a hit, as a part of its distance or of its own coordinates. Where light
 /// grazes, that decides whether a shadow ray starts above or below its own surface, and no turn of the ray shows it.
-const DEPTH_NUDGE: f64 = 1e-6;
+const OFF_PLANE: f64 = 1e-6;
 
 /// A pixel's radiance, and what becomes of it when the question changes a little.
 #[derive(Clone, Copy, Debug)]
@@ -27,8 +26,8 @@ pub struct Sample {
     pub range: [DVec3; 2],
 }
 
-/// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, and
-/// with half and twice the shadow bias. Where two surfaces coincide either is right, so those behind are asked too.
+/// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, with half and twice the shadow
+/// bias, and as rounding may have it where light grazes. Where two surfaces coincide either is right, so those behind are asked too.
 pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Sample {
     let (ray, hit) = caster.look(x, y);
     let radiance = caster.radiance(&ray, hit.as_ref(), bias);
@@ -44,9 +43,8 @@ pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [
         for factor in [0.5, 2.0] {
             sample.consider(caster.radiance(&ray, Some(hit), bias * factor));
         }
-        for factor in [1.0 - DEPTH_NUDGE, 1.0 + DEPTH_NUDGE] {
-            let moved = Hit { t: hit.t * factor, ..*hit };
-            sample.consider(caster.radiance(&ray, Some(&moved), bias));
+        for radiance in caster.grazed(&ray, hit, bias, OFF_PLANE) {
+            sample.consider(radiance);
         }
         for rival in caster.rivals(&ray, hit, RIVAL) {
             sample.consider(caster.radiance(&ray, Some(&rival), bias));
@@ -63,13 +61,16 @@ impl Sample {
     }
 }
 
-/// The pixel coordinates a small angle to the right, left, below and above.
-fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> [[f64; 2]; 4] {
+/// The pixel coordinates small angles to the right, left, below and above.
+fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
-    let pixels = |step: DVec3| NUDGE_RADIANS * towards.length_squared() / step.cross(towards).length();
-    let (dx, dy) = (pixels(frame.step_x), pixels(frame.step_y));
-    [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]]
+    let per_radian = |step: DVec3| towards.length_squared() / step.cross(towards).length();
+    let (across, down) = (per_radian(frame.step_x), per_radian(frame.step_y));
+    NUDGES_RADIANS.into_iter().flat_map(move |radians| {
+        let (dx, dy) = (radians * across, radians * down);
+        [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]]
+    })
 }
 
 /// Whether a change is too small to matter beside a pixel's own brightness, or beside `floor` where it is darker.

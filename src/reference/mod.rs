@@ -197,6 +197,33 @@ mod tests {
     }
 
     #[test]
+    fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
+        // A strip of half a microradian to five beside the ray: that of ten passes it by.
+        let mut scene = fixtures::single_triangle();
+        scene.mesh.positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
+        let found = reference(&scene, [9, 5], Culling::None);
+        assert_eq!((found.hits, found.certain[2 * 9 + 4]), (0, false));
+    }
+
+    #[test]
+    fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
+        // So small that a ray from far below its plane passes it by.
+        let uncertain = |height: f32| {
+            let mut scene = fixtures::single_triangle();
+            scene.mesh.positions =
+                vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
+            scene.mesh.normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface: the light is not faint
+            scene.lights[0].position = vec3(0.0, 9.0, -2.0 + height);
+            let found = reference(&scene, [401, 251], Culling::None);
+            let lit =
+                found.radiance.pixels.iter().zip(&found.certain).filter(|(pixel, _)| **pixel != [0.0; 3]);
+            lit.filter(|(_, certain)| !**certain).count()
+        };
+        assert!(uncertain(1e-4) > 10);
+        assert!(uncertain(1.0) < 3);
+    }
+
+    #[test]
     fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
         let mut scene = fixtures::single_triangle();
         let mut twin = scene.mesh.triangles[0];

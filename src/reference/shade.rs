@@ -7,13 +7,13 @@ use super::real::{Real, Vector};
 use super::traverse::Finder;
 use crate::scene::{Light, Material, MaterialKind, Scene};
 
-/// The radiance that leaves a hit towards the ray's origin. Shadow rays start `bias` from the surface.
+/// The radiance that leaves a hit towards the ray's origin. Shadow rays along a direction start its `bias` from the surface.
 pub fn shade<R: Real>(
     scene: &Scene,
     finder: &dyn Finder<R>,
     ray: &Ray<R>,
     hit: &Hit<R>,
-    bias: R,
+    bias: &dyn Fn(R::Vector) -> R,
 ) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
@@ -25,7 +25,7 @@ pub fn shade<R: Real>(
     scene.lights.iter().fold(R::Vector::ZERO, |sum, light| {
         let (w_i, distance) = towards::<R>(light, point);
         let cosine = w_i.dot(normal);
-        if cosine <= R::ZERO || !visible(finder, point, w_i, distance, bias) {
+        if cosine <= R::ZERO || !visible(finder, point, w_i, distance, bias(w_i)) {
             return sum;
         }
         let falloff = R::from(4.0) * R::PI * distance * distance;
@@ -35,7 +35,7 @@ pub fn shade<R: Real>(
 }
 
 /// The unit direction from a point to a light, and how far it is.
-fn towards<R: Real>(light: &Light, point: R::Vector) -> (R::Vector, R) {
+pub(super) fn towards<R: Real>(light: &Light, point: R::Vector) -> (R::Vector, R) {
     let off = R::Vector::of(light.position) - point;
     (off.normalize_or_zero(), off.dot(off).sqrt())
 }

@@ -19,9 +19,9 @@ const POINT_BYTES: u64 = 3 * 4;
 /// Triangles of a tile where triangles are streamed through `__local` memory.
 pub const TILE_TRIANGLES: u64 = 256;
 
-/// A ray of a tile: direction, nearness, place, what the watertight test has of it; and while it is shaded the surface it
-/// hit, what arrives and the sum so far.
-const TILE_RAY_BYTES: u64 = (5 + 2 + 17 + 6) * 4;
+/// A ray of a tile: direction, nearness, place, the direction's reciprocals, what the watertight test has of it; and while
+/// it is shaded the surface it hit, what arrives and the sum so far.
+const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
 /// Work-items that share a tile: GROUP_LANES in the kernels.
 pub const GROUP_LANES: u32 = 32;
@@ -38,7 +38,7 @@ const LIT_BYTES: u64 = 4;
 
 /// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
 /// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
-const CPU_STACK_BYTES: u64 = 4 << 20;
+const CPU_STACK_BYTES: u64 = 5 << 20;
 
 /// Bytes a strategy needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

@@ -64,10 +64,32 @@ pub struct Report {
     pub device_bytes: u64,
     /// The host's memory that was taken at the worst moment; none where the system does not tell.
     pub peak_bytes: Option<u64>,
+    /// What `--verify` found.
+    pub verified: Option<Verified>,
     /// The picture.
     pub output: String,
     /// What was passed over or made up in reading the scene.
     pub notes: Vec<String>,
+}
+
+/// How a right picture compares with the serial reference.
+#[derive(Debug, Serialize)]
+pub struct Verified {
+    /// The largest relative difference over the pixels that the reference is certain of.
+    pub max_difference: f64,
+    /// Pixels that it is not certain of.
+    pub uncertain_pixels: usize,
+}
+
+impl Verified {
+    /// As a person reads it.
+    pub fn text(&self) -> String {
+        format!(
+            "verified  against the serial reference: largest difference {:.1e} relative, {} uncertain",
+            self.max_difference,
+            counted(self.uncertain_pixels, "pixel")
+        )
+    }
 }
 
 impl Report {
@@ -138,6 +160,7 @@ impl Report {
         }
         lines.push(format!("speed     {}", self.speeds().join(", ")));
         lines.push(format!("memory    {}", self.memory()));
+        lines.extend(self.verified.iter().map(Verified::text));
         lines.extend(self.notes.iter().map(|note| format!("note      {note}")));
         lines.push(format!("picture   {}", self.output));
         lines.join("\n")

@@ -1,5 +1,6 @@
 //! `raycl render --devices`: one frame on several devices.
 
+use super::report::Verified;
 use super::{Args, check, default_output, medians, ms_since, scene_overrides, strategy, timed};
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -32,6 +33,7 @@ struct Report {
     frames: u32,
     /// The whole command.
     total_ms: f64,
+    verified: Option<Verified>,
     output: String,
 }
 
@@ -82,9 +84,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
     let (image, _, shares) = split.cast(&devices)?;
-    if args.verify {
-        check(scene, &image, &strategy)?;
-    }
+    let verified = args.verify.then(|| check(scene, &image, &strategy)).transpose()?;
     let (saved, _) = timed(|| save(&image, scene.display, &output));
     saved?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
@@ -104,6 +104,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         devices: rows,
         frames: args.repeat,
         total_ms: ms_since(start),
+        verified,
         output: output.display().to_string(),
     };
     match (args.json, args.quiet) {
@@ -131,7 +132,7 @@ fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     format!(
         "scene     {}: {} triangles\nstrategy  {}\nsize      {width} x {height} pixels\n{table}\nframe     {:.2} ms, the \
-         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\npicture   {}",
+         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\n{}picture   {}",
         report.scene,
         report.triangles,
         report.strategy,
@@ -139,6 +140,7 @@ fn text(report: &Report) -> String {
         report.frames,
         report.upload_ms,
         report.read_ms,
+        report.verified.as_ref().map(|verified| verified.text() + "\n").unwrap_or_default(),
         report.output
     )
 }

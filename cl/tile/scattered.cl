@@ -1,0 +1,62 @@
+// Vectors of shadow rays whose hits lie far apart, where one surface ends before another: the interval of their
+// directions holds nearly everything, so that their rays are tested against boxes one by one.
+
+// So many times as far apart as they would be on a plane across the view.
+#define SCATTERED 8.0f
+
+// A pixel's side at a depth of 1.
+float pixel_side(float4 step_x, float4 step_y) {
+    const float4 longer = max(fabs(step_x), fabs(step_y));
+    return max(max(longer.x, longer.y), longer.z);
+}
+
+// Vectors whose hits lie that far apart, by the intervals of their directions from a light: a bit each. `block_side` is
+// that of a vector's pixels at a depth of 1.
+uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
+    const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
+    uint scattered = 0;
+    for (int part = 0; part < PARTS; part++) {
+        float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // of the eye, at least
+        for (int axis = 0; axis < 3; axis++) {
+            const float16 low = directions->low[axis][part], high = directions->high[axis][part];
+            const float16 away = max(max(offset[axis] + low, -offset[axis] - high), 0.0f);
+            apart = max(apart, high - low);
+            distance_squared += away * away;
+        }
+        const float most = SCATTERED * block_side;
+        scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
+    }
+    return scattered;
+}
+
+varying reciprocal(varying component) {
+    return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
+}
+
+// Makes the bundle ready for rays_meet.
+void set_scattered(Bundle *bundle, uint vectors) {
+    bundle->scattered = vectors;
+    for (; vectors; vectors &= vectors - 1) {
+        const int vector = LOWEST_BIT(vectors);
+        bundle->per[0][vector] = reciprocal(bundle->x[vector]);
+        bundle->per[1][vector] = reciprocal(bundle->y[vector]);
+        bundle->per[2][vector] = reciprocal(bundle->z[vector]);
+    }
+}
+
+// Those of some scattered vectors with a ray that is not done and meets a child's box before t = 1.
+uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
+    uint met = 0;
+    for (; vectors; vectors &= vectors - 1) {
+        const int vector = LOWEST_BIT(vectors);
+        varying entry = (varying)(0.0f), leave = (varying)(1.0f);
+        for (int axis = 0; axis < 3; axis++) {
+            const varying per = bundle->per[axis][vector];
+            const varying a = boxes->near[axis][child] * per, b = boxes->far[axis][child] * per;
+            entry = max(entry, min(a, b));
+            leave = min(leave, max(a, b));
+        }
+        met |= ANY((entry <= leave * OUTWARDS) & (bundle->nearness[vector] < FAR)) ? 1u << vector : 0;
+    }
+    return met;
+}
