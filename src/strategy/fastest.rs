@@ -10,16 +10,17 @@ const TREE_TRIANGLES: usize = 200;
 /// 2 cores under load, 800 x 500, 2026-11-20).
 const TREE_TRIANGLES_OF_TILES: usize = 50;
 /// From so many triangles a pixel on, rays of a tile share too little: packets beat tiles on a CPU, single rays on a GPU.
-/// Between what was measured on terrain: at 7.5 a pixel 66 against 98 ms, at 25 256 against 163 (PoCL); at 1.4 a pixel 1.21
-/// against 1.33 ms, at 4.8 2.59 against 1.71 (NVIDIA H200; both 2026-11-20).
+/// Between what was measured: on terrain at 12 a pixel 37 against 70 ms, at 25 131 against 150, at 47 50 against 30, on a dragon
+/// in a quarter of the picture at 13 11 against 9, at 22 9 against 4.5 (PoCL); on terrain at 1.4 a pixel 1.21 against 1.33 ms, at
+/// 4.8 2.59 against 1.71 (NVIDIA H200; all 2026-11-20).
 const TRIANGLES_A_PIXEL_OF_TILES: [usize; 2] = [13, 2];
 
 /// From so many pixels on, and so many for each triangle, tiles of 16 x 8 beat those of 8 x 8 on a GPU: there are enough of
 /// them to keep it busy, and rays share more. At 3.7 million that took 20% less to 17% more time, at 8.3 million 20% less to
 /// 4% more, at 14.7 million 2 to 22% less (six scenes of 10 thousand to 300 thousand triangles); with a million triangles at
-/// 8.3 million pixels 13% more (NVIDIA H200, 2026-11-20).
+/// 8.3 million pixels 13% more, at 20.7 pixels a triangle (of 16.8 million) 11% more, at 33.6 5% less (NVIDIA H200, 2026-11-20).
 const PIXELS_OF_LARGE_TILES: usize = 6_000_000;
-const PIXELS_A_TRIANGLE_OF_LARGE_TILES: usize = 20;
+const PIXELS_A_TRIANGLE_OF_LARGE_TILES: usize = 25;
 
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
 /// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
@@ -125,7 +126,7 @@ mod tests {
             |triangles, pixels| fastest(&limits, triangles, pixels).map(|(strategy, _)| strategy.tile).ok();
         let (small, large) = (Some(TileSize::T8x8), Some(TileSize::T16x8));
         assert_eq!([tile(10_000, 5_999_999), tile(10_000, 6_000_000)], [small, large]);
-        assert_eq!([tile(300_000, 6_000_000), tile(300_001, 6_000_000)], [large, small]);
+        assert_eq!([tile(240_000, 6_000_000), tile(240_001, 6_000_000)], [large, small]);
     }
 
     #[test]
