@@ -57,6 +57,11 @@ impl Stand {
         Self { device, queue, builtins, scene, size, references: HashMap::new() }
     }
 
+    /// Whether the device is a CPU.
+    pub fn is_cpu(&self) -> bool {
+        self.device.info.limits.is_cpu
+    }
+
     /// The local size of a strategy here: `wished` where it has the choice.
     pub fn local_size(&self, strategy: &Strategy, wished: [u32; 2]) -> [u32; 2] {
         strategy.local_size(&self.device.info.limits, wished)
