@@ -167,6 +167,24 @@ fn the_report_reads_well() {
 }
 
 #[test]
+fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
+    let (place, device) = (place(), device());
+    let arguments = ["render", "scene.toml", "--strategy", "naive", "--verify", "--device", &device];
+    let text = place.output(&arguments);
+    has(&text, &["verified  against the serial reference: largest difference ", " uncertain\n"]);
+    let found = &report(&place, &["scene.toml", "--verify"])["verified"];
+    assert!(found["max_difference"].as_f64().expect("a difference") < 1e-3, "{found}");
+    assert!(found["uncertain_pixels"].is_u64(), "{found}");
+    assert!(report(&place, &["scene.toml"])["verified"].is_null());
+
+    let kernels = place.kernels("shared/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
+    let wrong = ["--cl-dir", kernels.to_str().expect("UTF-8"), "-o", "wrong.png"];
+    let message = place.mistake(&[&arguments[..], &wrong].concat(), 1);
+    has(&message, &["the picture is wrong: ", "it is kept, to be looked at: wrong.png"]);
+    assert!(place.path("wrong.png").exists());
+}
+
+#[test]
 fn a_scene_of_the_repository_renders_from_any_folder() {
     let (place, scene, device) = (Place::new(), repository("scenes/pyramid-upper.toml"), device());
     let scene = scene.to_str().expect("UTF-8");

@@ -107,9 +107,9 @@ fn render(args: &Args) -> Result<()> {
     host_fits(&needs)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
-    let verified = args.verify.then(|| check(scene, &cast.image, &strategy)).transpose()?;
     let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &output));
     saved?;
+    let verified = args.verify.then(|| check(scene, &cast.image, &strategy, &output)).transpose()?;
     let report = Report {
         load_ms,
         discover_ms,
@@ -300,12 +300,13 @@ fn medians(frames: &[FrameTimes]) -> FrameTimes {
     }
 }
 
-fn check(scene: &Scene, image: &Radiance, strategy: &Strategy) -> Result<Verified> {
+fn check(scene: &Scene, image: &Radiance, strategy: &Strategy, saved: &Path) -> Result<Verified> {
     let expected = reference(scene, [image.width, image.height], strategy.culling);
     let verdict = verify(image, &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {
         return Ok(Verified { max_difference, uncertain_pixels });
     }
-    Err(Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default())))
+    let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
+    Err(error.with_help(format!("it is kept, to be looked at: {}", saved.display())))
 }

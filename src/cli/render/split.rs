@@ -84,9 +84,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
     let (image, _, shares) = split.cast(&devices)?;
-    let verified = args.verify.then(|| check(scene, &image, &strategy)).transpose()?;
     let (saved, _) = timed(|| save(&image, scene.display, &output));
     saved?;
+    let verified = args.verify.then(|| check(scene, &image, &strategy, &output)).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let pixels = f64::from(args.width) * f64::from(args.height);
