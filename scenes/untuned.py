@@ -168,7 +168,7 @@ material = {{ k_l = 0.8 }}
 
 [[light]]
 position = {light}
-power = 300
+power = {power:.0f}
 """
 
 
@@ -180,7 +180,8 @@ def main():
         name, mesh = make.__name__, Mesh()
         make(mesh)
         triangles = mesh.save(folder / f"{name}.obj")
-        text = TOML.format(name=name, position=position, look_at=look_at, fov=fov, light=light)
+        power = 1.8 * math.dist(light, look_at) ** 2  # as bright in each
+        text = TOML.format(name=name, position=position, look_at=look_at, fov=fov, light=light, power=power)
         (folder / f"{name}.toml").write_text(text)
         print(f"{folder / name}.toml: {triangles} triangles")
 
