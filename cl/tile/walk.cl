@@ -19,11 +19,12 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], kept = 0;
-    for (uint met = children_meet(cone, bundle->origin, node, any ? 1.0f : furthest(slices), &boxes); met; met &= met - 1) {
+    const float reach = any ? 1.0f : furthest(slices);
+    for (uint met = children_meet(cone, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_meet(slices, cone, &boxes, child);
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
-        if (unsure) vectors[child] ^= unsure ^ rays_meet(bundle, &boxes, child, unsure);
+        if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_meet(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
         fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
         kept |= 1u << child;

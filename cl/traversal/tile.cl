@@ -38,8 +38,8 @@ typedef struct {
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
     varying nearness[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
     varying_int place[VECTORS]; // the nearest triangle so far, in leaf order
-    uint scattered;             // vectors whose directions lie far apart, a bit each
-    varying per[3][VECTORS];    // their reciprocals
+    uint scattered;             // vectors of shadow rays whose directions lie far apart, a bit each
+    varying per[3][VECTORS];    // the reciprocals of their directions
 #if !ROUNDED_PLANES
     Shears shears;
 #endif
