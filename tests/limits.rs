@@ -1,10 +1,7 @@
 //! `raycl limits`, and what a run does with them. No figure is judged but that there is one: every kernel of
 //! `cl/limits/` checks its own result.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, device, has};
 use serde_json::Value;
 
 const CONFIG: &str = r#"

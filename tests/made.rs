@@ -1,10 +1,7 @@
 //! What compilers make of the kernels: that working vectors and triangles lie where a strategy says, from stored PTX
 //! (`tests/ptx/make` says whose), and that `raycl compile` keeps what there is on any device.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use raycl::program::made::{Census, census, is_ptx};
 use serde_json::Value;
 

@@ -1,8 +1,6 @@
 //! `raycl render`: pictures in every format, what it reports, and what its options change.
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
 
 /// A tetrahedron of quality that is met in the wild: no normals, no material, a material that is nowhere.

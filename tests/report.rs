@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 fn raycl(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_raycl")).args(arguments).output().expect("it runs")
+    crate::binary::run(Command::new(env!("CARGO_BIN_EXE_raycl")).args(arguments))
 }
 
 /// Runs it, expects this exit code, and gives standard output and standard error.

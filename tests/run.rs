@@ -1,8 +1,6 @@
 //! `raycl run`: what it plans, what it keeps, what becomes of points that fail.
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
 use std::collections::HashSet;
 

@@ -1,5 +1,4 @@
 //! The supervisor with workers that are a script: no OpenCL and no processes.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

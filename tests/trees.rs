@@ -1,10 +1,7 @@
 //! Traversals with a tree, on the device against the reference: many lights, interiors, hills, and meshes at the ends of
 //! what a mesh can be.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod common;
-
-use common::Stand;
+use crate::common::Stand;
 use glam::Vec3;
 use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
@@ -84,20 +81,20 @@ fn scaled(mut scene: Scene, scale: f32) -> Scene {
 #[test]
 fn coordinates_from_a_millionth_to_a_million() {
     for scale in [1e-6, 1e6] {
-        agrees(scaled(common::scene("gourd.toml"), scale));
+        agrees(scaled(crate::common::scene("gourd.toml"), scale));
     }
 }
 
 /// A scene with its triangles changed.
 fn with_triangles(change: impl FnOnce(&mut Scene)) -> Scene {
-    let mut scene = common::scene("gourd.toml");
+    let mut scene = crate::common::scene("gourd.toml");
     change(&mut scene);
     scene
 }
 
 #[test]
 fn one_triangle_and_coincident_and_degenerate_ones() {
-    agrees(common::scene("triangle.toml"));
+    agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
         // Each twelve times, so that no plane tells the copies apart and leaves overflow.
         let all = scene.mesh.triangles.clone();

@@ -1,12 +1,9 @@
 //! Rays aimed at edges and vertices: single rays at closed meshes, and frames whose every primary or shadow ray meets a
 //! net. The watertight test leaks none of them under any traversal, nor does the rasteriser; the others' leaks are
 //! counted, so that the rays are known to probe what they should.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod common;
-
-use common::Stand;
-use common::edges::{
+use crate::common::Stand;
+use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
 };
 use raycl::launch::cast_rays;

@@ -28,6 +28,7 @@ enum Kind {
     Exit,
     Panic,
     Hang,
+    Hold,
     Garbage,
 }
 
@@ -37,13 +38,14 @@ enum Step {
     Cast,
 }
 
-const KINDS: [(&str, Kind); 7] = [
+const KINDS: [(&str, Kind); 8] = [
     ("abort", Kind::Abort),
     ("segv", Kind::Segv),
     ("kill", Kind::Kill),
     ("exit", Kind::Exit),
     ("panic", Kind::Panic),
     ("hang", Kind::Hang),
+    ("hold", Kind::Hold),
     ("garbage", Kind::Garbage),
 ];
 
@@ -70,7 +72,8 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Fails if this request is the one. A hang leaves a file in the folder of results, for who waits for it.
+    /// Fails if this request is the one. A hang leaves a file in the folder of results, for who waits for it; a hold
+    /// goes on when that file is removed.
     pub fn strike(&self, request: &Request, folder: &Path) {
         let (step, point) = match request {
             Request::Check { point, .. } => (Step::Check, *point),
@@ -97,6 +100,12 @@ impl Kind {
                 drop(std::fs::write(folder.join(HANGS), ""));
                 loop {
                     std::thread::sleep(Duration::from_secs(3600));
+                }
+            }
+            Self::Hold => {
+                drop(std::fs::write(folder.join(HANGS), ""));
+                while folder.join(HANGS).exists() {
+                    std::thread::sleep(Duration::from_millis(5));
                 }
             }
             // Drivers write to standard output as they please.

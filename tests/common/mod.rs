@@ -1,5 +1,4 @@
 //! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
 pub mod cover;
 pub mod edges;
