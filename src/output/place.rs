@@ -86,7 +86,7 @@ pub(super) fn put(
             ErrorKind::AlreadyExists => appeared(path, choice),
             _ => failed(error),
         }),
-        _ => file.persist(path).map(drop).map_err(|error| failed(error.error)),
+        _ => replace(file, path).map_err(failed),
     }
 }
 
@@ -104,12 +104,16 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
         // Not every file system can: the name is taken first, by an empty file.
         Err(error) => {
             File::create_new(path)?;
-            error.file.persist(path).map(drop).map_err(|error| {
+            replace(error.file, path).inspect_err(|_| {
                 let _ = std::fs::remove_file(path);
-                error.error
             })
         }
     }
+}
+
+#[allow(clippy::disallowed_methods, reason = "what has the name may be replaced")]
+fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
+    file.persist(path).map(drop).map_err(|error| error.error)
 }
 
 /// The folder a file is to lie in, which must be there.

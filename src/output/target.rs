@@ -56,3 +56,58 @@ impl Target {
         })
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    const KEEP: Choice = Choice { force: false, elsewhere: "-o FILE" };
+
+    fn target(folder: &tempfile::TempDir) -> Target {
+        Target::new(folder.path().join("a.json"), KEEP)
+    }
+
+    #[test]
+    fn json_is_replaced_until_somebody_changes_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = target(&folder);
+        target.write_json(&serde_json::json!([{"a": 1}])).unwrap();
+        target.check().unwrap();
+        target.write_json(&serde_json::json!([{"a": 2}])).unwrap();
+        let text = std::fs::read_to_string(target.path()).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(value[0]["a"], 2);
+        std::fs::write(target.path(), text.replace("2", "3")).unwrap();
+        assert_eq!(target.check().unwrap_err().exit_code(), 2);
+        assert!(target.write_json(&value).is_err());
+    }
+
+    /// What somebody does while the file is being written is not lost.
+    #[test]
+    fn what_comes_or_changes_meanwhile_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = target(&folder);
+        let mine = |file: &mut File| {
+            std::fs::write(target.path(), "mine")?;
+            write!(file, "{}", mark::blank())
+        };
+        assert!(target.write(mine).unwrap_err().to_string().contains("raycl did not make it"));
+        assert_eq!(std::fs::read(target.path()).unwrap(), b"mine");
+        std::fs::remove_file(target.path()).unwrap();
+        target.write(|file| write!(file, "{}", mark::blank())).unwrap();
+        assert!(target.write(mine).is_err());
+        assert_eq!(std::fs::read(target.path()).unwrap(), b"mine");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_and_folders_stay_even_with_force() {
+        let folder = tempfile::tempdir().unwrap();
+        for path in [Path::new("/dev/null"), folder.path()] {
+            let target = Target::new(path, Choice { force: true, ..KEEP });
+            assert_eq!(target.check().unwrap_err().exit_code(), 2);
+        }
+    }
+}
