@@ -11,7 +11,8 @@ const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"
 /// Refuses a folder that holds files and no results, before any work is done: a run and its pages would write among
 /// them, and replace some. `known` is true where raycl wrote the folder.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    if choice.force || known || folder.join("records.jsonl").is_file() {
+    // What has that name and is no file is told where it is opened.
+    if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
         return Ok(());
     }
     // What cannot be listed is not there, or is told where it is opened.
