@@ -5,7 +5,8 @@
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/`; [`launch`] runs them;
 //! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them;
-//! [`memory`] says what the host can hold; [`record`] keeps what was found. [`image`] turns radiance into pictures.
+//! [`memory`] says what the host can hold; [`record`] keeps what was found. [`image`] turns radiance into pictures;
+//! [`output`] writes files where the user says, and replaces nothing of anybody else's.
 //! [`cli`] holds one file a subcommand.
 
 pub mod accel;
@@ -19,6 +20,7 @@ pub mod launch;
 pub mod limits;
 pub mod measure;
 pub mod memory;
+pub mod output;
 pub mod program;
 pub mod record;
 pub mod reference;

@@ -145,6 +145,57 @@ fn pictures_are_compared_and_told_apart() {
     assert!(complaint.contains("none.png"), "{complaint}");
 }
 
+/// Runs it twice; then edits one of the files it wrote, which stays, and which `--force` replaces.
+fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
+    let forced = [command, &["--force"]].concat();
+    std::fs::write(out.join(name), "somebody's").expect("a file");
+    let (_, complaint) = outcome(command, 2);
+    assert!(complaint.contains(name) && complaint.contains("raycl did not make it"), "{complaint}");
+    assert_eq!(std::fs::read_dir(out).expect("a folder").count(), 1, "nothing else was written");
+    outcome(&forced, 0);
+    outcome(command, 0);
+    let edited = std::fs::read(out.join(name)).expect("a file");
+    let edited = [&edited[..], b"\n"].concat();
+    std::fs::write(out.join(name), &edited).expect("it writes");
+    let (_, complaint) = outcome(command, 2);
+    assert!(complaint.contains("was changed since raycl made it"), "{complaint}");
+    assert!(complaint.contains("`--force` replaces it"), "{complaint}");
+    assert_eq!(std::fs::read(out.join(name)).expect("a file"), edited);
+    outcome(&forced, 0);
+    assert!(std::fs::read(out.join(name)).expect("a file") != edited);
+}
+
+#[test]
+fn pages_and_pictures_that_somebody_made_or_changed_stay() {
+    let results = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
+    let out = || tempfile::tempdir().expect("a folder");
+    let (one, two, three) = (out(), out(), out());
+    let report = ["report", path(&results), "--out", path(&one), "--quiet"];
+    keeps_what_was_changed(&report, one.path(), "report.html");
+    let compare = ["compare", path(&results), path(&results), "--out", path(&two), "--quiet"];
+    keeps_what_was_changed(&compare, two.path(), "compare.md");
+    std::fs::write(two.path().join("plots/compare.svg"), "somebody's").expect("it writes");
+    let (_, complaint) = outcome(&compare, 2);
+    assert!(complaint.contains("plots/compare.svg' was changed"), "{complaint}");
+
+    let pictures = out();
+    let [a, b] = ["a.png", "b.png"].map(|name| pictures.path().join(name).display().to_string());
+    let plain = image::RgbImage::from_pixel(4, 3, image::Rgb([100; 3]));
+    for name in [&a, &b] {
+        plain.save(name).expect("it saves");
+    }
+    let differences = three.path().join("d.png").display().to_string();
+    let images = ["compare-images", &a, &b, "--quiet", "--output", &differences];
+    keeps_what_was_changed(&images, three.path(), "d.png");
+    let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", &b], 2);
+    assert!(complaint.contains("b.png' is there, and raycl did not make it"), "{complaint}");
+    let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", "d.exr"], 2);
+    assert!(complaint.contains("a picture of differences is a .png"), "{complaint}");
+    // A folder of results is raycl's.
+    outcome(&["report", path(&results), "--quiet"], 0);
+    outcome(&["report", path(&results), "--quiet"], 0);
+}
+
 #[test]
 fn mistakes_name_the_folder_and_the_remedy() {
     let empty = tempfile::tempdir().expect("a folder");

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
+use crate::output::{Choice, OutFolder};
 use crate::report::{self, Comparison, Folder};
 use std::path::PathBuf;
 
@@ -25,6 +26,9 @@ pub struct Args {
     /// Write compare.html, compare.md and plots here
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Print Markdown instead of a table
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
@@ -44,13 +48,16 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 
 /// Compares two folders. They hold results or it is the user's mistake.
 pub fn run(args: Args) -> Result<()> {
+    let choice = Choice { force: args.force, elsewhere: "--out DIR" };
+    let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
+    out.iter().try_for_each(|out| out.check(report::COMPARISON))?;
     let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);
     let comparison = Comparison::of(&before, &after, args.threshold / 100.0);
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help("points correspond by scene, image size, strategy's name and local size"));
     }
-    if let Some(out) = &args.out {
+    if let Some(out) = &mut out {
         report::write_comparison(&comparison, out)?;
     }
     if args.json {

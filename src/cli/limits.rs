@@ -4,6 +4,7 @@ use super::choice::one_device;
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
 use crate::limits::{Figure, Limits, measure};
+use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::significant;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,9 @@ pub struct Args {
     /// Keep the figures in a file, for `raycl run --limits`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Replace FILE even where raycl did not make it, or it was changed since
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Print JSON, a list of devices
     #[arg(long)]
     json: bool,
@@ -36,13 +40,16 @@ pub struct Args {
 
 /// Measures the devices one after another.
 pub fn run(args: Args) -> Result<()> {
+    let choice = Choice { force: args.force, elsewhere: "--out FILE" };
+    let target = args.out.as_ref().map(|path| Target::new(path, choice));
+    target.iter().try_for_each(Target::check)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let all: Vec<Limits> = devices(args.device.as_deref())?
         .iter()
         .map(|device| measure(device, &sources))
         .collect::<Result<_>>()?;
-    if let Some(path) = &args.out {
-        Limits::write(&all, path)?;
+    if let Some(target) = &target {
+        target.write_json(&all)?;
     }
     if args.json {
         return super::print_json(&all);

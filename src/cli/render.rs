@@ -9,10 +9,11 @@ use super::choice::{
 use super::watch::{RecursiveMode, watch};
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::image::{Radiance, check_path, save};
+use crate::image::{Radiance, check_target, save};
 use crate::launch::{Caster, DeviceScene, DeviceTree, FrameTimes, Queue};
 use crate::measure::Summary;
 use crate::memory::{Available, peak_bytes, resident_bytes};
+use crate::output::{Choice, Target};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::reference::reference;
 use crate::scene::{Loaded, Scene, load_scene_with};
@@ -39,6 +40,9 @@ pub struct Args {
     /// Where to save the picture: .png, .jpg, .exr or .hdr [default: the scene's name, .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Replace a file that raycl did not make, or that was changed since
+    #[arg(long)]
+    force: bool,
     /// Pixels across
     #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     width: u32,
@@ -96,8 +100,8 @@ pub fn run(args: Args) -> Result<()> {
 
 fn render(args: &Args) -> Result<()> {
     let start = Instant::now();
-    let output = args.output.clone().unwrap_or_else(|| default_output(args));
-    check_path(&output)?;
+    let target = target(args);
+    check_target(&target)?;
     let Opened { loaded, device, queue, load_ms, discover_ms } = open(args)?;
     let scene = &loaded.scene;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
@@ -107,9 +111,9 @@ fn render(args: &Args) -> Result<()> {
     host_fits(&needs)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
-    let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &output));
+    let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(scene, &cast.image, &strategy, &output)).transpose()?;
+    let verified = args.verify.then(|| check(scene, &cast.image, &strategy, target.path())).transpose()?;
     let report = Report {
         load_ms,
         discover_ms,
@@ -120,7 +124,7 @@ fn render(args: &Args) -> Result<()> {
         device_bytes,
         peak_bytes: peak_bytes(),
         verified,
-        output: output.display().to_string(),
+        output: target.path().display().to_string(),
         notes: loaded.notes.clone(),
         ..Report::of(scene, &device, &strategy, &workload, &cast)
     };
@@ -192,8 +196,11 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, ms_since(start))
 }
 
-fn default_output(args: &Args) -> PathBuf {
-    PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("png")
+/// Where the picture goes: under the scene's name unless told.
+fn target(args: &Args) -> Target {
+    let default = || PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("png");
+    let choice = Choice { force: args.force, elsewhere: "-o FILE" };
+    Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
 fn ms_since(start: Instant) -> f64 {

@@ -9,6 +9,7 @@ use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::error::{Error, Result};
 use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices};
+use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Record, summary_terminal};
 use crate::report::quote;
@@ -43,6 +44,9 @@ pub struct Args {
     /// The folder of results [default: results/NAME, or results/NAME-2, ... where that is taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Write into DIR even where it holds files that raycl did not make; results in it stay
+    #[arg(long, requires = "out")]
+    force: bool,
     /// A word of a device's name, platform or vendor, or cpu, gpu or all; replaces the config's devices
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
@@ -91,12 +95,13 @@ impl Args {
         out: &Path,
         device: &[String],
         set: &[(String, String)],
-        resume: bool,
+        [resume, force]: [bool; 2],
     ) -> Self {
         let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
         Self {
             config,
             out,
+            force,
             device,
             resume,
             retry_failed: false,
@@ -157,13 +162,14 @@ fn run_of<'a>(
 /// Measures what is missing; the folder of results, and the records of all points.
 pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let experiment = config::load(&args.config, &args.set)?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    refuse_other_folders(&out, choice(args), false)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
     let interrupted = interrupt_flag()?;
     let devices = find_devices()?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let run = run_of(args, &experiment, &infos, &sources)?;
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
     if let Some(given) = &args.limits {
@@ -182,6 +188,10 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     };
     let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
     Ok((out, records))
+}
+
+fn choice(args: &Args) -> Choice {
+    Choice { force: args.force, elsewhere: "--out DIR" }
 }
 
 /// How many points a run has.
@@ -281,7 +291,8 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.
 fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
-    let written = crate::report::write(&[crate::report::Folder::read(out)?], out)?;
+    let folders = [crate::report::Folder::read(out)?];
+    let written = crate::report::write(&folders, &mut OutFolder::open(out, choice(args))?)?;
     if args.json {
         for record in records {
             super::print_json(record)?;

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::image::{Radiance, save, save_rgb8, to_rgb8};
+use crate::output::Target;
 use crate::scene::Display;
 use image::RgbImage;
 use std::collections::HashMap;
@@ -36,7 +37,7 @@ impl Pictures {
             Ok(there) => there.to_rgb8() == shown,
         };
         let path = paths.clone().find(free).or_else(|| paths.clone().next_back()).unwrap_or_default();
-        save(image, display, &self.folder.join(&path))?;
+        save(image, display, &Target::of_results(self.folder.join(&path)))?;
         self.saved.insert(hash, path.clone());
         Ok(path)
     }
@@ -46,7 +47,7 @@ impl Pictures {
         let path = path_of(name);
         let file = self.folder.join(&path);
         if !file.exists() {
-            save_rgb8(&make(), &file)?;
+            save_rgb8(&make(), &Target::of_results(file))?;
         }
         Ok(path)
     }

@@ -1,10 +1,10 @@
 //! `raycl render --devices`: one frame on several devices.
 
 use super::report::Verified;
-use super::{Args, check, default_output, medians, ms_since, scene_overrides, strategy, timed};
+use super::{Args, check, medians, ms_since, scene_overrides, strategy, target, timed};
 use crate::device::{Device, discover, select};
 use crate::error::Result;
-use crate::image::{check_path, save};
+use crate::image::{check_target, save};
 use crate::launch::{Share, Split};
 use crate::program::Sources;
 use crate::scene::load_scene_with;
@@ -72,8 +72,8 @@ impl From<Share> for Row {
 /// Renders one picture on every device that `pattern` means.
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
-    let output = args.output.clone().unwrap_or_else(|| default_output(args));
-    check_path(&output)?;
+    let target = target(args);
+    check_target(&target)?;
     let loaded = load_scene_with(&args.scene, &scene_overrides(args)?)?;
     let scene = &loaded.scene;
     let found = discover()?;
@@ -84,9 +84,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
     let (image, _, shares) = split.cast(&devices)?;
-    let (saved, _) = timed(|| save(&image, scene.display, &output));
+    let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(scene, &image, &strategy, &output)).transpose()?;
+    let verified = args.verify.then(|| check(scene, &image, &strategy, target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let pixels = f64::from(args.width) * f64::from(args.height);
@@ -105,7 +105,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         frames: args.repeat,
         total_ms: ms_since(start),
         verified,
-        output: output.display().to_string(),
+        output: target.path().display().to_string(),
     };
     match (args.json, args.quiet) {
         (true, _) => super::super::print_json(&report),
