@@ -1,7 +1,8 @@
 //! `raycl report`: records to a page.
 
 use crate::error::Result;
-use crate::report::{self, Folder};
+use crate::record::Folder;
+use crate::report;
 use std::path::PathBuf;
 
 /// Arguments of `raycl report`.

@@ -5,7 +5,8 @@ use super::progress::{Stages, observer};
 use super::run;
 use crate::error::{Error, Result};
 use crate::experiment::find_devices;
-use crate::report::{self, Folder};
+use crate::record::Folder;
+use crate::report;
 use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
 

@@ -4,9 +4,9 @@ mod answer;
 mod claims;
 mod compare;
 mod environment;
-mod folder;
 mod gallery;
 mod growth;
+mod merged;
 mod occupancy;
 mod overview;
 mod page;
@@ -19,12 +19,11 @@ mod words;
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Comparison, Pair};
 pub use environment::quote;
-pub use folder::Folder;
 pub use page::Page;
 pub use reproduction::Reproduction;
 
 use crate::error::{Error, Result};
-use crate::record::{Record, kernel_tuner_caches, own_folder, summary_csv, t4_results, write_page};
+use crate::record::{Folder, Record, kernel_tuner_caches, own_folder, summary_csv, t4_results, write_page};
 use plot::Plot;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -47,7 +46,7 @@ pub fn write(folders: &[Folder], out: &Path) -> Result<Written> {
     let path = out.join("report.html");
     put(&path, page.html()?.as_bytes())?;
     let plots = write_plots(&page.plots(), out)?;
-    let exports = write_exports(&folder::merged(folders), out)?;
+    let exports = write_exports(&merged::merged(folders), out)?;
     Ok(Written { page: path, plots, exports })
 }
 
