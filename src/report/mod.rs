@@ -13,6 +13,7 @@ mod page;
 pub mod paper;
 pub mod plot;
 mod reproduction;
+mod stale;
 mod view;
 mod words;
 
@@ -26,6 +27,8 @@ use crate::error::{Error, Result};
 use crate::record::{Folder, Record, kernel_tuner_caches, own_folder, summary_csv, t4_results, write_page};
 use plot::Plot;
 use rayon::prelude::*;
+use stale::remove_stale;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// What was written.
@@ -46,6 +49,8 @@ pub fn write(folders: &[Folder], out: &Path) -> Result<Written> {
     let path = out.join("report.html");
     put(&path, page.html()?.as_bytes())?;
     let plots = write_plots(&page.plots(), out)?;
+    let names = page.plots().into_iter().flat_map(|plot| file_names(plot));
+    remove_stale(&plots.0, &names.collect());
     let exports = write_exports(&merged::merged(folders), out)?;
     Ok(Written { page: path, plots, exports })
 }
@@ -55,9 +60,13 @@ fn write_exports(records: &[Record], out: &Path) -> Result<PathBuf> {
     let folder = out.join("exports");
     own_folder(&folder).map_err(|error| cannot("make", &folder, &error))?;
     put(&folder.join("t4-results.json"), t4_results(records).as_bytes())?;
+    let mut written = HashSet::new();
     for (name, text) in kernel_tuner_caches(records) {
-        put(&folder.join(format!("kernel-tuner-{name}.json")), text.as_bytes())?;
+        let name = format!("kernel-tuner-{name}.json");
+        put(&folder.join(&name), text.as_bytes())?;
+        written.insert(name);
     }
+    remove_stale(&folder, &written);
     put(&folder.join("points.csv"), &summary_csv(records)?)?;
     Ok(folder)
 }
@@ -85,10 +94,15 @@ pub fn write_plots(plots: &[&Plot], out: &Path) -> Result<(PathBuf, usize)> {
     let folder = out.join("plots");
     own_folder(&folder).map_err(|error| cannot("make", &folder, &error))?;
     plots.par_iter().try_for_each(|plot| {
-        put(&folder.join(format!("{}.svg", plot.name)), plot.svg.as_bytes())?;
-        put(&folder.join(format!("{}.png", plot.name)), &plot::png::png(&plot.svg)?)
+        let [svg, png] = file_names(plot);
+        put(&folder.join(svg), plot.svg.as_bytes())?;
+        put(&folder.join(png), &plot::png::png(&plot.svg)?)
     })?;
     Ok((folder, plots.len()))
+}
+
+fn file_names(plot: &Plot) -> [String; 2] {
+    [format!("{}.svg", plot.name), format!("{}.png", plot.name)]
 }
 
 /// Writes a file, or says which one could not be written.
