@@ -155,8 +155,8 @@ mod tests {
             assert!(of(platform, &recorded).is_empty(), "{platform}");
         }
         let known = |name: &&str| FAMILIES.iter().any(|family| name.starts_with(family));
-        assert!(recorded.iter().all(|name| known(&name)), "each is kept in the environment");
+        assert!(recorded.iter().all(known), "each is kept in the environment");
         let deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
-        assert!(deciding.clone().all(|name| known(&name)), "and so is each that decides");
+        assert!(deciding.clone().all(known), "and so is each that decides");
     }
 }

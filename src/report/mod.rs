@@ -49,7 +49,7 @@ pub fn write(folders: &[Folder], out: &Path) -> Result<Written> {
     let path = out.join("report.html");
     put(&path, page.html()?.as_bytes())?;
     let plots = write_plots(&page.plots(), out)?;
-    let names = page.plots().into_iter().flat_map(|plot| file_names(plot));
+    let names = page.plots().into_iter().flat_map(file_names);
     remove_stale(&plots.0, &names.collect());
     let exports = write_exports(&merged::merged(folders), out)?;
     Ok(Written { page: path, plots, exports })
