@@ -7,6 +7,7 @@ mod common;
 
 mod bad_input;
 mod commands;
+mod edits;
 #[cfg(unix)]
 mod faults;
 mod goldens;
@@ -17,6 +18,7 @@ mod limits;
 mod made;
 mod numbers;
 mod oclgrind;
+mod overwrite;
 mod readme;
 mod render;
 mod report;

@@ -1,9 +1,7 @@
 //! What lies where a command is to write: a file that raycl did not make, or that was changed since, stays without `--force`.
 //! Reports and comparisons are tested in tests/report.rs.
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, device, has};
 use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};

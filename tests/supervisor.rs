@@ -57,6 +57,8 @@ fn device() -> DeviceInfo {
             is_cpu: true,
         },
         hardware: Hardware::default(),
+        settings: Vec::new(),
+        cores: None,
         twins_before: 0,
         label: "mock".into(),
         unusable: None,

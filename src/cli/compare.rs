@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
 use crate::output::{Choice, OutFolder};
-use crate::report::{self, Comparison, Folder};
+use crate::record::Folder;
+use crate::report::{self, Comparison};
 use std::path::PathBuf;
 
 /// Arguments of `raycl compare`.
@@ -55,7 +56,9 @@ pub fn run(args: Args) -> Result<()> {
     let comparison = Comparison::of(&before, &after, args.threshold / 100.0);
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
-        return Err(error.with_help("points correspond by scene, image size, strategy's name and local size"));
+        return Err(error.with_help(
+            "points correspond by scene, image size, strategy's name and local size; a scene by its content",
+        ));
     }
     if let Some(out) = &mut out {
         report::write_comparison(&comparison, out)?;
@@ -63,7 +66,7 @@ pub fn run(args: Args) -> Result<()> {
     if args.json {
         super::print_json(&serde_json::json!({
             "before": comparison.labels[0], "after": comparison.labels[1], "summary": comparison.summary(),
-            "points": comparison.lines(), "not_compared": comparison.others,
+            "points": comparison.lines(), "not_compared": comparison.others, "notes": comparison.notes,
         }))?;
     } else if args.markdown {
         super::print(comparison.markdown().trim_end())?;
@@ -101,6 +104,9 @@ fn print_table(comparison: &Comparison) -> Result<()> {
     }
     for line in &comparison.others {
         super::print(line)?;
+    }
+    for note in &comparison.notes {
+        super::print(format!("note: {note}"))?;
     }
     super::print(comparison.summary())
 }

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::limits::{Figure, Limits, measure};
 use crate::output::{Choice, Target};
 use crate::program::Sources;
-use crate::record::significant;
+use crate::record::{dirty_program, significant};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -54,7 +54,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.json {
         return super::print_json(&all);
     }
-    all.iter().try_for_each(|limits| super::print(text(limits)))
+    all.iter().try_for_each(|limits| super::print(text(limits)))?;
+    dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))
 }
 
 fn devices(pattern: Option<&str>) -> Result<Vec<Device>> {

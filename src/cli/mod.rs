@@ -86,7 +86,8 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
-            Command::Worker { list: true } => crate::experiment::list_devices(),
+            // On a line of its own, whatever a driver has left on the line before.
+            Command::Worker { list: true } => print(format!("\n{}", crate::experiment::list_devices()?)),
             Command::Worker { list: false } => crate::experiment::serve(),
             Command::Compile(args) => compile::run(args),
             Command::Limits(args) => limits::run(args),

@@ -15,6 +15,7 @@ use crate::measure::Summary;
 use crate::memory::{Available, peak_bytes, resident_bytes};
 use crate::output::{Choice, Target};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::record::dirty_program;
 use crate::reference::reference;
 use crate::scene::{Loaded, Scene, load_scene_with};
 use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload, fastest};
@@ -125,7 +126,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: loaded.notes.clone(),
+        notes: loaded.notes.iter().cloned().chain(dirty_program()).collect(),
         ..Report::of(scene, &device, &strategy, &workload, &cast)
     };
     match (args.json, args.quiet) {

@@ -2,7 +2,8 @@
 
 use crate::error::Result;
 use crate::output::{Choice, OutFolder};
-use crate::report::{self, Folder};
+use crate::record::Folder;
+use crate::report;
 use std::path::PathBuf;
 
 /// Arguments of `raycl report`.

@@ -6,7 +6,8 @@ use super::run;
 use crate::error::{Error, Result};
 use crate::experiment::find_devices;
 use crate::output::{Choice, OutFolder, refuse_other_folders};
-use crate::report::{self, Folder};
+use crate::record::Folder;
+use crate::report;
 use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
 

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices};
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
-use crate::record::{Record, summary_terminal};
+use crate::record::{Folder, Record, summary_terminal};
 use crate::report::quote;
 use environment::environment;
 use forecast::forecast;
@@ -134,8 +134,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.dry_run {
         return foresee(&args);
     }
-    let (out, records) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
-    report(&args, &out, &records)
+    let (out, _) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
+    report(&args, &out)
 }
 
 /// The run that the arguments ask for; devices that share its points have to be alike.
@@ -290,15 +290,18 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
 }
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.
-fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
-    let folders = [crate::report::Folder::read(out)?];
-    let written = crate::report::write(&folders, &mut OutFolder::open(out, choice(args))?)?;
+fn report(args: &Args, out: &Path) -> Result<()> {
+    let folder = Folder::read(out)?;
+    let folders = std::slice::from_ref(&folder);
+    let written = crate::report::write(folders, &mut OutFolder::open(out, choice(args))?)?;
+    let records = &folder.records;
     if args.json {
         for record in records {
             super::print_json(record)?;
         }
     } else if !args.quiet {
         super::print(summary_terminal(records, super::coloured()))?;
+        folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
         super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;
         super::print(format!(

@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::limits::native_width;
+use super::variables;
 use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware, LaneOperations};
 use crate::error::{Error, Result};
 
@@ -111,8 +112,11 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     let extensions: Vec<String> =
         asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect();
     let raw = |query| ocl::core::get_device_info_raw(device.as_core(), query).ok();
+    let platform_name = platform.name().unwrap_or_default().trim().to_owned();
     let mut info = DeviceInfo {
-        platform: platform.name().unwrap_or_default().trim().to_owned(),
+        settings: variables::deciding(&platform_name),
+        cores: (kind == DeviceKind::Cpu).then(cores),
+        platform: platform_name,
         platform_version: platform.version().unwrap_or_default().trim().to_owned(),
         name: asked.text(Query::Name),
         vendor: asked.text(Query::Vendor),
@@ -131,6 +135,11 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         info.limits.lane_operations = LaneOperations::find(&info, platform, device);
     }
     Device { info, platform, device }
+}
+
+/// Cores that this process may use, by affinity and control groups.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// A device under questioning, with the first question it failed to answer.

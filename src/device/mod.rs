@@ -7,6 +7,7 @@ mod lanes;
 mod limits;
 pub mod occupancy;
 mod select;
+pub mod variables;
 
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
@@ -97,6 +98,12 @@ pub struct DeviceInfo {
     /// What it tells of its hardware beyond that.
     #[serde(default)]
     pub hardware: Hardware,
+    /// Environment variables that decide what its driver compiles or how it runs, as the process that listed it has them.
+    #[serde(default)]
+    pub settings: Vec<variables::Setting>,
+    /// Cores that process may use, where the device runs on them.
+    #[serde(default)]
+    pub cores: Option<usize>,
     /// Devices of the same platform and name found before this one.
     pub twins_before: usize,
     /// What records call it: its name, or its slug where another device has the same name.
@@ -130,11 +137,18 @@ impl DeviceInfo {
         }
     }
 
-    /// Everything that names the device and its driver, for keys.
+    /// Everything that names the device and its driver: what it is found by, and a part of keys.
     pub fn identity(&self) -> String {
         let Self { platform, platform_version, name, driver, twins_before, .. } = self;
         let twin = if *twins_before > 0 { format!(" | #{}", twins_before + 1) } else { String::new() };
         format!("{platform} | {platform_version} | {name} | {driver}{twin}")
+    }
+
+    /// The state that decides its times beside its identity, a part of keys: compute units, cores and the driver's variables.
+    pub fn state(&self) -> String {
+        let units = Some(format!("{} compute units", self.limits.compute_units));
+        let cores = self.cores.map(|cores| format!("{cores} cores"));
+        units.into_iter().chain(cores).chain(self.settings.iter().cloned()).collect::<Vec<_>>().join(" | ")
     }
 
     /// What its compiler takes where it says that it has it.
@@ -199,6 +213,8 @@ pub(crate) mod tests {
             extensions: vec!["cl_khr_fp64".into()],
             limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
             hardware: Hardware::default(),
+            settings: Vec::new(),
+            cores: None,
             twins_before: 0,
             label: name.into(),
             unusable: None,

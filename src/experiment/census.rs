@@ -80,8 +80,8 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
     reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
 }
 
-/// Lists the devices on standard output, for [`find_devices`].
-pub fn list_devices() -> Result<()> {
+/// The line that a process which lists devices answers [`find_devices`] with.
+pub fn list_devices() -> Result<String> {
     let census = match discover() {
         Ok(devices) => Census::Devices(devices.into_iter().map(|device| device.info).collect()),
         Err(error) => {
@@ -89,8 +89,7 @@ pub fn list_devices() -> Result<()> {
             Census::Failed { message: error.to_string(), help }
         }
     };
-    let line = serde_json::to_string(&census).map_err(|error| Error::run(error.to_string()))?;
-    crate::cli::print(format!("\n{line}"))
+    serde_json::to_string(&census).map_err(|error| Error::run(error.to_string()))
 }
 
 #[cfg(all(test, unix))]

@@ -3,6 +3,7 @@
 use super::protocol::Request;
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
+use std::io::Write as _;
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
@@ -109,7 +110,7 @@ impl Kind {
                 }
             }
             // Drivers write to standard output as they please.
-            Self::Garbage => drop(crate::cli::print("{\"Started\": a driver's words\n\n[1, 2")),
+            Self::Garbage => drop(writeln!(std::io::stdout(), "{{\"Started\": a driver's words\n\n[1, 2")),
         }
     }
 }

@@ -24,8 +24,8 @@ pub struct Keeper<'a> {
     pub results: &'a mut Results,
     /// Who listens.
     pub observer: &'a mut dyn Observer,
-    /// Every record so far.
-    pub done: Vec<Record>,
+    /// How many points have stopped, those of earlier sessions among them.
+    pub done: usize,
 }
 
 impl Keep for Keeper<'_> {
@@ -43,7 +43,7 @@ impl Keep for Keeper<'_> {
         record.timestamp = Some(jiff::Timestamp::now().to_string());
         self.results.record(&record)?;
         self.observer.finished(&record);
-        self.done.push(record);
+        self.done += 1;
         Ok(())
     }
 

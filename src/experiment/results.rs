@@ -5,14 +5,14 @@ use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::limits::{self, Limits};
 use crate::record::{
-    Environment, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines, summary_csv,
-    summary_markdown, sync_folder, write_whole,
+    CurrentPlan, Environment, Folder, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines,
+    summary_csv, summary_markdown, sync_folder, write_whole,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// A folder of results: `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
+/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
 /// `summary.md` and `summary.csv`. docs/format.md documents each.
 pub struct Results {
     folder: PathBuf,
@@ -101,11 +101,18 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Writes the summaries.
-    pub fn summarise(&self, records: &[Record], question: &str, expectation: &str) -> Result<()> {
-        let markdown = summary_markdown(records, question, expectation);
+    /// Says which points are the current run's.
+    pub fn plan(&mut self, plan: &CurrentPlan) -> Result<()> {
+        plan.write(&self.folder)
+    }
+
+    /// Writes the summaries of what the folder shows by its plan, and returns that.
+    pub fn summarise(&self, question: &str, expectation: &str) -> Result<Vec<Record>> {
+        let shown = Folder::read(&self.folder)?;
+        let markdown = summary_markdown(&shown.records, &shown.notes, question, expectation);
         write_whole(&self.folder.join("summary.md"), markdown.as_bytes())?;
-        write_whole(&self.folder.join("summary.csv"), &summary_csv(records)?)
+        write_whole(&self.folder.join("summary.csv"), &summary_csv(&shown.records)?)?;
+        Ok(shown.records)
     }
 }
 

@@ -85,6 +85,27 @@ impl OutFolder {
         self.write_list()
     }
 
+    /// Removes plots and exports that raycl wrote earlier, of scenes that are no longer shown. What somebody changed, and
+    /// what cannot be removed, stays.
+    pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
+        let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
+        if self.results {
+            super::stale::remove(&self.path, is_written);
+            return Ok(());
+        }
+        let old: Vec<_> =
+            self.made.iter().filter(|(_, name)| is_companion(name) && !is_written(name)).cloned().collect();
+        for entry in old {
+            let path = self.path.join(&entry.1);
+            let unchanged =
+                ordinary(&path).is_ok() && std::fs::read(&path).is_ok_and(|bytes| hash(&bytes) == entry.0);
+            if unchanged && std::fs::remove_file(&path).is_ok() {
+                self.made.remove(&entry);
+            }
+        }
+        self.write_list()
+    }
+
     fn put(&self, name: &str, bytes: &[u8]) -> Result<()> {
         let maker = |file: &mut File| self.maker(name, file, Some(bytes));
         put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
@@ -124,6 +145,11 @@ impl OutFolder {
         lines.sort_by(|a, b| a[66..].cmp(&b[66..]));
         write_page(&self.path.join(LIST), lines.concat().as_bytes())
     }
+}
+
+/// Whether a file belongs to a page, so that it goes with what the page shows.
+fn is_companion(name: &str) -> bool {
+    super::stale::FOLDERS.iter().any(|folder| Path::new(name).starts_with(folder))
 }
 
 fn hash(bytes: &[u8]) -> String {
@@ -191,6 +217,25 @@ mod tests {
         std::fs::write(folder.path().join(LIST), "my notes").unwrap();
         let error = write(folder.path(), KEEP, "two").unwrap_err();
         assert!(error.to_string().contains(LIST), "{error}");
+    }
+
+    #[test]
+    fn plots_of_what_is_no_longer_shown_go_unless_somebody_changed_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let files = |names: &[&str]| {
+            names.iter().map(|name| (name.to_string(), b"plot".to_vec())).collect::<Vec<_>>()
+        };
+        let mut opened = OutFolder::open(out, KEEP).unwrap();
+        opened.write(&files(&["page.html", "plots/a.svg", "plots/b.svg", "plots/c.svg"])).unwrap();
+        std::fs::write(out.join("plots/b.svg"), "mine").unwrap();
+        std::fs::write(out.join("plots/scenes.svg"), "mine too").unwrap();
+        let now = files(&["plots/c.svg"]);
+        opened.write(&now).unwrap();
+        opened.remove_stale(&now).unwrap();
+        let there = |name: &str| out.join(name).exists();
+        assert!(!there("plots/a.svg") && there("plots/b.svg") && there("plots/c.svg"));
+        assert!(there("plots/scenes.svg") && there("page.html"));
     }
 
     #[test]

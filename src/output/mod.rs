@@ -8,6 +8,7 @@ mod folder;
 pub mod mark;
 mod place;
 mod results;
+mod stale;
 mod target;
 
 pub use folder::{LIST, OutFolder};

@@ -1,7 +1,6 @@
 //! Kernel sources: embedded in the binary, or a folder that replaces them; flattened to one text.
 
 use crate::error::{Error, Result, nearest};
-use crate::record::{Source, git_state};
 use crate::strategy::Strategy;
 use include_dir::{Dir, include_dir};
 use std::path::PathBuf;
@@ -35,17 +34,8 @@ impl Sources {
         }
     }
 
-    /// What they are and whence, for who makes a run again.
-    pub fn describe(&self) -> Source {
-        let (path, git) = match self {
-            Self::Embedded => ("built in".to_owned(), None),
-            Self::Folder(folder) => (folder.display().to_string(), git_state(folder)),
-        };
-        Source { what: "kernels".to_owned(), path, hash: self.hash(), git }
-    }
-
     /// BLAKE3 of all files that the program has of its own, by name: those a folder has in their places, if it is one.
-    fn hash(&self) -> Option<String> {
+    pub fn hash(&self) -> Option<String> {
         let mut names = Vec::new();
         file_names(&EMBEDDED, &mut names);
         names.sort();

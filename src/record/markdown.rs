@@ -26,9 +26,10 @@ const LEFT: [usize; 2] = [0, 9];
 /// Columns whose points are aligned.
 const DECIMAL: [usize; 4] = [2, 3, 6, 7];
 
-/// The summary as Markdown. Everything in it comes from the records.
-pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -> String {
+/// The summary as Markdown. Everything in it comes from the records, and from the notes of who read them.
+pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {question}\n\nExpected: {expectation}\n");
+    text.extend(notes.iter().map(|note| format!("\nNote: {note}\n")));
     let groups = groups(records);
     for group in &groups {
         let size = by(group.image_size);
@@ -184,8 +185,8 @@ mod tests {
             measured("pocl", "wide", 2, [10.0, 10.2]),
             infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
         ];
-        let text = summary_markdown(&records, "Which is best?", "Wide is.");
-        assert!(text.starts_with("# Which is best?\n\nExpected: Wide is.\n"), "{text}");
+        let text = summary_markdown(&records, &["1 point.".to_owned()], "Which is best?", "Wide is.");
+        assert!(text.starts_with("# Which is best?\n\nExpected: Wide is.\n\nNote: 1 point.\n"), "{text}");
         for expected in [
             "## teapot, 800 x 500, pocl",
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
@@ -203,6 +204,6 @@ mod tests {
 
     #[test]
     fn no_records_is_no_panic() {
-        assert!(summary_markdown(&[], "Q?", "E.").contains("# Q?"));
+        assert!(summary_markdown(&[], &[], "Q?", "E.").contains("# Q?"));
     }
 }

@@ -3,12 +3,16 @@
 
 mod clocks;
 mod environment;
+mod folder;
 mod git;
 mod journal;
 mod kernel_tuner;
 mod markdown;
 mod numbers;
 mod parameters;
+mod plan;
+mod revision;
+mod scenes;
 mod spreadsheet;
 mod summary;
 mod t4;
@@ -18,11 +22,14 @@ mod whole;
 
 pub use clocks::Clocks;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
+pub use folder::{Folder, latest, point};
 pub use git::git_state;
 pub use journal::{JsonLines, Lines, read_lines};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
 pub(crate) use numbers::{by, duration, ms, significant};
+pub use plan::{CurrentPlan, PlannedPoint};
+pub use revision::{DIRTY, dirty_program, is_dirty};
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;

@@ -1,6 +1,7 @@
 //! What records say when they are put side by side: groups, winners, speed-ups.
 
 use super::types::{Outcome, Record};
+use crate::measure::winners;
 use crate::strategy::PRESETS;
 
 /// Records that are compared: those of one scene, image size and device.
@@ -71,9 +72,8 @@ impl<'a> Group<'a> {
     /// The fastest record and all whose 95% intervals overlap its own, fastest first.
     pub fn winners(&self) -> Vec<&'a Record> {
         let ranked = self.ranked();
-        let Some([low, high]) = ranked.first().and_then(|best| interval(best)) else { return Vec::new() };
-        let overlaps = |record: &&Record| interval(record).is_some_and(|[l, h]| l <= high && low <= h);
-        ranked.into_iter().filter(overlaps).collect()
+        let intervals: Vec<_> = ranked.iter().filter_map(|record| interval(record)).collect();
+        winners(&intervals).into_iter().map(|place| ranked[place]).collect()
     }
 
     /// The fastest measured record of those that `wanted` picks.

@@ -57,6 +57,15 @@ pub struct Record {
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
+    /// A hash of all in the scene that decides the picture: what tells scenes apart.
+    #[serde(default)]
+    pub scene_hash: Option<String>,
+    /// The scene's file, as the config's folder leads to it.
+    #[serde(default)]
+    pub scene_file: Option<String>,
+    /// The values set in it, each as a line of TOML.
+    #[serde(default)]
+    pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
     /// Which of several devices of this kind it was measured on, where points were spread over them.
@@ -170,17 +179,25 @@ pub struct Record {
     pub program_hash: Option<String>,
     /// The seed of the order of rounds.
     pub seed: Option<u64>,
+    /// The git revision that raycl was built from, "-dirty" where the tree was changed.
+    #[serde(default)]
+    pub revision: Option<String>,
 }
 
 impl Record {
+    /// Its strategy's value of an axis: the one reader of what `strategy` spells out.
+    pub fn axis(&self, axis: &str) -> Option<&str> {
+        axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
+    }
+
     /// Whether each of its rays is tested against every triangle, so that tests can be counted.
     pub fn tests_every_triangle(&self) -> bool {
-        self.is_baseline() || self.strategy.contains("traversal=exhaustive")
+        self.is_baseline() || self.axis("traversal") == Some("exhaustive")
     }
 
     /// Whether its rays walk a tree, each by itself or a tile of them together.
     pub fn walks_tree(&self) -> bool {
-        ["traversal=bvh", "traversal=tile"].iter().any(|way| self.strategy.contains(way))
+        matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
 
     /// The kernel that casts primary rays, alone or with the rest of the frame: the first but preparations.
@@ -192,6 +209,11 @@ impl Record {
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }
+}
+
+/// The axes that a strategy's text spells out, and their values; none of a baseline's.
+pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
+    strategy.split_whitespace().filter_map(|part| part.split_once('='))
 }
 
 /// One timed frame: a line of `samples.jsonl`.

@@ -4,9 +4,9 @@ mod answer;
 mod claims;
 mod compare;
 mod environment;
-mod folder;
 mod gallery;
 mod growth;
+mod merged;
 mod occupancy;
 mod overview;
 mod page;
@@ -19,13 +19,12 @@ mod words;
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Comparison, Pair};
 pub use environment::quote;
-pub use folder::Folder;
 pub use page::Page;
 pub use reproduction::Reproduction;
 
 use crate::error::Result;
 use crate::output::OutFolder;
-use crate::record::{Record, kernel_tuner_caches, summary_csv, t4_results};
+use crate::record::{Folder, Record, kernel_tuner_caches, summary_csv, t4_results};
 use plot::Plot;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -57,8 +56,9 @@ pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     let mut files = vec![(PAGE.to_owned(), page.html()?.into_bytes())];
     let plots = page.plots();
     files.extend(plot_files(&plots)?);
-    files.extend(exports(&folder::merged(folders))?);
+    files.extend(exports(&merged::merged(folders))?);
     out.write(&files)?;
+    out.remove_stale(&files)?;
     let at = |name: &str| out.path().join(name);
     Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }

@@ -2,14 +2,16 @@
 
 use super::answer::{self, Answer, answers, headline};
 use super::environment::{self, EnvironmentView, Program};
-use super::folder::{Folder, merged};
 use super::gallery::{self, Pictures};
+use super::merged::{labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, series_name, size_name, times};
 use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
-use crate::record::{Group, HOST, Outcome, Record, by, groups, interval, median, ms, percent, significant};
+use crate::record::{
+    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, percent, significant,
+};
 use askama::Template;
 
 /// The style sheet every page carries.
@@ -27,6 +29,7 @@ pub struct Page {
     title: String,
     questions: Vec<(String, String)>,
     headline: String,
+    notes: Vec<String>,
     counts: Vec<(String, String)>,
     answers: Vec<(Answer, Option<String>)>,
     overview: Vec<Plot>,
@@ -94,6 +97,7 @@ impl Page {
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
+            notes: notes(folders),
             counts: counts(&records, &groups),
             answers,
             overview,
@@ -129,6 +133,15 @@ pub fn nonce(records: &[Record]) -> String {
         hasher.update(record.scene.as_bytes());
     }
     hasher.finalize().to_hex().chars().take(24).collect()
+}
+
+/// What is to be said of the folders, under their names where there are several.
+pub fn notes(folders: &[Folder]) -> Vec<String> {
+    let of = |(folder, label): (&Folder, String)| -> Vec<String> {
+        let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
+        folder.notes.iter().map(said).collect()
+    };
+    folders.iter().zip(labels(folders)).flat_map(of).collect()
 }
 
 /// What the folders' configs asked and expected.

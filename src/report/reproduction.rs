@@ -1,8 +1,8 @@
 //! The paper beside the measurement: its figures redrawn, its claims tested, its contradictions said.
 
 use super::claims::{Claim, Verdict, claims};
-use super::folder::{Folder, merged};
-use super::page::{SCRIPT, STYLE, nonce};
+use super::merged::merged;
+use super::page::{SCRIPT, STYLE, nonce, notes};
 use super::paper::{self, CURVES};
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -10,7 +10,7 @@ use super::plot::palette::Look;
 use super::plot::scale::Kind;
 use super::words::tip;
 use crate::error::{Error, Result};
-use crate::record::{Group, HOST, by, duration, groups, median};
+use crate::record::{Folder, Group, HOST, by, duration, groups, median};
 use askama::Template;
 
 /// The page of the reproduction.
@@ -22,6 +22,7 @@ pub struct Reproduction {
     nonce: String,
     version: &'static str,
     devices: Vec<Device>,
+    notes: Vec<String>,
     commands: Vec<String>,
     /// Names of the folders that have reports of their own, which lie beside the page.
     reports: Vec<String>,
@@ -79,6 +80,7 @@ impl Reproduction {
             nonce: nonce(&records.concat()),
             version: env!("CARGO_PKG_VERSION"),
             devices: names.iter().enumerate().map(|(place, name)| device(place, name, &runs)).collect(),
+            notes: notes(folders),
             commands,
             reports: reports.map(|folder| folder.label.clone()).collect(),
         }

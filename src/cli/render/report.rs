@@ -68,7 +68,7 @@ pub struct Report {
     pub verified: Option<Verified>,
     /// The picture.
     pub output: String,
-    /// What was passed over or made up in reading the scene.
+    /// What was passed over or made up in reading the scene, and whether raycl was built from a tree with changes.
     pub notes: Vec<String>,
 }
 

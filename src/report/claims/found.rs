@@ -203,7 +203,7 @@ pub(super) fn compounded(found: &Found<'_>) -> Finding {
 }
 
 pub(super) fn private_vectors(found: &Found<'_>) -> Finding {
-    let private = |record: &Record| record.strategy.contains("vectors=private");
+    let private = |record: &Record| record.axis("vectors") == Some("private");
     let whole = ran(found, &|record| record.preset.as_deref() == Some("private"));
     whole.or_else(|| ran(found, &private)).unwrap_or_else(nothing)
 }

@@ -2,10 +2,10 @@
 
 mod page;
 
-use super::folder::{Folder, merged};
+use super::merged::{labels, merged};
 use super::words::{size_name, title};
 use crate::measure::{Summary, Verdict, compare};
-use crate::record::{HOST, Outcome, Record, by, median, significant};
+use crate::record::{Folder, HOST, Outcome, Record, by, median, significant};
 use serde::Serialize;
 use std::collections::HashMap;
 
@@ -44,6 +44,8 @@ pub struct Comparison {
     pub pairs: Vec<Pair>,
     /// Points that only one measured, or that another outcome replaced: what happened, in a line.
     pub others: Vec<String>,
+    /// What is to be said of the folders, each under its name.
+    pub notes: Vec<String>,
     /// Changes of less than this part are the same.
     pub threshold: f64,
 }
@@ -80,36 +82,58 @@ impl Comparison {
     /// Compares two folders. `threshold` is a part: 0.02 is 2%.
     ///
     /// Points correspond where scene, image size, strategy and local size are equal. Devices correspond by name, or,
-    /// where each folder has but one, to each other: another machine's results can be compared.
+    /// where each folder has but one, to each other: another machine's results can be compared. Scenes correspond by content where both
+    /// folders have recorded it, else by name.
     pub fn of(before: &Folder, after: &Folder, threshold: f64) -> Self {
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
+        let by_content = [before, after].iter().all(|folder| has_content(folder));
         let point = |record: &Record| {
             let device = if one_each && !record.is_baseline() { "the device" } else { &record.device };
-            (
-                record.scene.clone(),
-                record.image_size,
-                device.to_owned(),
-                record.name.clone(),
-                record.local_size,
-            )
+            let scene = record.scene_hash.as_ref().filter(|_| by_content).unwrap_or(&record.scene);
+            (scene.clone(), record.image_size, device.to_owned(), record.name.clone(), record.local_size)
         };
         let after_records = merged(std::slice::from_ref(after));
         let mut found: HashMap<_, _> = after_records.iter().map(|record| (point(record), record)).collect();
-        let mut comparison =
-            Self { labels: labels(before, after), pairs: Vec::new(), others: Vec::new(), threshold };
+        let mut comparison = Self::without_points([before, after], threshold);
+        let mut only = [Vec::new(), Vec::new()];
         for record in merged(std::slice::from_ref(before)) {
             match found.remove(&point(&record)) {
                 Some(other) => comparison.add(record, other),
-                None => {
-                    comparison.others.push(format!("{}: only in {}", name(&record), comparison.labels[0]))
+                None => only[0].push(record),
+            }
+        }
+        only[1].extend(after_records.iter().filter(|record| found.contains_key(&point(record))).cloned());
+        comparison.say_what_only_one_has(&only);
+        comparison
+    }
+
+    fn without_points(folders: [&Folder; 2], threshold: f64) -> Self {
+        let labels = labels(&folders.map(Folder::clone));
+        let notes_of = |(folder, label): (&&Folder, &String)| -> Vec<String> {
+            folder.notes.iter().map(|note| format!("{label}: {note}")).collect()
+        };
+        let notes = folders.iter().zip(&labels).flat_map(notes_of).collect();
+        let labels = labels.try_into().unwrap_or_default();
+        Self { labels, pairs: Vec::new(), others: Vec::new(), notes, threshold }
+    }
+
+    /// A line a point; but one a scene, where both folders have one of its name and another content.
+    fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2]) {
+        let [before, after] = only;
+        let changed = |record: &Record, others: &[Record]| {
+            others.iter().any(|other| other.scene == record.scene && other.scene_hash != record.scene_hash)
+        };
+        for (records, others, label) in [(before, after, 0), (after, before, 1)] {
+            for record in records {
+                let line = match changed(record, others) {
+                    true => format!("{}: another scene in each, by its content", record.scene),
+                    false => format!("{}: only in {}", name(record), self.labels[label]),
+                };
+                if !self.others.contains(&line) {
+                    self.others.push(line);
                 }
             }
         }
-        let left = after_records.iter().filter(|record| found.contains_key(&point(record)));
-        let only: Vec<_> =
-            left.map(|record| format!("{}: only in {}", name(record), comparison.labels[1])).collect();
-        comparison.others.extend(only);
-        comparison
     }
 
     fn add(&mut self, before: Record, after: &Record) {
@@ -181,12 +205,9 @@ fn devices(folder: &Folder) -> Vec<&str> {
     devices
 }
 
-/// The folders' names, told apart where they are the same.
-fn labels(before: &Folder, after: &Folder) -> [String; 2] {
-    if before.label != after.label {
-        return [before.label.clone(), after.label.clone()];
-    }
-    [before, after].map(|folder| folder.path.display().to_string())
+/// Whether all its records say what their scenes hold.
+fn has_content(folder: &Folder) -> bool {
+    folder.records.iter().all(|record| record.scene_hash.is_some())
 }
 
 #[cfg(test)]
@@ -226,6 +247,16 @@ mod tests {
         assert!(comparison.regressions(150.0)[0].contains("was measured, is infeasible"));
         assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
         assert!(comparison.markdown().contains("| +100.0% | slower |"), "{}", comparison.markdown());
+    }
+
+    #[test]
+    fn a_scene_that_was_edited_is_another() {
+        let of = |hash: &str, name: &str| Record { scene_hash: Some(hash.into()), ..timed("a", name, 10.0) };
+        let before = folder("old", vec![of("1", "naive"), of("1", "wide")]);
+        let after = folder("new", vec![of("2", "naive"), of("2", "wide")]);
+        let comparison = Comparison::of(&before, &after, 0.02);
+        assert!(comparison.pairs.is_empty());
+        assert_eq!(comparison.others, ["teapot: another scene in each, by its content"]);
     }
 
     #[test]

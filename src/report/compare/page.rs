@@ -25,6 +25,9 @@ impl Comparison {
             let cells = cells.map(|cell| cell.replace('|', "\\|"));
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
+        self.notes.iter().for_each(|note| {
+            let _ = writeln!(text, "\nNote: {note}");
+        });
         if !self.others.is_empty() {
             text.push_str("\nNot compared:\n\n");
             self.others.iter().for_each(|line| {
@@ -118,6 +121,7 @@ impl Comparison {
             plot: self.plot(),
             rows: self.rows(),
             others: &self.others,
+            notes: &self.notes,
             threshold: self.threshold_percent(),
         };
         page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
@@ -136,6 +140,7 @@ struct Page<'a> {
     plot: Plot,
     rows: Vec<Row>,
     others: &'a [String],
+    notes: &'a [String],
     threshold: String,
 }
 
