@@ -125,6 +125,40 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
 }
 
 #[test]
+fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
+    let few = |name: &str, side: u32, n: usize| {
+        // As earlier versions wrote it: an interval of no width.
+        let mut few = record("teapot", name, side, 1798.0);
+        few["samples_ms"] = json!(vec![1798.0; n]);
+        few["ci95_ms"] = json!([1798.0, 1798.0]);
+        few
+    };
+    let mut serial = few("serial", 0, 1);
+    (serial["device"], serial["strategy"], serial["local_size"]) =
+        ("host".into(), "serial-f32".into(), Value::Null);
+    let results = folder(&[serial, few("naive", 8, 4), record("teapot", "wide", 4, 2000.0)]);
+    let out = tempfile::tempdir().expect("a folder");
+    outcome(&["report", path(&results), "--out", path(&out)], 0);
+    let text = |name: &str| std::fs::read_to_string(out.path().join(name)).expect("it is there");
+    let page = text("report.html");
+    for expected in [
+        "not enough samples (n = 1)",
+        "not enough samples (n = 4)",
+        "Not enough samples to rank: naive at 8 x 8",
+    ] {
+        assert!(page.contains(expected), "{expected:?} is not in the page");
+    }
+    assert!(page.contains("wide is the fastest."), "the point of four samples has no say");
+    assert!(!page.contains("1798 to 1798"), "an interval of few samples");
+    let points = text("exports/points.csv");
+    let row = points.lines().find(|row| row.contains(",naive,")).expect("a row");
+    assert!(row.contains(",1798.0,,,,,4,"), "{row}");
+    let faster = folder(&[few("naive", 8, 10), record("teapot", "wide", 4, 2000.0)]);
+    let (said, _) = outcome(&["compare", path(&results), path(&faster), "--fail-on-regression", "0"], 0);
+    assert!(said.contains("1 same, 0 unclear, 1 not enough samples"), "{said}");
+}
+
+#[test]
 fn pictures_are_compared_and_told_apart() {
     let folder = tempfile::tempdir().expect("a folder");
     let place = |name: &str| folder.path().join(name).display().to_string();

@@ -87,7 +87,9 @@ fn print_table(comparison: &Comparison) -> Result<()> {
     let mut table =
         super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
-    changed.sort_by(|a, b| b.change_percent.total_cmp(&a.change_percent));
+    // Without a change comes last.
+    let change = |pair: &report::Pair| pair.change_percent.unwrap_or(f64::NEG_INFINITY);
+    changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
     let several = comparison.has_several_devices();
     for pair in &changed {
         let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::record::ms);

@@ -34,7 +34,7 @@ pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
 pub use summary::{Group, groups, scene_notes};
-pub(crate) use summary::{interval, median};
+pub(crate) use summary::{estimate, few_names, interval, median, not_enough, quartiles, ranking};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};

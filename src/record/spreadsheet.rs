@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::summary::{interval, quartiles};
 use super::types::Record;
 use crate::error::{Error, Result};
 
@@ -72,10 +73,10 @@ impl<'a> Row<'a> {
             outcome: record.outcome.name(),
             reason: record.reason.as_deref(),
             median_ms: record.median_ms,
-            q1_ms: record.q1_ms,
-            q3_ms: record.q3_ms,
-            ci95_low_ms: record.ci95_ms.map(|interval| interval[0]),
-            ci95_high_ms: record.ci95_ms.map(|interval| interval[1]),
+            q1_ms: quartiles(record).map(|ends| ends[0]),
+            q3_ms: quartiles(record).map(|ends| ends[1]),
+            ci95_low_ms: interval(record).map(|ends| ends[0]),
+            ci95_high_ms: interval(record).map(|ends| ends[1]),
             samples: record.samples_ms.len(),
             stop_reason: record.stop_reason.as_deref(),
             primary_ms: record.primary_ms,

@@ -100,7 +100,7 @@ pub struct Record {
     pub q1_ms: Option<f64>,
     /// Their third quartile.
     pub q3_ms: Option<f64>,
-    /// The 95% bootstrap interval of the median: low, high.
+    /// The 95% bootstrap interval of the median: low, high. Files of earlier versions have one of few samples too.
     pub ci95_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order taken.
     #[serde(default)]

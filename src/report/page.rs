@@ -6,11 +6,11 @@ use super::gallery::{self, Pictures};
 use super::merged::{labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
-use super::words::{Looks, first_line, group_title, series_name, size_name, times};
+use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name, times};
 use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
 use crate::record::{
-    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, percent, significant,
+    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, not_enough, percent, significant,
 };
 use askama::Template;
 
@@ -212,11 +212,11 @@ fn one_view(
     others.extend(view::strip(group, &file("samples")));
     let capability = compute_capability(folders, group.device);
     others.extend(occupancy::plot(group, looks, capability.as_deref(), &file("occupancy")));
-    let winners = group.winners();
-    let best = winners.first().and_then(|record| median(record));
+    let ranking = group.ranking();
+    let best = ranking.winners.first().and_then(|record| median(record));
     let failed = group.failures().into_iter().map(|(record, _)| record);
-    let kernels = group.ranked().into_iter().chain(failed);
-    let wins = |record: &Record| winners.iter().any(|winner| winner.key == record.key);
+    let kernels = ranking.all().into_iter().chain(failed);
+    let wins = |record: &Record| ranking.winners.iter().any(|winner| winner.key == record.key);
     let rows = kernels.map(|record| row(record, best, wins(record)));
     let host = answer::baselines(group, groups).into_iter().map(|record| row(record, best, false));
     View {
@@ -267,11 +267,12 @@ fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
         size: size_name(record),
         items: record.local_size.map_or(0, |[across, down]| across * down),
         median: number(time, &ms),
-        interval: interval(record)
-            .filter(|_| time.is_some())
-            .map_or(String::new(), |[low, high]| format!("{} to {}", ms(low), ms(high))),
+        interval: interval(record).map(interval_text).or(not_enough(record)).unwrap_or_default(),
         n: record.samples_ms.len(),
-        slower: time.zip(best).map_or(String::new(), |(time, best)| times(time, best)),
+        slower: time
+            .filter(|_| interval(record).is_some())
+            .zip(best)
+            .map_or(String::new(), |(time, best)| times(time, best)),
         rays: number(record.rays_per_s, &|rays| significant(rays / 1e6, 3)),
         tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
         outcome: record.outcome.name(),

@@ -3,7 +3,7 @@
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
 use crate::program::MadeKernel;
-use crate::record::{Folder, Record, by, median, ms};
+use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
@@ -59,6 +59,7 @@ fn object(record: &Record, kernel: &MadeKernel) -> serde_json::Value {
         "occupancy": kernel.occupancy,
         "limited_by": kernel.occupancy_limited_by,
         "median_ms": median(record),
+        "samples": record.samples_ms.len(),
     })
 }
 
@@ -75,10 +76,16 @@ fn text(points: &[(&Record, MadeKernel)]) -> String {
             kernel.resident_groups.map_or(String::new(), |groups| groups.to_string()),
             kernel.occupancy.map_or(String::new(), |part| format!("{:.0}%", 100.0 * part)),
             kernel.occupancy_limited_by.clone().unwrap_or_default(),
-            median(record).map_or("-".to_owned(), ms),
+            time(record),
         ]);
     }
     table.to_string()
+}
+
+/// "12.30", or "12.30, not enough samples (n = 3)".
+fn time(record: &Record) -> String {
+    let few = not_enough(record).map_or(String::new(), |why| format!(", {why}"));
+    median(record).map_or("-".to_owned(), |time| ms(time) + &few)
 }
 
 #[cfg(test)]

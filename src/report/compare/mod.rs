@@ -18,8 +18,8 @@ pub struct Pair {
     pub after: Record,
     /// How the second stands to the first.
     pub verdict: Verdict,
-    /// The second's time as a percentage of the first's, less 100: positive is slower.
-    pub change_percent: f64,
+    /// The second's time as a percentage of the first's, less 100: positive is slower. None where there are not enough samples.
+    pub change_percent: Option<f64>,
 }
 
 /// A pair as `--json` prints it.
@@ -31,7 +31,7 @@ pub struct PairLine<'a> {
     name: &'a str,
     local_size: Option<[u32; 2]>,
     median_ms: [Option<f64>; 2],
-    change_percent: f64,
+    change_percent: Option<f64>,
     verdict: &'static str,
 }
 
@@ -51,12 +51,15 @@ pub struct Comparison {
 }
 
 impl Pair {
-    /// "+12.3%"; "496× as long" from tenfold on, where per cent say little.
+    /// "+12.3%"; "496× as long" from tenfold on, where per cent say little; "n = 10 and 3" where there are not enough samples.
     pub fn change(&self) -> String {
-        match 1.0 + self.change_percent / 100.0 {
+        let Some(percent) = self.change_percent else {
+            return format!("n = {} and {}", self.before.samples_ms.len(), self.after.samples_ms.len());
+        };
+        match 1.0 + percent / 100.0 {
             ratio if ratio >= 10.0 => format!("{}× as long", significant(ratio, 3)),
             ratio if ratio > 0.0 && ratio <= 0.1 => format!("{}× as fast", significant(1.0 / ratio, 3)),
-            _ => format!("{:+.1}%", self.change_percent),
+            _ => format!("{percent:+.1}%"),
         }
     }
 
@@ -141,7 +144,8 @@ impl Comparison {
             [&before, after].map(|record| median(record).and_then(|_| Summary::of(&record.samples_ms)));
         if let [Some(a), Some(b)] = summaries {
             let verdict = compare(&a, &b, self.threshold);
-            let change_percent = 100.0 * (b.median_ms / a.median_ms - 1.0);
+            let change = 100.0 * (b.median_ms / a.median_ms - 1.0);
+            let change_percent = (verdict != Verdict::NotEnough).then_some(change);
             self.pairs.push(Pair { before, after: after.clone(), verdict, change_percent });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
@@ -156,19 +160,21 @@ impl Comparison {
 
     /// The points that are surely slower by more than `percent`, and those that ran before and fail now.
     pub fn regressions(&self, percent: f64) -> Vec<String> {
-        let slower =
-            self.pairs.iter().filter(|pair| pair.verdict == Verdict::Slower && pair.change_percent > percent);
         let several = self.has_several_devices();
-        let slower =
-            slower.map(|pair| format!("{} is {:.1}% slower", pair.point(several), pair.change_percent));
+        let slower = self.pairs.iter().filter(|pair| pair.verdict == Verdict::Slower);
+        let slower = slower.filter_map(|pair| {
+            let change = pair.change_percent.filter(|change| *change > percent)?;
+            Some(format!("{} is {change:.1}% slower", pair.point(several)))
+        });
         let broken = self.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
         slower.chain(broken).collect()
     }
 
-    /// "12 faster, 3 slower, 40 same, 5 unclear".
+    /// "12 faster, 3 slower, 40 same, 5 unclear", and, where there are such, "2 not enough samples".
     pub fn summary(&self) -> String {
-        let all = [Verdict::Faster, Verdict::Slower, Verdict::Same, Verdict::Unclear];
-        all.map(|verdict| format!("{} {}", self.count(verdict), verdict.name())).join(", ")
+        let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
+        let shown = counts.iter().filter(|(verdict, count)| *verdict != Verdict::NotEnough || *count > 0);
+        shown.map(|(verdict, count)| format!("{count} {}", verdict.name())).collect::<Vec<_>>().join(", ")
     }
 
     /// The pairs as JSON lines would have them.
@@ -213,7 +219,7 @@ fn has_content(folder: &Folder) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{infeasible, measured};
+    use crate::record::fixtures::{few, infeasible, measured};
 
     fn folder(label: &str, records: Vec<Record>) -> Folder {
         Folder { label: label.into(), records, ..Folder::default() }
@@ -257,6 +263,20 @@ mod tests {
         let comparison = Comparison::of(&before, &after, 0.02);
         assert!(comparison.pairs.is_empty());
         assert_eq!(comparison.others, ["teapot: another scene in each, by its content"]);
+    }
+
+    #[test]
+    fn few_samples_of_either_are_no_verdict() {
+        let before = folder("old", vec![timed("a", "naive", 10.0), few("a", "wide", 8, 1.0, 3)]);
+        let after = folder("new", vec![few("a", "naive", 8, 99.0, 4), timed("a", "wide", 99.0)]);
+        let comparison = Comparison::of(&before, &after, 0.02);
+        assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 not enough samples");
+        assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
+        let markdown = comparison.markdown();
+        assert!(markdown.contains("| n = 10 and 4 | not enough samples |"), "{markdown}");
+        assert!(!markdown.contains("as long"), "{markdown}");
+        let html = comparison.html().expect("it renders");
+        assert!(html.contains("not enough samples (n = 4)") && !html.contains("99.00 to 99.00"), "{html}");
     }
 
     #[test]
