@@ -220,6 +220,47 @@ mod tests {
         assert_eq!((shown.as_str(), shown.len()), ("# ?]0;title?\n??2Jv x\n", text.len()));
     }
 
+    /// The error as it is printed where there is no terminal, at a marked place of a text.
+    fn printed(text: &str, mark: &str) -> String {
+        let start = text.find(mark).unwrap();
+        let error = Error::in_file("a.toml", text, start..start + mark.len(), "a mistake", "here");
+        let handler = miette::MietteHandlerOpts::new().wrap_lines(false).color(false).build();
+        struct Shown(Error, miette::MietteHandler);
+        impl std::fmt::Debug for Shown {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                miette::ReportHandler::debug(&self.1, &self.0, f)
+            }
+        }
+        format!("{:?}", Shown(error, handler))
+    }
+
+    #[test]
+    fn long_lines_of_a_file_are_cut_or_not_shown() {
+        let long = "\u{fc}".repeat(70_000);
+        for (text, place) in [
+            (format!("# {long}\nbad = 1\n# {long}\n"), "a.toml:2:1"),
+            (format!("a = 1\nbad = 1\n# {long}"), "a.toml:2:1"),
+            (format!("x = \"{long}\"\n\nab = 1\n  bad = 1\n"), "a.toml:4:3"),
+            (format!("a = 1\nx = \"{long}\"; bad\n"), "a.toml:2:70009: a mistake"),
+            (format!("bad\n{}", "y\n".repeat(50)), "a.toml:1:1"),
+        ] {
+            let printed = printed(&text, "bad");
+            assert!(printed.contains(place), "{place}: {printed}");
+            assert!(printed.lines().all(|line| line.chars().count() < 420), "{place}");
+        }
+        let mark = format!("bad{}", "\nz".repeat(50));
+        assert!(printed(&mark, &mark).lines().count() < 10, "a span of many lines stands for its first");
+    }
+
+    #[test]
+    fn long_words_of_a_file_are_shortened_in_messages() {
+        let error =
+            Error::in_file("a.toml", "x\n", 0..1, format!("`{}\u{1b}`, expected y", "k".repeat(9_000)), "");
+        let message = error.to_string();
+        assert!(message.len() < 400 && message.starts_with("`kk") && message.ends_with("?`, expected y"));
+        assert_eq!(nearest(&"k".repeat(9_000), ["k"]), None);
+    }
+
     #[test]
     fn nearest_finds_a_misspelt_name_and_refuses_a_strange_one() {
         let names = ["private", "global", "local"];

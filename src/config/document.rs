@@ -7,6 +7,7 @@ use toml::de::{DeArray, DeTable, DeValue, Deserializer};
 use toml::{Spanned, Value};
 
 use crate::error::{Error, Result, line_of, nearest};
+use crate::filetype::Wanted;
 
 /// A file and the overrides from the command line. Spans below the file's
 /// length lie in the file; beyond it, each override has a range of its own.
@@ -87,6 +88,7 @@ impl Document {
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let span = error.span().unwrap_or(start..start);
         self.error(span, format!("this is not TOML: {}", error.message().trim()), "here")
+            .with_help(Wanted::Experiment.read())
     }
 
     /// What serde found wrong, in the user's words.

@@ -56,7 +56,8 @@ pub enum Wanted {
 }
 
 impl Wanted {
-    fn read(self) -> &'static str {
+    /// What is read there.
+    pub fn read(self) -> &'static str {
         match self {
             Self::Scene => "raycl reads scenes (TOML) and OBJ meshes",
             Self::Mesh => "`obj` reads OBJ meshes",
@@ -78,7 +79,9 @@ impl FileType {
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));
         match (self, wanted) {
             (Self::Foreign(Foreign { name, remedy }), _) => {
-                let help = if remedy.is_empty() { String::new() } else { format!(": {remedy}") };
+                // No export of a mesh is an experiment.
+                let none = remedy.is_empty() || wanted == Wanted::Experiment && remedy == signatures::EXPORT;
+                let help = if none { String::new() } else { format!("; {remedy}") };
                 refused(&format!("{name}, which raycl does not read"), &format!("{}{help}", wanted.read()))
             }
             (Self::Utf16, _) => Some(

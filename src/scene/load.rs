@@ -5,10 +5,11 @@ use super::overrides;
 use super::toml_error::toml_error;
 use super::wire::SceneWire;
 use super::{Scene, framing};
-use crate::error::{Error, Result, nearest_file, shortened};
+use crate::error::{Error, Result, line_of, nearest_file, shortened};
 use crate::filetype::{FileType, Opened, Wanted, experiment_instead};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use toml::de::DeTable;
 use toml::{Table, Value};
 
 /// A scene, and what a user may want to know about how it was read.
@@ -40,6 +41,7 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
     let document = Document::read(path, overrides)?;
     let wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
         experiment_instead(path, &document.text)
+            .or_else(|| document.not_toml(path, &error))
             .unwrap_or_else(|| toml_error(&document.name, &document.text, &error))
     })?;
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
@@ -92,6 +94,17 @@ impl Document {
         let held = if self.bare { "an OBJ mesh" } else { "a scene (TOML)" };
         let usual = self.bare == is_named_obj(path) || path.extension().is_none();
         (!usual).then(|| format!("{}: read as {held}, which it holds whatever its name says", path.display()))
+    }
+
+    /// The mistake of a file that does not say it is TOML and is not: it is likely none of what raycl reads.
+    fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
+        if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
+            return None;
+        }
+        let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
+        let reason = error.message().trim_end();
+        let message = format!("{}:{line}: neither a scene (TOML) nor an OBJ mesh: {reason}", self.name);
+        Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
     /// Sets values and writes the text anew, so that a message shows what was read.

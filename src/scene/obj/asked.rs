@@ -50,7 +50,7 @@ impl Wish {
             Self::FreeForm => ("curves and surfaces", "only faces are seen"),
             Self::Attribute => ("display attributes", "all faces are seen alike"),
             Self::OtherFile => ("another file or command", "it is neither read nor run"),
-            Self::Unknown => ("something unknown here", "they are passed over"),
+            Self::Unknown => ("unknown things", "they are passed over"),
         }
     }
 }
@@ -119,18 +119,21 @@ impl Asked {
         }
     }
 
-    /// A sentence of each kind; `who` is a material or a line.
+    /// A sentence of each kind; `who` is a material or a statement.
     pub fn notes(&self, who: &str) -> impl Iterator<Item = String> {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();
-            let (total, names) = (count.total, count.told());
-            let verb = if total == 1 { "asks" } else { "ask" };
-            format!("{} {verb} for {what} ({names}), which raycl does not do: {instead}", counted(total, who))
+            let (asking, names) = (counted(count.total, who), count.told());
+            let verb = if count.total == 1 { "asks" } else { "ask" };
+            match wish {
+                Wish::Unknown => format!("unknown keywords of {asking} are passed over ({names})"),
+                _ => format!("{asking} {verb} for {what} ({names}), which raycl does not do: {instead}"),
+            }
         })
     }
 }
 
-/// `1 line`, `2 lines`, `12,345 vertices`.
+/// `1 material`, `2 materials`, `12,345 vertices`.
 pub(super) fn counted(count: usize, what: &str) -> String {
     let digits = count.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();

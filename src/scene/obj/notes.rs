@@ -12,7 +12,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, notes: &mut Vec<
     if colours > 0 {
         let (vertices, has) = (counted(colours, "vertex"), if colours == 1 { "has" } else { "have" });
         notes.push(format!(
-            "{vertices} {has} a colour (v x y z r g b), which raycl does not read: Kd is used"
+            "{vertices} {has} a colour (v x y z r g b), which raycl does not read: colours are the materials'"
         ));
     }
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
@@ -29,7 +29,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, notes: &mut Vec<
     }
     let mut asked = Asked::default();
     points.iter().for_each(|chunk| asked.extend(&chunk.asked));
-    notes.extend(asked.notes("line"));
+    notes.extend(asked.notes("statement"));
 }
 
 /// Notes of the materials that some triangle has.
