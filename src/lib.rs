@@ -5,8 +5,9 @@
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/`; [`launch`] runs them;
 //! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them;
-//! [`memory`] says what the host can hold; [`record`] keeps what was found. [`image`] turns radiance into pictures;
-//! [`output`] writes files where the user says, and replaces nothing of anybody else's.
+//! [`filetype`] names files that are something else; [`memory`] says what the host can hold; [`record`] keeps what was
+//! found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
+//! anybody else's.
 //! [`cli`] holds one file a subcommand.
 
 pub mod accel;
@@ -15,6 +16,7 @@ pub mod config;
 pub mod device;
 pub mod error;
 pub mod experiment;
+pub mod filetype;
 pub mod image;
 pub mod launch;
 pub mod limits;

@@ -10,6 +10,7 @@ mod commands;
 mod edits;
 #[cfg(unix)]
 mod faults;
+mod formats;
 mod goldens;
 #[cfg(unix)]
 mod hostile;

@@ -35,6 +35,8 @@ struct Report {
     total_ms: f64,
     verified: Option<Verified>,
     output: String,
+    /// What was passed over or made up in reading the scene.
+    notes: Vec<String>,
 }
 
 /// One device's part.
@@ -106,6 +108,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         total_ms: ms_since(start),
         verified,
         output: target.path().display().to_string(),
+        notes: loaded.notes.clone(),
     };
     match (args.json, args.quiet) {
         (true, _) => super::super::print_json(&report),
@@ -132,7 +135,7 @@ fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     format!(
         "scene     {}: {} triangles\nstrategy  {}\nsize      {width} x {height} pixels\n{table}\nframe     {:.2} ms, the \
-         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\n{}picture   {}",
+         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\n{}{}picture   {}",
         report.scene,
         report.triangles,
         report.strategy,
@@ -141,6 +144,7 @@ fn text(report: &Report) -> String {
         report.upload_ms,
         report.read_ms,
         report.verified.as_ref().map(|verified| verified.text() + "\n").unwrap_or_default(),
+        report.notes.iter().map(|note| format!("note      {note}\n")).collect::<String>(),
         report.output
     )
 }
