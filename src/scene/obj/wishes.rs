@@ -30,11 +30,13 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);
     let any = |holds: fn(f32) -> bool| values().any(holds);
+    // Some exporters write a map's keyword without a file.
+    let names_file = || tokens(rest).next().is_some();
     let not_zero = || any(|value| value != 0.0);
     let (wish, asks) = match &lower[..] {
         [b'#', ..] | b"" | b"illum" | b"ni" | b"sharpness" => return,
-        b"bump" | b"disp" | b"decal" | b"norm" | b"refl" => (Wish::Texture, true),
-        _ if lower.starts_with(b"map_") && lower != b"map_aat" => (Wish::Texture, true),
+        b"bump" | b"disp" | b"decal" | b"norm" | b"refl" => (Wish::Texture, names_file()),
+        _ if lower.starts_with(b"map_") && lower != b"map_aat" => (Wish::Texture, names_file()),
         b"map_aat" => return,
         b"d" => (Wish::Transparency, any(|value| value < 1.0)),
         b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
