@@ -67,7 +67,8 @@ pub fn run(args: Args) -> Result<()> {
     let strategies: Vec<Strategy> =
         args.strategy.iter().map(|text| parse_strategy(text)).collect::<Result<_>>()?;
     strategies.iter().try_for_each(|strategy| strategy.check())?;
-    let device = one_device(args.device.as_deref())?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let device = one_device(args.device.as_deref(), &sources)?;
     let queue = Queue::open(device.platform, device.device)?;
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
         let (made, files) = compile(&args, &device, &queue, &scene, strategy)?;

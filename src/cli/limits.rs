@@ -37,7 +37,7 @@ pub struct Args {
 /// Measures the devices one after another.
 pub fn run(args: Args) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let all: Vec<Limits> = devices(args.device.as_deref())?
+    let all: Vec<Limits> = devices(args.device.as_deref(), &sources)?
         .iter()
         .map(|device| measure(device, &sources))
         .collect::<Result<_>>()?;
@@ -50,11 +50,11 @@ pub fn run(args: Args) -> Result<()> {
     all.iter().try_for_each(|limits| super::print(text(limits)))
 }
 
-fn devices(pattern: Option<&str>) -> Result<Vec<Device>> {
+fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     match pattern {
-        None => one_device(None).map(|device| vec![device]),
+        None => one_device(None, sources).map(|device| vec![device]),
         Some(pattern) => {
-            let devices = discover()?;
+            let devices = discover(sources)?;
             Ok(select(&devices, &[pattern.to_owned()])?.into_iter().cloned().collect())
         }
     }
