@@ -203,17 +203,17 @@ fn a_local_size_that_no_device_holds_is_refused_with_arithmetic() {
 #[test]
 fn a_folder_of_kernels_that_lacks_a_file() {
     let message = argument_mistake(&["--cl-dir", "nowhere"]);
-    has(&message, &["cannot read nowhere/cast.cl", "laid out as raycl's cl/"]);
+    has(&message, &["cannot read nowhere/", "laid out as raycl's cl/"]);
 }
 
 #[test]
 fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let kernels = place.kernels("shared/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
     let device = crate::binary::device();
     let render = ["render", "scene.toml", "--device", &device, "--cl-dir", kernels.to_str().expect("UTF-8")];
     let message = place.mistake(&render, 1);
-    has(&message, &["the build failed", "shared/shade.cl:1"]);
+    has(&message, &["the build failed", "cast/shade.cl:1"]);
     assert!(!message.contains("####"), "{message}");
 }
 

@@ -53,7 +53,7 @@ fn rounds_of_lights_of_every_tile() {
     let mut stand = Stand::new(coarse("many-lights.toml", 2_000), SIZE);
     for (tile, intersector, rounds) in [
         (TileSize::T8x4, Intersector::CommonOrigin, 2),
-        (TileSize::T8x8, Intersector::MollerTrumbore, 3),
+        (TileSize::T8x8, Intersector::EdgePlanes, 3),
         (TileSize::T16x16, Intersector::CommonOrigin, 11),
     ] {
         // Fused ones are among those above, and take a CPU's compiler longer.

@@ -128,7 +128,7 @@ fn without_its_net_the_floor_is_lit() {
 #[test]
 fn the_other_tests_leaks_are_counted() {
     let (stand, scene) = meshes();
-    for intersector in [Intersector::MollerTrumbore, Intersector::CommonOrigin] {
+    for intersector in [Intersector::MollerTrumbore, Intersector::CommonOrigin, Intersector::EdgePlanes] {
         for strategy in traversals_of_rays(intersector) {
             few("rays", leaks_of_rays(&stand, &scene, &strategy), &strategy);
         }

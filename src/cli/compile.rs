@@ -71,7 +71,8 @@ pub fn run(args: Args) -> Result<()> {
         args.strategy.iter().map(|text| parse_strategy(text)).collect::<Result<_>>()?;
     strategies.iter().try_for_each(|strategy| strategy.check())?;
     let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
-    let device = one_device(args.device.as_deref())?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let device = one_device(args.device.as_deref(), &sources)?;
     let queue = Queue::open(device.platform, device.device)?;
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
         let (made, files) = compile(&args, &device, &queue, &scene, strategy)?;

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::device::{self, Device, DeviceInfo, Survey};
 use crate::error::Result;
+use crate::sources::Sources;
 
 /// Arguments of `raycl devices`.
 #[derive(Debug, clap::Args)]
@@ -20,7 +21,7 @@ pub struct Args {
 
 /// Lists the devices. Errors when there is no platform.
 pub fn run(args: Args) -> Result<()> {
-    let Survey { devices, empty_platforms } = device::survey()?;
+    let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
     let default = device::pick_default(&devices).map(|device| device.info.slug());
     let infos: Vec<_> = devices.iter().map(|Device { info, .. }| info).collect();
     if args.json {

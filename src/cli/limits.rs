@@ -44,7 +44,7 @@ pub fn run(args: Args) -> Result<()> {
     let target = args.out.as_ref().map(|path| Target::new(path, choice));
     target.iter().try_for_each(Target::check)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let all: Vec<Limits> = devices(args.device.as_deref())?
+    let all: Vec<Limits> = devices(args.device.as_deref(), &sources)?
         .iter()
         .map(|device| measure(device, &sources))
         .collect::<Result<_>>()?;
@@ -58,11 +58,11 @@ pub fn run(args: Args) -> Result<()> {
     dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))
 }
 
-fn devices(pattern: Option<&str>) -> Result<Vec<Device>> {
+fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     match pattern {
-        None => one_device(None).map(|device| vec![device]),
+        None => one_device(None, sources).map(|device| vec![device]),
         Some(pattern) => {
-            let devices = discover()?;
+            let devices = discover(sources)?;
             Ok(select(&devices, &[pattern.to_owned()])?.into_iter().cloned().collect())
         }
     }

@@ -22,6 +22,7 @@ pub use output::{coloured, print, print_json, table};
 use clap::{Parser, Subcommand};
 
 use crate::error::Result;
+use crate::sources::Sources;
 
 /// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 #[derive(Debug, Parser)]
@@ -63,6 +64,9 @@ enum Command {
         /// List the devices instead
         #[arg(long)]
         list: bool,
+        /// With the kernels of this folder
+        #[arg(long, requires = "list")]
+        cl_dir: Option<std::path::PathBuf>,
     },
     /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
@@ -87,8 +91,11 @@ impl Cli {
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
             // On a line of its own, whatever a driver has left on the line before.
-            Command::Worker { list: true } => print(format!("\n{}", crate::experiment::list_devices()?)),
-            Command::Worker { list: false } => crate::experiment::serve(),
+            Command::Worker { list: true, cl_dir } => {
+                let sources = cl_dir.map_or(Sources::Embedded, Sources::Folder);
+                print(format!("\n{}", crate::experiment::list_devices(&sources)?))
+            }
+            Command::Worker { list: false, .. } => crate::experiment::serve(),
             Command::Compile(args) => compile::run(args),
             Command::Limits(args) => limits::run(args),
             Command::Occupancy(args) => occupancy::run(args),

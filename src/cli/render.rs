@@ -103,14 +103,14 @@ fn render(args: &Args) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target)?;
-    let Opened { loaded, device, queue, load_ms, discover_ms } = open(args)?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let Opened { loaded, device, queue, load_ms, discover_ms } = open(args, &sources)?;
     let scene = &loaded.scene;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
     let device_bytes = fit(args, &device, &strategy, &mut workload)?;
     let needs = HostNeeds::of(&strategy, &workload, queue.shares_memory, args.verify);
     host_fits(&needs)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
     let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
     saved?;
@@ -146,12 +146,12 @@ struct Opened {
 }
 
 /// Loads the scene while the drivers start, which takes them some 30 ms on one core.
-fn open(args: &Args) -> Result<Opened> {
+fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     // The driver stays on the thread that casts: not every one may be moved (Oclgrind's checks crash).
     std::thread::scope(|scope| {
         let scene = scope.spawn(|| timed(|| load_scene_with(&args.scene, &scene_overrides(args)?)));
         let (opened, open_ms) = timed(|| -> Result<_> {
-            let device = one_device(args.device.as_deref())?;
+            let device = one_device(args.device.as_deref(), sources)?;
             let queue = Queue::open(device.platform, device.device)?;
             Ok((device, queue))
         });

@@ -77,7 +77,7 @@ pub fn run(args: Args) -> Result<()> {
 /// Runs one config after the other; which of them have points that failed.
 fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     unpack(out)?;
-    let devices = find_devices()?;
+    let devices = find_devices(None)?;
     let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
     let counts = runs.iter().map(|(_, run)| run::count(run, &devices)).collect::<Result<Vec<_>>>()?;
     let total = counts.iter().sum();

@@ -166,7 +166,7 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     refuse_other_folders(&out, choice(args), false)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
     let interrupted = interrupt_flag()?;
-    let devices = find_devices()?;
+    let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let run = run_of(args, &experiment, &infos, &sources)?;
@@ -217,7 +217,7 @@ fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
 /// Prints what the run would do.
 fn foresee(args: &Args) -> Result<()> {
     let experiment = config::load(&args.config, &args.set)?;
-    let devices = find_devices()?;
+    let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let run = run_of(args, &experiment, &infos, &sources)?;

@@ -9,13 +9,14 @@
 /// |---|---|---|
 /// | `moller-trumbore` | 15 | direction x e2 6, a 3, origin - v0 3, first weight 3; 6 more for the edges where no row holds them |
 /// | `common-origin` | 9 | three planes |
+/// | `edge-planes` | 9 | three planes |
 /// | `pixel-linear` | 6 | three planes, linear in the pixel |
 /// | `watertight` | 50 | corners 9, sheared x and y 30 (unfused, which it must be), edge functions 9, their sum 2 |
 pub fn operations_per_test(strategy: &str) -> Option<u32> {
     let axis = strategy.split_whitespace().find_map(|part| part.strip_prefix("intersector="))?;
     match axis {
         "moller-trumbore" => Some(15),
-        "common-origin" => Some(9),
+        "common-origin" | "edge-planes" => Some(9),
         "pixel-linear" => Some(6),
         "watertight" => Some(50),
         _ => None,

@@ -1,5 +1,6 @@
 //! One point's record and one sample's line. `docs/format.md` documents every field.
 
+use crate::manifest;
 use crate::program::MadeKernel;
 use crate::sensor::Sensed;
 use serde::{Deserialize, Serialize};
@@ -200,9 +201,9 @@ impl Record {
         matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
 
-    /// The kernel that casts primary rays, alone or with the rest of the frame: the first but preparations.
+    /// The kernel that casts primary rays, alone or with the rest of the frame, by the manifest.
     pub fn main_kernel(&self) -> Option<&MadeKernel> {
-        self.kernels.iter().find(|kernel| kernel.name != "prepare_origins")
+        self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
     /// Whether it is a caster on the host.
@@ -240,4 +241,24 @@ pub struct Sample {
     /// What the device's sensors showed meanwhile.
     #[serde(default)]
     pub sensed: Option<Sensed>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_prepares_triangles_is_not_the_main_kernel() {
+        let kernel = |name: &str| MadeKernel { name: name.to_owned(), ..MadeKernel::default() };
+        for (names, main) in [
+            (&["tile_prepare", "tile_cast", "tile_shade"][..], Some("tile_cast")),
+            (&["prepare_origins", "cast_primary", "shade_nearest"], Some("cast_primary")),
+            (&["raster_depth", "raster_nearest", "shade_nearest"], Some("raster_depth")),
+            (&[], None),
+        ] {
+            let record =
+                Record { kernels: names.iter().map(|name| kernel(name)).collect(), ..Record::default() };
+            assert_eq!(record.main_kernel().map(|kernel| kernel.name.as_str()), main);
+        }
+    }
 }

@@ -18,7 +18,7 @@ use std::path::Path;
 pub fn device() -> Device {
     let pattern =
         std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
-    let devices = discover().expect("an OpenCL platform; `make setup` installs PoCL");
+    let devices = discover(&Sources::Embedded).expect("an OpenCL platform; `make setup` installs PoCL");
     let chosen = select(&devices, &[pattern]).expect("the test device");
     (*chosen.first().expect("a usable test device")).clone()
 }

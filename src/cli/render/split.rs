@@ -78,12 +78,12 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     check_target(&target)?;
     let loaded = load_scene_with(&args.scene, &scene_overrides(args)?)?;
     let scene = &loaded.scene;
-    let found = discover()?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
     // One strategy for all, as the pixels are to be the same.
     let (strategy, local_size) = strategy(args, &devices[0], scene.mesh.triangles.len())?;
     let workload = Workload::of(scene, [args.width, args.height], local_size);
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
     let (image, _, shares) = split.cast(&devices)?;
     let (saved, _) = timed(|| save(&image, scene.display, &target));
