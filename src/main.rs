@@ -3,12 +3,11 @@
 use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
-use clap::Parser as _;
 use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
     keep_lines_whole();
-    match raycl::cli::Cli::parse().run() {
+    match raycl::cli::Cli::read().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let code = ExitCode::from(error.exit_code());

@@ -6,10 +6,11 @@ pub mod compare_images;
 pub mod compile;
 pub mod completions;
 pub mod devices;
-pub mod limits;
 pub mod occupancy;
 mod output;
+pub mod peak;
 mod progress;
+mod renamed;
 pub mod render;
 pub mod report;
 pub mod reproduce;
@@ -67,7 +68,7 @@ enum Command {
     /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
-    Limits(limits::Args),
+    Peak(peak::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -75,6 +76,11 @@ enum Command {
 }
 
 impl Cli {
+    /// Reads the process's arguments; a mistake in them ends it with exit code 2 and what was probably meant.
+    pub fn read() -> Self {
+        Self::try_parse().unwrap_or_else(|error| renamed::explain(error).exit())
+    }
+
     /// Runs the subcommand.
     pub fn run(self) -> Result<()> {
         match self.command {
@@ -89,7 +95,7 @@ impl Cli {
             Command::Worker { list: true } => crate::experiment::list_devices(),
             Command::Worker { list: false } => crate::experiment::serve(),
             Command::Compile(args) => compile::run(args),
-            Command::Limits(args) => limits::run(args),
+            Command::Peak(args) => peak::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

@@ -58,9 +58,9 @@ pub struct Args {
     /// Share the points among the devices, which must be of one kind, instead of measuring each on all
     #[arg(long)]
     spread: bool,
-    /// Tell speed as a part of what the device can do at most: by a file of `raycl limits`, or measured now
+    /// Tell speed as a part of what the device can do at most: by a file of `raycl peak`, or measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
-    limits: Option<String>,
+    peak: Option<String>,
     /// Print the points and what each needs, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -102,7 +102,7 @@ impl Args {
             retry_failed: false,
             hang_limit: HANG_LIMIT,
             spread: false,
-            limits: None,
+            peak: None,
             dry_run: false,
             set,
             json: false,
@@ -166,9 +166,9 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    if let Some(given) = &args.limits {
+    if let Some(given) = &args.peak {
         let patterns = patterns(args, &experiment);
-        results.keep_limits(super::limits::for_run(given, patterns, args.cl_dir.as_deref())?)?;
+        results.keep_peak(super::peak::for_run(given, patterns, args.cl_dir.as_deref())?)?;
     }
     let workers = || Processes::new(run.jobs(&out, args.fault));
     let measured = if args.spread {

@@ -87,7 +87,7 @@ impl Drafter<'_> {
         key(&KeyParts {
             scene_hash: &at.hash,
             device: &device.map_or(HOST.to_owned(), DeviceInfo::identity),
-            limits: &self.experiment.limits.to_string(),
+            emulate: &self.experiment.emulate.to_string(),
             strategy: &record.strategy,
             local_size: &record.local_size.map_or(String::new(), by),
             image_size: &by(record.image_size),

@@ -3,7 +3,7 @@
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::launch::FrameTimes;
-use crate::limits::Limits;
+use crate::peak::Peak;
 use crate::record::{Record, Sample};
 
 /// What measuring points hands its findings to.
@@ -39,7 +39,7 @@ impl Keep for Keeper<'_> {
 
     /// First on disk, then heard of.
     fn keep(&mut self, mut record: Record) -> Result<()> {
-        Limits::apply(self.results.limits(), &mut record);
+        Peak::apply(self.results.peak(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());
         self.results.record(&record)?;
         self.observer.finished(&record);

@@ -112,8 +112,8 @@ pub struct KeyParts<'a> {
     pub scene_hash: &'a str,
     /// Platform, version, device and driver; "host" and the CPU's model for a baseline.
     pub device: &'a str,
-    /// [`LimitOverrides`](crate::config::LimitOverrides), as displayed.
-    pub limits: &'a str,
+    /// [`Emulate`](crate::config::Emulate), as displayed.
+    pub emulate: &'a str,
     /// The axes spelled out, or [`Baseline::strategy`].
     pub strategy: &'a str,
     /// "16x16"; empty for a baseline.
@@ -131,10 +131,19 @@ pub struct KeyParts<'a> {
 /// The name of a measurement: 32 hexadecimal digits of BLAKE3 over the parts, each preceded by
 /// its length so that no two lists of parts run together.
 pub fn key(parts: &KeyParts<'_>) -> String {
-    let KeyParts { scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing, tree } =
-        parts;
+    let KeyParts {
+        scene_hash,
+        device,
+        emulate,
+        strategy,
+        local_size,
+        image_size,
+        program_hash,
+        timing,
+        tree,
+    } = parts;
     let mut hasher = blake3::Hasher::new();
-    for part in [scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing] {
+    for part in [scene_hash, device, emulate, strategy, local_size, image_size, program_hash, timing] {
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part.as_bytes());
     }
@@ -149,7 +158,7 @@ pub fn key(parts: &KeyParts<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{LimitOverrides, NamedStrategy, Timing};
+    use crate::config::{Emulate, NamedStrategy, Timing};
     use crate::strategy::PRESETS;
     use proptest::prelude::*;
 
@@ -176,7 +185,7 @@ mod tests {
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
             strategies: PRESETS[..strategies].iter().map(strategy).collect(),
             baselines: Baseline::ALL[..baselines].to_vec(),
-            limits: LimitOverrides::default(),
+            emulate: Emulate::default(),
             timing: Timing::default(),
             source: String::new(),
             overrides: Vec::new(),
@@ -226,7 +235,7 @@ mod tests {
             key(&base),
             key(&KeyParts { scene_hash: "a", ..base }),
             key(&KeyParts { device: "a", ..base }),
-            key(&KeyParts { limits: "a", ..base }),
+            key(&KeyParts { emulate: "a", ..base }),
             key(&KeyParts { strategy: "a", ..base }),
             key(&KeyParts { local_size: "a", ..base }),
             key(&KeyParts { image_size: "a", ..base }),

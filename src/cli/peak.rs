@@ -1,21 +1,21 @@
-//! `raycl limits`: what a device can do at most, measured.
+//! `raycl peak`: what a device can do at most, measured.
 
 use super::choice::one_device;
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
-use crate::limits::{Figure, Limits, measure};
+use crate::peak::{Figure, Peak, measure};
 use crate::program::Sources;
 use crate::record::significant;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Arguments of `raycl limits`.
+/// Arguments of `raycl peak`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  raycl limits
-  raycl limits --device nvidia --out h200-limits.json
-  raycl run configs/beyond.toml --limits=h200-limits.json
-  raycl limits --json | jq '.[0].fma_per_s.median'
+  raycl peak
+  raycl peak --device nvidia --out h200-peak.json
+  raycl run configs/beyond.toml --peak=h200-peak.json
+  raycl peak --json | jq '.[0].fma_per_s.median'
 
 Medians of repeats, with their quartiles. Latencies are of one work-item that waits for each result. Cycles are of the highest clock
 that the driver names, not of the clock meanwhile.")]
@@ -23,7 +23,7 @@ pub struct Args {
     /// A word of the devices' name, platform or vendor, or cpu, gpu or all [default: the most capable one]
     #[arg(long)]
     device: Option<String>,
-    /// Keep the figures in a file, for `raycl run --limits`
+    /// Keep the figures in a file, for `raycl run --peak`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print JSON, a list of devices
@@ -37,17 +37,17 @@ pub struct Args {
 /// Measures the devices one after another.
 pub fn run(args: Args) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let all: Vec<Limits> = devices(args.device.as_deref())?
+    let all: Vec<Peak> = devices(args.device.as_deref())?
         .iter()
         .map(|device| measure(device, &sources))
         .collect::<Result<_>>()?;
     if let Some(path) = &args.out {
-        Limits::write(&all, path)?;
+        Peak::write(&all, path)?;
     }
     if args.json {
         return super::print_json(&all);
     }
-    all.iter().try_for_each(|limits| super::print(text(limits)))
+    all.iter().try_for_each(|peak| super::print(text(peak)))
 }
 
 fn devices(pattern: Option<&str>) -> Result<Vec<Device>> {
@@ -60,13 +60,13 @@ fn devices(pattern: Option<&str>) -> Result<Vec<Device>> {
     }
 }
 
-/// What `run --limits` keeps in its folder: the figures of a file, or, for "measure", those a process of its own
+/// What `run --peak` keeps in its folder: the figures of a file, or, for "measure", those a process of its own
 /// takes of the devices that `patterns` mean: a run itself starts no driver.
-pub(super) fn for_run(given: &str, patterns: &[String], cl_dir: Option<&Path>) -> Result<Vec<Limits>> {
+pub(super) fn for_run(given: &str, patterns: &[String], cl_dir: Option<&Path>) -> Result<Vec<Peak>> {
     if given != "measure" {
-        return Limits::read(Path::new(given));
+        return Peak::read(Path::new(given));
     }
-    let mut all: Vec<Limits> = Vec::new();
+    let mut all: Vec<Peak> = Vec::new();
     for pattern in patterns {
         let found = measured_apart(pattern, cl_dir)?;
         all.extend(found);
@@ -75,11 +75,13 @@ pub(super) fn for_run(given: &str, patterns: &[String], cl_dir: Option<&Path>) -
     Ok(all)
 }
 
-fn measured_apart(pattern: &str, cl_dir: Option<&Path>) -> Result<Vec<Limits>> {
-    let failed = |why: &dyn std::fmt::Display| Error::run(format!("the limits could not be measured: {why}"));
+fn measured_apart(pattern: &str, cl_dir: Option<&Path>) -> Result<Vec<Peak>> {
+    let failed = |why: &dyn std::fmt::Display| {
+        Error::run(format!("what the devices can do at most could not be measured: {why}"))
+    };
     let program = std::env::current_exe().map_err(|error| failed(&error))?;
     let mut command = Command::new(program);
-    command.args(["limits", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::piped());
+    command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::piped());
     if let Some(folder) = cl_dir {
         command.arg("--cl-dir").arg(folder);
     }
@@ -90,25 +92,25 @@ fn measured_apart(pattern: &str, cl_dir: Option<&Path>) -> Result<Vec<Limits>> {
     serde_json::from_str(list).map_err(|_| failed(&String::from_utf8_lossy(&output.stderr).trim()))
 }
 
-fn text(limits: &Limits) -> String {
-    let mut table = super::table(&["limit", "median", "quartiles", "unit", "cycles"], 1);
+fn text(peak: &Peak) -> String {
+    let mut table = super::table(&["at most", "median", "quartiles", "unit", "cycles"], 1);
     let mut row = |name: &str, figure: &Figure, scale: f64, unit: &str, cycles: Option<f64>| {
         let number = |value: f64| significant(value * scale, 3);
         let quartiles = format!("{} to {}", number(figure.q1), number(figure.q3));
         let cycles = cycles.map_or(String::new(), |cycles| significant(cycles, 2));
         table.add_row([name.to_owned(), number(figure.median), quartiles, unit.to_owned(), cycles]);
     };
-    row("multiply-adds", &limits.fma_per_s, 1e-9, "Gfma/s", None);
-    row("copy, read + written", &limits.copy_bytes_per_s, 1e-9, "GB/s", None);
-    row("__local reads", &limits.local_bytes_per_s, 1e-9, "GB/s", None);
-    row("launch, device's clock", &limits.launch_device_us, 1.0, "us", None);
-    row("launch, host's clock", &limits.launch_host_us, 1.0, "us", None);
-    row("launch, of many", &limits.launch_batched_us, 1.0, "us", None);
-    let mut latency = |name: &str, figure: &Figure| row(name, figure, 1.0, "ns", limits.cycles(figure));
-    latency("private multiply-add", &limits.private_ns);
-    latency("private array", &limits.private_array_ns);
-    latency("__local memory", &limits.local_ns);
-    latency("global memory", &limits.global_ns);
-    let clock = limits.max_clock_mhz.map_or(String::new(), |mhz| format!(", cycles at {mhz} MHz"));
-    format!("{} ({}, driver {}){clock}\n{table}", limits.device, limits.platform, limits.driver)
+    row("multiply-adds", &peak.fma_per_s, 1e-9, "Gfma/s", None);
+    row("copy, read + written", &peak.copy_bytes_per_s, 1e-9, "GB/s", None);
+    row("__local reads", &peak.local_bytes_per_s, 1e-9, "GB/s", None);
+    row("launch, device's clock", &peak.launch_device_us, 1.0, "us", None);
+    row("launch, host's clock", &peak.launch_host_us, 1.0, "us", None);
+    row("launch, of many", &peak.launch_batched_us, 1.0, "us", None);
+    let mut latency = |name: &str, figure: &Figure| row(name, figure, 1.0, "ns", peak.cycles(figure));
+    latency("private multiply-add", &peak.private_ns);
+    latency("private array", &peak.private_array_ns);
+    latency("__local memory", &peak.local_ns);
+    latency("global memory", &peak.global_ns);
+    let clock = peak.max_clock_mhz.map_or(String::new(), |mhz| format!(", cycles at {mhz} MHz"));
+    format!("{} ({}, driver {}){clock}\n{table}", peak.device, peak.platform, peak.driver)
 }
