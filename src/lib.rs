@@ -12,6 +12,7 @@ pub mod accel;
 pub mod cli;
 pub mod config;
 pub mod device;
+pub mod device_lock;
 pub mod error;
 pub mod experiment;
 pub mod image;

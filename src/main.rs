@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
+    limit_threads();
     keep_lines_whole();
     match raycl::cli::Cli::read().run() {
         Ok(()) => ExitCode::SUCCESS,
@@ -15,6 +16,15 @@ fn main() -> ExitCode {
             let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(error));
             code
         }
+    }
+}
+
+/// Drivers read these when they are loaded, in this process or in a worker, which inherits them.
+fn limit_threads() {
+    for (name, value) in raycl::device::thread_variables() {
+        // SAFETY: the program has just begun: no driver is loaded and no other thread runs that could read the
+        // environment meanwhile.
+        unsafe { std::env::set_var(name, value) };
     }
 }
 

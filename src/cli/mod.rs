@@ -16,6 +16,7 @@ pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod strategies;
+mod turn;
 mod watch;
 
 pub use output::{coloured, print, print_json, table};

@@ -1,6 +1,7 @@
 //! `raycl peak`: what a device can do at most, measured.
 
 use super::choice::one_device;
+use super::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
 use crate::peak::{Figure, Peak, measure};
@@ -8,6 +9,7 @@ use crate::program::Sources;
 use crate::record::significant;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `raycl peak`.
 #[derive(Debug, clap::Args)]
@@ -26,6 +28,9 @@ pub struct Args {
     /// Keep the figures in a file, for `raycl run --peak`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Where another process measures on the device, end at once instead of waiting for it
+    #[arg(long)]
+    no_wait: bool,
     /// Print JSON, a list of devices
     #[arg(long)]
     json: bool,
@@ -39,7 +44,10 @@ pub fn run(args: Args) -> Result<()> {
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let all: Vec<Peak> = devices(args.device.as_deref())?
         .iter()
-        .map(|device| measure(device, &sources))
+        .map(|device| {
+            let _held = hold(&[&device.info], args.no_wait)?;
+            measure(device, &sources)
+        })
         .collect::<Result<_>>()?;
     if let Some(path) = &args.out {
         Peak::write(&all, path)?;
@@ -60,36 +68,56 @@ fn devices(pattern: Option<&str>) -> Result<Vec<Device>> {
     }
 }
 
-/// What `run --peak` keeps in its folder: the figures of a file, or, for "measure", those a process of its own
-/// takes of the devices that `patterns` mean: a run itself starts no driver.
-pub(super) fn for_run(given: &str, patterns: &[String], cl_dir: Option<&Path>) -> Result<Vec<Peak>> {
-    if given != "measure" {
-        return Peak::read(Path::new(given));
-    }
-    let mut all: Vec<Peak> = Vec::new();
-    for pattern in patterns {
-        let found = measured_apart(pattern, cl_dir)?;
-        all.extend(found);
-    }
-    all.dedup_by(|one, other| one.device == other.device);
-    Ok(all)
+/// What `run --peak` asks for.
+pub(super) struct Wanted<'a> {
+    /// A file of figures, or "measure".
+    pub given: &'a str,
+    /// The devices to measure.
+    pub patterns: &'a [String],
+    /// The folder of kernels that replaces those built in.
+    pub cl_dir: Option<&'a Path>,
+    /// Whether to end at once where another process measures on a device.
+    pub no_wait: bool,
 }
 
-fn measured_apart(pattern: &str, cl_dir: Option<&Path>) -> Result<Vec<Peak>> {
-    let failed = |why: &dyn std::fmt::Display| {
-        Error::run(format!("what the devices can do at most could not be measured: {why}"))
-    };
-    let program = std::env::current_exe().map_err(|error| failed(&error))?;
-    let mut command = Command::new(program);
-    command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::piped());
-    if let Some(folder) = cl_dir {
-        command.arg("--cl-dir").arg(folder);
+impl Wanted<'_> {
+    /// The figures of the file, or those that a process of its own takes: a run itself starts no driver.
+    pub fn for_run(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
+        if self.given != "measure" {
+            return Peak::read(Path::new(self.given));
+        }
+        let mut all: Vec<Peak> = Vec::new();
+        for pattern in self.patterns {
+            let found = self.measured_apart(pattern);
+            // Ctrl-C reaches that process too, which may be waiting for its turn.
+            if interrupted.load(Ordering::Relaxed) {
+                let message = "the devices were being measured".to_owned();
+                return Err(Error::Interrupted { message, help: None });
+            }
+            all.extend(found?);
+        }
+        all.dedup_by(|one, other| one.device == other.device);
+        Ok(all)
     }
-    let output = command.output().map_err(|error| failed(&error))?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    // Drivers may print lines of their own before ours.
-    let list = text.find("[\n").map_or("", |at| &text[at..]);
-    serde_json::from_str(list).map_err(|_| failed(&String::from_utf8_lossy(&output.stderr).trim()))
+
+    fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
+        let failed = |why: &dyn std::fmt::Display| {
+            Error::run(format!("what the devices can do at most could not be measured: {why}"))
+        };
+        let program = std::env::current_exe().map_err(|error| failed(&error))?;
+        let mut command = Command::new(program);
+        // What it says is for the user: for whom it waits, or why it failed.
+        command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
+        command.args(self.no_wait.then_some("--no-wait"));
+        if let Some(folder) = self.cl_dir {
+            command.arg("--cl-dir").arg(folder);
+        }
+        let output = command.output().map_err(|error| failed(&error))?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        // Drivers may print lines of their own before ours.
+        let list = text.find("[\n").map_or("", |at| &text[at..]);
+        serde_json::from_str(list).map_err(|_| failed(&"the reason is above"))
+    }
 }
 
 fn text(peak: &Peak) -> String {

@@ -7,6 +7,7 @@ mod lanes;
 mod limits;
 pub mod occupancy;
 mod select;
+mod threads;
 
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
@@ -16,6 +17,7 @@ pub use limits::DeviceLimits;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub use select::{pick_default, select, select_infos};
+pub use threads::thread_variables;
 
 use serde::{Deserialize, Serialize};
 
@@ -97,6 +99,9 @@ pub struct DeviceInfo {
     /// What it tells of its hardware beyond that.
     #[serde(default)]
     pub hardware: Hardware,
+    /// The threads it casts with, where that is known: of PoCL.
+    #[serde(default)]
+    pub threads: Option<u32>,
     /// Devices of the same platform and name found before this one.
     pub twins_before: usize,
     /// What records call it: its name, or its slug where another device has the same name.
@@ -109,12 +114,13 @@ impl DeviceInfo {
     /// One line that tells it from every other device.
     pub fn describe(&self) -> String {
         let Self { name, platform, driver, limits, .. } = self;
+        let threads =
+            self.threads.map(|threads| format!(", {}", counted(threads, "thread"))).unwrap_or_default();
         let twin = if self.twins_before > 0 { format!(" #{}", self.twins_before + 1) } else { String::new() };
         format!(
-            "{name}{twin} ({platform}, driver {driver}): {}, {} compute unit{}, {} KiB __local",
+            "{name}{twin} ({platform}, driver {driver}): {}, {}{threads}, {} KiB __local",
             self.kind.name(),
-            limits.compute_units,
-            if limits.compute_units == 1 { "" } else { "s" },
+            counted(limits.compute_units, "compute unit"),
             limits.local_bytes / 1024
         )
     }
@@ -172,6 +178,11 @@ impl DeviceInfo {
     }
 }
 
+/// "1 thread", "2 threads".
+fn counted(count: u32, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
 /// A device that was found, with the handles to work on it.
 #[derive(Clone, Debug)]
 pub struct Device {
@@ -199,6 +210,7 @@ pub(crate) mod tests {
             extensions: vec!["cl_khr_fp64".into()],
             limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
             hardware: Hardware::default(),
+            threads: None,
             twins_before: 0,
             label: name.into(),
             unusable: None,

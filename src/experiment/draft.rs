@@ -48,6 +48,7 @@ impl Drafter<'_> {
             scene_notes: at.notes.clone(),
             seed: Some(experiment.timing.seed),
             device: device.map_or(HOST, |device| &device.label).to_owned(),
+            threads: device.and_then(|device| device.threads),
             ..Record::default()
         };
         match point.work {

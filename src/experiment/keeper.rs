@@ -10,6 +10,8 @@ use crate::record::{Record, Sample};
 pub trait Keep {
     /// Tells what is being done now, in a few words.
     fn works_on(&mut self, what: &str);
+    /// Says something at once.
+    fn says(&mut self, line: &str);
     /// Completes a record.
     fn keep(&mut self, record: Record) -> Result<()>;
     /// Keeps a sample of a point.
@@ -31,6 +33,10 @@ pub struct Keeper<'a> {
 impl Keep for Keeper<'_> {
     fn works_on(&mut self, what: &str) {
         self.observer.works_on(what);
+    }
+
+    fn says(&mut self, line: &str) {
+        self.observer.says(line);
     }
 
     fn past(&self, key: &str) -> (Vec<FrameTimes>, u32) {

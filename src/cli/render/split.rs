@@ -2,6 +2,7 @@
 
 use super::report::Verified;
 use super::{Args, check, default_output, medians, ms_since, scene_overrides, strategy, timed};
+use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
 use crate::image::{check_path, save};
@@ -83,7 +84,10 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let workload = Workload::of(scene, [args.width, args.height], local_size);
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
+    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
+    let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
     let (image, _, shares) = split.cast(&devices)?;
+    drop(held);
     let (saved, _) = timed(|| save(&image, scene.display, &output));
     saved?;
     let verified = args.verify.then(|| check(scene, &image, &strategy, &output)).transpose()?;
