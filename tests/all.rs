@@ -7,6 +7,8 @@ mod common;
 
 mod bad_input;
 mod commands;
+#[cfg(unix)]
+mod device_lock;
 mod edits;
 #[cfg(unix)]
 mod faults;
@@ -15,11 +17,11 @@ mod goldens;
 #[cfg(unix)]
 mod hostile;
 mod kernels;
-mod limits;
 mod made;
 mod numbers;
 mod oclgrind;
 mod overwrite;
+mod peak;
 mod readme;
 mod render;
 mod report;
@@ -30,4 +32,5 @@ mod split;
 mod supervisor;
 mod torture;
 mod trees;
+mod turns;
 mod watertight;

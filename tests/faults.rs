@@ -42,6 +42,8 @@ impl Ground {
         let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
         command.arg("run").arg(&self.config).arg("--out").arg(&self.out);
         command.args(["--quiet", "--device", &device]).args(arguments);
+        // Tests that do not test the lock of devices do not wait for each other.
+        command.env("RAYCL_LOCK_DIR", self.folder.path().join("locks"));
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }

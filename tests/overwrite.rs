@@ -169,7 +169,7 @@ fn watching_goes_on_where_the_picture_was_changed_meanwhile() {
 fn limits_and_what_was_compiled_stay_where_they_are_somebodys() {
     let place = place();
     std::fs::write(place.path("notes.json"), MINE).expect("a file");
-    refused(&place, &["limits", "--out", "notes.json"], "notes.json", &[STRANGE, "`--out FILE`"]);
+    refused(&place, &["peak", "--out", "notes.json"], "notes.json", &[STRANGE, "`--out FILE`"]);
 
     let device = device();
     let command = ["compile", "scene.toml", "--strategy", "naive", "--out", "made"];

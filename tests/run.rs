@@ -160,7 +160,7 @@ fn the_teapot_in_48_kib_is_refused_with_arithmetic() {
 #[test]
 fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
     let place = place();
-    let records = records(&place, &["--set", "limits.local_bytes=1000", "--set", "baselines=[]"], 0);
+    let records = records(&place, &["--set", "emulate.local_bytes=1000", "--set", "baselines=[]"], 0);
     let (infeasible, measured): (Vec<_>, Vec<_>) =
         records.iter().partition(|record| record["outcome"] == "infeasible");
     assert_eq!((infeasible.len(), measured.len()), (2, 2));

@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use raycl::Error;
 use raycl::config::{self, Experiment};
 use raycl::device::{DeviceInfo, DeviceKind, DeviceLimits, Hardware};
+use raycl::device_lock::Locks;
 use raycl::experiment::{Death, Refusal, Reply, Request, Results, Run, Spawner, Wait, Worker};
 use raycl::launch::FrameTimes;
 use raycl::program::Sources;
@@ -59,6 +60,7 @@ fn device() -> DeviceInfo {
         hardware: Hardware::default(),
         settings: Vec::new(),
         cores: None,
+        threads: None,
         twins_before: 0,
         label: "mock".into(),
         unusable: None,
@@ -156,6 +158,7 @@ fn execute(
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
     let (experiment, device) = (experiment(text), device());
+    let locks = Locks::in_folder(&folder.join("locks"), true);
     let run = Run {
         experiment: &experiment,
         overrides: &[],
@@ -163,6 +166,7 @@ fn execute(
         sources: &Sources::Embedded,
         limit: Duration::from_millis(30),
         retry_failed: false,
+        locks: &locks,
         spread: false,
     };
     let mut results = Results::resume(folder, &Environment::default())?;

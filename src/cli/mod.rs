@@ -6,15 +6,17 @@ pub mod compare_images;
 pub mod compile;
 pub mod completions;
 pub mod devices;
-pub mod limits;
 pub mod occupancy;
 mod output;
+pub mod peak;
 mod progress;
+mod renamed;
 pub mod render;
 pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod strategies;
+mod turn;
 mod watch;
 
 pub use output::{coloured, print, print_json, table};
@@ -71,7 +73,7 @@ enum Command {
     /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
-    Limits(limits::Args),
+    Peak(peak::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -79,6 +81,11 @@ enum Command {
 }
 
 impl Cli {
+    /// Reads the process's arguments; a mistake in them ends it with exit code 2 and what was probably meant.
+    pub fn read() -> Self {
+        Self::try_parse().unwrap_or_else(|error| renamed::explain(error).exit())
+    }
+
     /// Runs the subcommand.
     pub fn run(self) -> Result<()> {
         match self.command {
@@ -97,7 +104,7 @@ impl Cli {
             }
             Command::Worker { list: false, .. } => crate::experiment::serve(),
             Command::Compile(args) => compile::run(args),
-            Command::Limits(args) => limits::run(args),
+            Command::Peak(args) => peak::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

@@ -6,6 +6,7 @@ mod split;
 use super::choice::{
     StrategyText, is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
 };
+use super::turn::hold;
 use super::watch::{RecursiveMode, watch};
 use crate::device::Device;
 use crate::error::{Error, Result};
@@ -68,6 +69,9 @@ pub struct Args {
     /// Cast the frame this many times and give medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
+    /// With --repeat, end at once where another process measures on the device, instead of waiting for it
+    #[arg(long)]
+    no_wait: bool,
     /// Compare the picture with the serial reference; exit 1 where it is wrong
     #[arg(long)]
     verify: bool,
@@ -278,6 +282,8 @@ fn cast(
         DeviceScene::upload(queue, scene, strategy).map_err(|error| failed("uploading the scene", &error))?;
     let caster = Caster::new(queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
         .map_err(|error| failed("preparing the frame", &error))?;
+    // A picture alone disturbs, but it is no measurement: it never waits.
+    let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
     let frame = || caster.cast().map_err(|error| failed("the launch", &error));
     let first = frame()?;
     // Some drivers compile a kernel when it is first launched: that is build time too.

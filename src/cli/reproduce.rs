@@ -35,6 +35,9 @@ pub struct Args {
     /// Go on with a reproduction that was ended: what it measured stays, what is missing is measured
     #[arg(long)]
     resume: bool,
+    /// Where another process measures on a device, end at once instead of waiting for it
+    #[arg(long, conflicts_with = "page_only")]
+    no_wait: bool,
     /// Measure nothing: make the page of the results that are there
     #[arg(long, conflicts_with = "resume")]
     page_only: bool,
@@ -100,7 +103,10 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
 
 fn arguments(args: &Args, name: &str) -> run::Args {
     let config = args.out.join("configs").join(format!("{name}.toml"));
-    run::Args::of(config, &args.out.join(name), &args.device, &args.set, [args.resume, args.force])
+    let taken = [args.resume, args.force];
+    let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
+    run.no_wait = args.no_wait;
+    run
 }
 
 /// What was measured before the end is on the page; says how to go on.

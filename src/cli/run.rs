@@ -7,6 +7,7 @@ use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, select_infos};
+use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices};
 use crate::output::{Choice, OutFolder, refuse_other_folders};
@@ -62,9 +63,12 @@ pub struct Args {
     /// Share the points among the devices, which must be of one kind, instead of measuring each on all
     #[arg(long)]
     spread: bool,
-    /// Tell speed as a part of what the device can do at most: by a file of `raycl limits`, or measured now
+    /// Tell speed as a part of what the device can do at most: by a file of `raycl peak`, or measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
-    limits: Option<String>,
+    peak: Option<String>,
+    /// Where another process measures on the device, end at once instead of waiting for it
+    #[arg(long)]
+    pub(super) no_wait: bool,
     /// Print the points and what each needs, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -107,7 +111,8 @@ impl Args {
             retry_failed: false,
             hang_limit: HANG_LIMIT,
             spread: false,
-            limits: None,
+            peak: None,
+            no_wait: false,
             dry_run: false,
             set,
             json: false,
@@ -144,6 +149,7 @@ fn run_of<'a>(
     experiment: &'a Experiment,
     devices: &'a [&'a DeviceInfo],
     sources: &'a Sources,
+    locks: &'a Locks,
 ) -> Result<Run<'a>> {
     if args.spread {
         check_alike(devices)?;
@@ -155,6 +161,7 @@ fn run_of<'a>(
         sources,
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
+        locks,
         spread: args.spread,
     })
 }
@@ -169,12 +176,19 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = run_of(args, &experiment, &infos, &sources)?;
+    let locks = Locks::of_machine(!args.no_wait);
+    let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    if let Some(given) = &args.limits {
-        let patterns = patterns(args, &experiment);
-        results.keep_limits(super::limits::for_run(given, patterns, args.cl_dir.as_deref())?)?;
+    if let Some(given) = &args.peak {
+        let wanted = super::peak::Wanted {
+            given,
+            patterns: patterns(args, &experiment),
+            cl_dir: args.cl_dir.as_deref(),
+            no_wait: args.no_wait,
+        };
+        results
+            .keep_peak(wanted.for_run(&interrupted).map_err(|error| say_how_to_resume(error, args, &out))?)?;
     }
     let workers = || Processes::new(run.jobs(&out, args.fault));
     let measured = if args.spread {
@@ -220,7 +234,8 @@ fn foresee(args: &Args) -> Result<()> {
     let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = run_of(args, &experiment, &infos, &sources)?;
+    let locks = Locks::of_machine(!args.no_wait);
+    let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     forecast(&dry_run(&run)?, args.json)
 }
 

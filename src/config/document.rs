@@ -9,6 +9,9 @@ use toml::{Spanned, Value};
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
 
+/// Keys that were called otherwise once, and what they are called now.
+const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
+
 /// A file and the overrides from the command line. Spans below the file's
 /// length lie in the file; beyond it, each override has a range of its own.
 pub struct Document {
@@ -112,7 +115,9 @@ impl Document {
     pub fn unknown_key(&self, span: Range<usize>, key: &str, known: &[&str]) -> Error {
         let error = self.error(span, format!("unknown key '{key}'"), "no such key here");
         let list = format!("the keys are {}", known.join(", "));
-        match nearest(key, known.iter().copied()) {
+        let renamed =
+            RENAMED.iter().find(|(old, new)| *old == key && known.contains(new)).map(|(_, new)| *new);
+        match renamed.or_else(|| nearest(key, known.iter().copied())) {
             Some(meant) => error.with_help(format!("did you mean '{meant}'? {list}")),
             None => error.with_help(list),
         }

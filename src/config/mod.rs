@@ -11,7 +11,7 @@ mod types;
 mod validate;
 mod wire;
 
-pub use types::{Baseline, Experiment, LimitOverrides, NamedStrategy, SceneChoice, Timing};
+pub use types::{Baseline, Emulate, Experiment, NamedStrategy, SceneChoice, Timing};
 
 use std::path::Path;
 

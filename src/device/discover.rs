@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::limits::native_width;
+use super::threads::threads_of;
 use super::variables;
 use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware, LaneOperations};
 use crate::error::{Error, Result};
@@ -130,10 +131,12 @@ fn inspect(platform: ocl::Platform, device: ocl::Device, sources: &Sources) -> R
         hardware: Hardware::ask(&extensions, raw),
         extensions,
         limits: asked.limits(kind == DeviceKind::Cpu),
+        threads: None,
         twins_before: 0,
         label: String::new(),
         unusable: None,
     };
+    info.threads = threads_of(&info.platform, kind, info.limits.compute_units);
     info.unusable = asked.why_unusable();
     if info.unusable.is_none() {
         info.limits.lane_operations = LaneOperations::find(&info, platform, device, sources)?;

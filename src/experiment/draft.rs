@@ -54,6 +54,7 @@ impl Drafter<'_> {
             seed: Some(experiment.timing.seed),
             revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
             device: device.map_or(HOST, |device| &device.label).to_owned(),
+            threads: device.and_then(|device| device.threads),
             ..Record::default()
         };
         match point.work {
@@ -101,7 +102,7 @@ impl Drafter<'_> {
             scene_hash: &at.hash,
             device: &device,
             state: &state,
-            limits: &self.experiment.limits.to_string(),
+            emulate: &self.experiment.emulate.to_string(),
             strategy: &record.strategy,
             local_size: &record.local_size.map_or(String::new(), by),
             image_size: &by(record.image_size),

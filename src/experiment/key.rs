@@ -10,7 +10,7 @@ pub struct KeyParts<'a> {
     /// Compute units, cores allowed and the driver's variables; for a baseline cores allowed and threads.
     pub state: &'a str,
     /// [`LimitOverrides`](crate::config::LimitOverrides), as displayed.
-    pub limits: &'a str,
+    pub emulate: &'a str,
     /// The axes spelled out, or [`Baseline::strategy`](crate::config::Baseline::strategy).
     pub strategy: &'a str,
     /// "16x16"; empty for a baseline.
@@ -28,11 +28,11 @@ pub struct KeyParts<'a> {
 /// The name of a measurement: 32 hexadecimal digits of BLAKE3 over the parts, each preceded by
 /// its length so that no two lists of parts run together.
 pub fn key(parts: &KeyParts<'_>) -> String {
-    let KeyParts { scene_hash, device, state, limits, strategy, .. } = *parts;
+    let KeyParts { scene_hash, device, state, emulate, strategy, .. } = *parts;
     let KeyParts { local_size, image_size, program_hash, timing, tree, .. } = *parts;
     let mut hasher = blake3::Hasher::new();
     for part in
-        [scene_hash, device, state, limits, strategy, local_size, image_size, program_hash, timing, tree]
+        [scene_hash, device, state, emulate, strategy, local_size, image_size, program_hash, timing, tree]
     {
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part.as_bytes());
@@ -52,7 +52,7 @@ mod tests {
             key(&KeyParts { scene_hash: "a", ..base }),
             key(&KeyParts { device: "a", ..base }),
             key(&KeyParts { state: "a", ..base }),
-            key(&KeyParts { limits: "a", ..base }),
+            key(&KeyParts { emulate: "a", ..base }),
             key(&KeyParts { strategy: "a", ..base }),
             key(&KeyParts { local_size: "a", ..base }),
             key(&KeyParts { image_size: "a", ..base }),

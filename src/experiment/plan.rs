@@ -108,7 +108,7 @@ impl Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{LimitOverrides, NamedStrategy, Timing};
+    use crate::config::{Emulate, NamedStrategy, Timing};
     use crate::strategy::PRESETS;
     use proptest::prelude::*;
 
@@ -135,7 +135,7 @@ mod tests {
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
             strategies: PRESETS[..strategies].iter().map(strategy).collect(),
             baselines: Baseline::ALL[..baselines].to_vec(),
-            limits: LimitOverrides::default(),
+            emulate: Emulate::default(),
             timing: Timing::default(),
             source: String::new(),
             overrides: Vec::new(),

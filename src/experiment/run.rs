@@ -9,6 +9,7 @@ use super::supervisor::{Spawner, Supervisor};
 use super::{Fault, Observer, Plan, Results};
 use crate::config::{Experiment, SceneChoice};
 use crate::device::DeviceInfo;
+use crate::device_lock::{LockName, Locks};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::{CurrentPlan, Record};
@@ -32,6 +33,8 @@ pub struct Run<'a> {
     pub limit: Duration,
     /// Whether failed points of an earlier run are tried again.
     pub retry_failed: bool,
+    /// The locks of devices: a group of points is timed while nobody else measures on its device.
+    pub locks: &'a Locks,
     /// Whether points are spread over the devices, which are alike, instead of each being measured on all.
     pub spread: bool,
 }
@@ -84,9 +87,14 @@ impl Run<'_> {
     ) -> Result<Vec<Record>> {
         self.measure(results, observer, |groups, keeper| {
             let mut supervisor = Supervisor::new(spawner, interrupted, self.limit);
-            let timing = &self.experiment.timing;
-            groups.into_iter().try_for_each(|group| measure_group(group, timing, &mut supervisor, keeper))
+            groups.into_iter().try_for_each(|group| measure_group(group, self, &mut supervisor, keeper))
         })
+    }
+
+    /// What a point's device is locked by.
+    pub fn lock_name(&self, open: &Open) -> LockName {
+        let device = self.devices.get(open.device).filter(|_| !open.record.is_baseline());
+        LockName::of(device.copied())
     }
 
     /// The same with groups of points spread over the devices, `spawners[i]` starting the workers of device `i`.

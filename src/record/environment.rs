@@ -104,6 +104,9 @@ pub struct DeviceEnvironment {
     /// Compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
+    /// The threads it casts with, where that is known: of PoCL.
+    #[serde(default)]
+    pub threads: Option<u32>,
     /// Compute capability, where the driver tells it.
     #[serde(default)]
     pub compute_capability: Option<String>,
@@ -140,6 +143,7 @@ impl DeviceEnvironment {
             driver: info.driver,
             kind: info.kind.name().to_owned(),
             compute_units: Some(info.limits.compute_units),
+            threads: info.threads,
             compute_capability: info.hardware.compute_capability,
             max_clock_mhz: info.hardware.max_clock_mhz,
             timer_resolution_ns: info.hardware.timer_resolution_ns,

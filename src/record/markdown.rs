@@ -18,7 +18,7 @@ const HEADER: [&str; COLUMNS] = [
     "n",
     "Mrays/s",
     "Gtests/s",
-    "of limit",
+    "of peak",
     "outcome",
 ];
 /// Columns of words stand to the left, numbers to the right.
@@ -52,7 +52,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
          quartiles. The interval is a 95% bootstrap interval of the median; records whose intervals overlap \
          the best one's are a tie. Fewer than five samples have neither interval nor rank. Rays are primary rays; tests are primary rays x triangles over the time of the \
-         primary pass, or of the frame where passes are fused. \"of limit\" is their arithmetic as a part of the multiply-adds that \
+         primary pass, or of the frame where passes are fused. \"of peak\" is their arithmetic as a part of the multiply-adds that \
          the device was measured to do.\n",
     );
     text

@@ -64,12 +64,12 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
         });
         table.add_row(std::iter::once(Cell::new(name)).chain(cells));
     }
-    let limit = limit_line(group);
-    format!("{}, {}, {}: median ms\n{table}\n{limit}", group.scene, by(group.image_size), group.device)
+    let peak = peak_line(group);
+    format!("{}, {}, {}: median ms\n{table}\n{peak}", group.scene, by(group.image_size), group.device)
 }
 
-/// The largest part of the device's arithmetic limit that each strategy reaches; nothing where no limit is known.
-fn limit_line(group: &Group<'_>) -> String {
+/// The largest part of the device's multiply-adds that each strategy reaches; nothing where they were not measured.
+fn peak_line(group: &Group<'_>) -> String {
     let mut parts: Vec<(&str, f64)> = Vec::new();
     for record in group.ranking().ranked {
         let Some(fraction) = record.limit_fraction else { continue };
@@ -82,7 +82,7 @@ fn limit_line(group: &Group<'_>) -> String {
         return String::new();
     }
     let parts: Vec<_> = parts.iter().map(|(name, part)| format!("{name} {}", percent(*part))).collect();
-    format!("of the device's arithmetic limit: {}\n", parts.join(", "))
+    format!("of the device's peak multiply-adds: {}\n", parts.join(", "))
 }
 
 /// "2.4%".

@@ -158,6 +158,9 @@ pub struct Record {
     /// Frames of each timed sample, where one alone is too short for the device's timer.
     #[serde(default)]
     pub batch: Option<u32>,
+    /// The threads that the device cast with, where that is known: of PoCL.
+    #[serde(default)]
+    pub threads: Option<u32>,
     /// What the compiler made of the frame's kernels, in their order.
     #[serde(default)]
     pub kernels: Vec<MadeKernel>,

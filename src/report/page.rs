@@ -67,7 +67,7 @@ pub struct Row {
     rays: String,
     tests: String,
     made: String,
-    limit: String,
+    peak: String,
     outcome: &'static str,
     why: String,
     wins: bool,
@@ -277,7 +277,7 @@ fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
         tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
         outcome: record.outcome.name(),
         made: super::words::made(record).unwrap_or_default(),
-        limit: number(record.limit_fraction, &percent),
+        peak: number(record.limit_fraction, &percent),
         why: match time {
             Some(_) => record.warning.clone().unwrap_or_default(),
             None => first_line(record).to_owned(),

@@ -64,7 +64,8 @@ pub fn tip(record: &Record) -> String {
         None => lines.push(format!("{}: {}", record.outcome.name(), first_line(record))),
     }
     lines.extend(made(record));
-    lines.extend(record.limit_fraction.map(|part| format!("{} of the arithmetic limit", percent(part))));
+    lines
+        .extend(record.limit_fraction.map(|part| format!("{} of the device's multiply-adds", percent(part))));
     lines.extend(record.warning.clone());
     lines.join("\n")
 }

@@ -124,6 +124,8 @@ impl Place {
     pub fn raycl(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
+        // Tests that do not test the lock of devices do not wait for each other.
+        command.env("RAYCL_LOCK_DIR", self.path(".locks"));
         command
     }
 

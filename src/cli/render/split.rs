@@ -2,6 +2,7 @@
 
 use super::report::Verified;
 use super::{Args, check, medians, ms_since, scene_overrides, strategy, target, timed};
+use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
 use crate::image::{check_target, save};
@@ -85,7 +86,10 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let (strategy, local_size) = strategy(args, &devices[0], scene.mesh.triangles.len())?;
     let workload = Workload::of(scene, [args.width, args.height], local_size);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
+    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
+    let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
     let (image, _, shares) = split.cast(&devices)?;
+    drop(held);
     let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
     let verified = args.verify.then(|| check(scene, &image, &strategy, target.path())).transpose()?;

@@ -1,6 +1,6 @@
 // Reads __local memory, SLOTS vectors a loop, neighbours side by side. Volatile: without it compilers read it once.
 
-#include "limits/vector.cl"
+#include "peak/vector.cl"
 
 #define SLOTS 8
 #define EACH_SLOT(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)

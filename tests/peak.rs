@@ -1,5 +1,5 @@
-//! `raycl limits`, and what a run does with them. No figure is judged but that there is one: every kernel of
-//! `cl/limits/` checks its own result.
+//! `raycl peak`, and what a run does with them. No figure is judged but that there is one: every kernel of
+//! `cl/peak/` checks its own result.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 use serde_json::Value;
@@ -34,12 +34,12 @@ const FIGURES: [&str; 10] = [
 ];
 
 #[test]
-fn limits_are_measured_and_a_run_tells_its_part_of_them() {
+fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
     let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", CONFIG)]);
     let device = device();
-    let text = place.output(&["limits", "--device", &device, "--out", "limits.json"]);
+    let text = place.output(&["peak", "--device", &device, "--out", "peak.json"]);
     has(&text, &["multiply-adds", "Gfma/s", "__local reads", "GB/s", "global memory", "ns"]);
-    let kept: Value = serde_json::from_str(&place.text("limits.json")).expect("JSON");
+    let kept: Value = serde_json::from_str(&place.text("peak.json")).expect("JSON");
     for figure in FIGURES {
         let found = &kept[0][figure];
         assert!(
@@ -53,9 +53,8 @@ fn limits_are_measured_and_a_run_tells_its_part_of_them() {
     }
     let fma = kept[0]["fma_per_s"]["median"].as_f64().expect("a rate");
 
-    let table =
-        place.output(&["run", "test.toml", "--device", &device, "--out", "out", "--limits=limits.json"]);
-    has(&table, &["of the device's arithmetic limit: "]);
+    let table = place.output(&["run", "test.toml", "--device", &device, "--out", "out", "--peak=peak.json"]);
+    has(&table, &["of the device's peak multiply-adds: "]);
     for record in place.json_lines("out/records.jsonl") {
         let number = |field: &str| record[field].as_f64();
         let expected = match record["name"].as_str().expect("a name") {
@@ -69,12 +68,12 @@ fn limits_are_measured_and_a_run_tells_its_part_of_them() {
             assert!((found / expected - 1.0).abs() < 1e-9, "{record}");
         }
     }
-    let copied: Value = serde_json::from_str(&place.text("out/limits.json")).expect("JSON");
+    let copied: Value = serde_json::from_str(&place.text("out/peak.json")).expect("JSON");
     assert_eq!(copied[0]["timestamp"], kept[0]["timestamp"]);
-    has(&place.text("out/summary.md"), &["of limit"]);
+    has(&place.text("out/summary.md"), &["of peak"]);
 
     let missing =
-        place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--limits=none.json"], 2);
+        place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--peak=none.json"], 2);
     has(&missing, &["none.json"]);
 }
 
@@ -92,4 +91,12 @@ fn a_point_records_what_the_compiler_made() {
         }
         assert!(kernels.iter().all(|kernel| kernel["work_group_size"].as_u64() >= Some(16)), "{record}");
     }
+}
+
+#[test]
+fn an_old_spelling_is_answered_with_the_new_one() {
+    let place = Place::with(&[("test.toml", CONFIG), ("old.toml", &format!("{CONFIG}[limits]\n"))]);
+    has(&place.mistake(&["limits"], 2), &["did you mean `raycl peak`?"]);
+    has(&place.mistake(&["run", "test.toml", "--limits=peak.json"], 2), &["did you mean `--peak`?"]);
+    has(&place.mistake(&["run", "old.toml"], 2), &["old.toml:15", "did you mean 'emulate'?"]);
 }

@@ -1,4 +1,4 @@
-//! What the measurements of limits share: programs of `cl/limits/`, and timing a kernel until it is long enough.
+//! What the measurements share: programs of `cl/peak/`, and timing a kernel until it is long enough.
 
 use crate::device::Device;
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
 use std::time::Instant;
 
-/// A device set up to measure its limits.
+/// A device set up to measure what it can do at most.
 pub struct Rig<'a> {
     /// The device.
     pub device: &'a Device,
@@ -27,7 +27,7 @@ const MOST_LOOPS: i32 = 1 << 24;
 
 /// What a failed measurement says.
 pub fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("a limit could not be measured: {error}"))
+    Error::run(format!("what the device can do at most could not be measured: {error}"))
 }
 
 impl<'a> Rig<'a> {
@@ -84,7 +84,7 @@ impl<'a> Rig<'a> {
         let mut kernel = Kernel::builder();
         kernel.program(program).name(name).queue(self.queue.commands.clone());
         kernel.global_work_size(items).local_work_size(group);
-        // SAFETY: every caller's arguments follow the parameters in cl/limits/; `ocl` does not know vector pointers.
+        // SAFETY: every caller's arguments follow the parameters in cl/peak/; `ocl` does not know vector pointers.
         unsafe { kernel.disable_arg_type_check() };
         kernel
     }
@@ -104,7 +104,7 @@ impl<'a> Rig<'a> {
     pub fn launch(&self, kernel: &Kernel) -> Result<(f64, f64)> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: the kernels of cl/limits/ stay inside the buffers that their builders gave them, which live on.
+        // SAFETY: the kernels of cl/peak/ stay inside the buffers that their builders gave them, which live on.
         unsafe { kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = start.elapsed().as_secs_f64() * 1e3;

@@ -1,7 +1,7 @@
 // Multiply-adds with nothing to wait for: CHAINS of them side by side. Each chain nears addend / (1 - factor), so the
 // result is known.
 
-#include "limits/vector.cl"
+#include "peak/vector.cl"
 
 #define CHAINS 16
 #define STEPS 8

@@ -1,6 +1,6 @@
 // Reads one buffer and writes another, a vector a work-item.
 
-#include "limits/vector.cl"
+#include "peak/vector.cl"
 
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void copy(const __global vector *restrict from,
                                                                      __global vector *restrict to) {

@@ -1,7 +1,7 @@
 //! The measurements, one a function; each checks that its kernel did the work.
 
 use super::rig::{Rig, failed};
-use super::{Figure, Limits};
+use super::{Figure, Peak};
 use crate::device::Device;
 use crate::error::Result;
 use crate::program::Sources;
@@ -11,12 +11,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use std::time::Instant;
 
-/// CHAINS in cl/limits/fma.cl, and its STEPS.
+/// CHAINS in cl/peak/fma.cl, and its STEPS.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
-/// STEPS in cl/limits/latency.cl.
+/// STEPS in cl/peak/latency.cl.
 const STEPS: i32 = 16;
-/// SLOTS in cl/limits/local.cl.
+/// SLOTS in cl/peak/local.cl.
 const SLOTS: u64 = 8;
 /// A buffer that no cache holds, where the device has room for it.
 const LARGE_BYTES: u64 = 512 << 20;
@@ -27,13 +27,13 @@ const ENTRIES: u64 = 61;
 /// Launches of a batch.
 const BATCH: u32 = 500;
 
-/// Measures every limit of a device, in about a second on a GPU.
-pub fn measure(device: &Device, sources: &Sources) -> Result<Limits> {
+/// Measures every figure of a device, in about a second on a GPU.
+pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     let rig = Rig::open(device, sources)?;
     let [launch_device_us, launch_host_us, launch_batched_us] = launch(&rig)?;
-    let chases = rig.program("limits/latency.cl", &[("ENTRIES", ENTRIES)])?;
+    let chases = rig.program("peak/latency.cl", &[("ENTRIES", ENTRIES)])?;
     let info = &device.info;
-    Ok(Limits {
+    Ok(Peak {
         device: info.label.clone(),
         platform: info.platform.clone(),
         driver: info.driver.clone(),
@@ -71,7 +71,7 @@ fn expect(what: &str, found: f64, expected: f64) -> Result<()> {
 
 fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let (items, group, width) = (rig.items(), rig.group(), u64::from(rig.width(1)));
-    let program = rig.program("limits/fma.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
+    let program = rig.program("peak/fma.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
     let out = rig.buffer::<f32>(items)?;
     let mut kernel = rig.kernel(&program, "fma_rate", items, group);
     kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
@@ -95,7 +95,7 @@ fn large_bytes(rig: &Rig<'_>) -> usize {
 fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let width = rig.width(4);
     let group = rig.device.info.limits.work_group_size.min(256);
-    let program = rig.program("limits/copy.cl", &[("WIDTH", u64::from(width)), ("GROUP", group as u64)])?;
+    let program = rig.program("peak/copy.cl", &[("WIDTH", u64::from(width)), ("GROUP", group as u64)])?;
     let floats = large_bytes(rig) / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
@@ -116,7 +116,7 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let fits = rig.device.info.limits.local_bytes / (2 * SLOTS * width * 4);
     let group = rig.group().min(fits as usize).max(1);
     let items = rig.items() / group * group;
-    let program = rig.program("limits/local.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
+    let program = rig.program("peak/local.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
     let out = rig.buffer::<f32>(items)?;
     let mut kernel = rig.kernel(&program, "local_rate", items, group);
     kernel.arg(0_i32).arg(&out);
@@ -132,7 +132,7 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
 
 /// A launch by the device's clock and the host's, then one of many; microseconds.
 fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
-    let program = rig.program("limits/launch.cl", &[])?;
+    let program = rig.program("peak/launch.cl", &[])?;
     let out = rig.buffer::<i32>(1)?;
     let mut kernel = rig.kernel(&program, "nothing", 1, 1);
     kernel.arg(&out).arg(7_i32);
