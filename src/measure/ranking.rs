@@ -5,7 +5,8 @@ use super::Estimate;
 /// Some points by their medians, fastest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking<T> {
-    /// The fastest point that has enough samples, and every other whose 95% interval overlaps its. More than one is a tie.
+    /// The fastest point that has enough samples, and every other that ties with it: whose 95% interval overlaps its. More
+    /// than one is a tie.
     pub winners: Vec<T>,
     /// Every point that has enough samples, winners among them.
     pub ranked: Vec<T>,
@@ -14,23 +15,37 @@ pub struct Ranking<T> {
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points, given with their estimates.
+    /// Ranks points by their medians: what ties with the best is what overlaps its interval.
     pub fn of(points: impl IntoIterator<Item = (T, Estimate)>) -> Self {
         let mut points: Vec<_> = points.into_iter().collect();
         points.sort_by(|(_, a), (_, b)| a.median_ms().total_cmp(&b.median_ms()));
-        let mut ranking = Self { winners: Vec::new(), ranked: Vec::new(), unranked: Vec::new() };
-        let mut best = None;
-        for (point, estimate) in points {
-            let Some(interval) = estimate.interval_ms() else {
-                ranking.unranked.push(point);
-                continue;
-            };
-            if overlap(interval, *best.get_or_insert(interval)) {
-                ranking.winners.push(point);
+        let interval = |place: usize| points[place].1.interval_ms();
+        let level = |place: usize| interval(place).map(|_| points[place].1.median_ms());
+        let ties =
+            |one, best| interval(one).zip(interval(best)).is_some_and(|(one, best)| overlap(one, best));
+        let places = Ranking::by((0..points.len()).map(|place| (place, level(place))), ties);
+        let back = |places: Vec<usize>| places.into_iter().map(|place| points[place].0).collect();
+        Self { winners: back(places.winners), ranked: back(places.ranked), unranked: back(places.unranked) }
+    }
+
+    /// Ranks points by their levels, less being better; without one a point has no rank. `ties` says whether the first of two
+    /// ties with the second, which is the best.
+    pub(super) fn by(
+        points: impl IntoIterator<Item = (T, Option<f64>)>,
+        ties: impl Fn(T, T) -> bool,
+    ) -> Self {
+        let (mut known, mut unranked) = (Vec::new(), Vec::new());
+        for (point, level) in points {
+            match level {
+                Some(level) => known.push((point, level)),
+                None => unranked.push(point),
             }
-            ranking.ranked.push(point);
         }
-        ranking
+        known.sort_by(|(_, a), (_, b)| a.total_cmp(b));
+        let ranked: Vec<T> = known.into_iter().map(|(point, _)| point).collect();
+        let best = ranked.first().copied();
+        let wins = |point: &T| best.is_some_and(|best| ties(*point, best));
+        Self { winners: ranked.iter().copied().filter(wins).collect(), ranked, unranked }
     }
 
     /// All points: the ranked, then the others.
