@@ -6,6 +6,7 @@ pub mod compare_images;
 pub mod compile;
 pub mod completions;
 pub mod devices;
+pub mod kernel;
 pub mod limits;
 pub mod occupancy;
 mod output;
@@ -32,6 +33,7 @@ use crate::error::Result;
   raycl run configs/quick.toml               an experiment: pictures, tables, records
   raycl run configs/figure-8.toml --dry-run  what it would measure, and what does not fit
   raycl strategies                           the ways to cast: axes and presets
+  raycl kernel naive                         the code of one of them, from entry to pixel
 
 `raycl help COMMAND` has more of each. Exit code: 0 done, 1 failed, 2 a mistake in what was given.")]
 pub struct Cli {
@@ -64,6 +66,8 @@ enum Command {
         #[arg(long)]
         list: bool,
     },
+    /// Print a strategy's kernels as the compiler sees them, to be read
+    Kernel(kernel::Args),
     /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
@@ -88,6 +92,7 @@ impl Cli {
             Command::Strategies(args) => strategies::run(args),
             Command::Worker { list: true } => crate::experiment::list_devices(),
             Command::Worker { list: false } => crate::experiment::serve(),
+            Command::Kernel(args) => kernel::run(args),
             Command::Compile(args) => compile::run(args),
             Command::Limits(args) => limits::run(args),
             Command::Occupancy(args) => occupancy::run(args),

@@ -37,6 +37,16 @@ impl LaneOperations {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
 
+    /// What it is, in words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Barriers => "barriers",
+            Self::SubGroups => "sub-groups",
+            Self::PtxShuffles => "PTX shuffles",
+            Self::Ptx => "PTX shuffles and reductions",
+        }
+    }
+
     /// The fastest that a device's extensions hint at and that give right answers there.
     pub(super) fn find(info: &DeviceInfo, platform: ocl::Platform, device: ocl::Device) -> Self {
         let right = |operations: &Self| try_out(*operations, info, platform, device).unwrap_or(false);

@@ -3,6 +3,7 @@
 //! A [`Queue`] is a device ready for commands; a [`DeviceScene`] the scene in its memory, in one layout; a
 //! [`Caster`] everything one point needs to cast a frame again and again.
 
+mod ask;
 mod band;
 mod buffers;
 mod caster;
@@ -17,6 +18,7 @@ mod split;
 mod steps;
 mod tree;
 
+pub use ask::preprocess_for;
 pub use band::{Band, cut};
 pub use caster::Caster;
 pub use error::LaunchError;
