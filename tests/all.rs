@@ -16,6 +16,7 @@ mod formats;
 mod goldens;
 #[cfg(unix)]
 mod hostile;
+mod kernel;
 mod kernels;
 mod made;
 mod numbers;

@@ -1,9 +1,8 @@
 //! Two commands that measure on one device: the second waits, says for whom, and never times beside the first.
 
-use crate::binary::{Place, device, has, repository};
+use crate::binary::{Place, device, has, repository, send_interrupt, until};
 use std::fs::File;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
 /// Five points: the baseline, and two kernels at two local sizes.
 const CONFIG: &str = r#"
@@ -39,16 +38,6 @@ fn run<'a>(out: &'a str, device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["run", "test.toml", "--quiet", "--device", device, "--out", out], more].concat()
 }
 
-/// Waits until something is so.
-#[track_caller]
-fn until(what: &str, so: impl Fn() -> bool) {
-    let start = Instant::now();
-    while !so() {
-        assert!(start.elapsed() < Duration::from_secs(150), "waited in vain until {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
 /// Starts a run that hangs while it times a point; its process holds the device.
 fn holder(place: &Place, device: &str) -> Child {
     let holder = start(place, &run("first", device, &HANGS), "first.txt");
@@ -69,15 +58,9 @@ fn end(mut process: Child) {
     process.wait().expect("a process");
 }
 
-fn code(mut process: Child) -> Option<i32> {
-    let mut status = None;
-    let start = Instant::now();
-    while status.is_none() {
-        assert!(start.elapsed() < Duration::from_secs(150), "it does not end");
-        std::thread::sleep(Duration::from_millis(5));
-        status = process.try_wait().expect("a process");
-    }
-    status.and_then(|status| status.code())
+/// Its exit code, once it has ended.
+fn code(process: Child) -> Option<i32> {
+    crate::binary::finish(process).status.code()
 }
 
 #[test]
@@ -124,8 +107,7 @@ fn ctrl_c_ends_the_waiting_and_says_how_to_go_on() {
     let (place, device) = (place(), device());
     let first = holder(&place, &device);
     let second = waiter(&place, &device, &first);
-    let killed = Command::new("kill").args(["-INT", &second.id().to_string()]).status().expect("kill");
-    assert!(killed.success());
+    send_interrupt(second.id());
     assert_eq!(code(second), Some(130));
     has(&place.text("second.txt"), &["interrupted", "to go on from here", "--resume"]);
     end(first);
@@ -172,7 +154,7 @@ fn pocl_has_no_more_threads_than_the_process_may_run_on() {
             command.env_remove(name);
         }
         command.envs(variable.map(|count| ("POCL_MAX_PTHREAD_COUNT", count)));
-        let output = command.output().expect("it runs");
+        let output = crate::binary::run(&mut command);
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let at = text.find('{').unwrap_or_else(|| panic!("{output:?}"));
         let json: serde_json::Value = serde_json::from_str(&text[at..]).expect("JSON");

@@ -6,6 +6,7 @@ pub mod compare_images;
 pub mod compile;
 pub mod completions;
 pub mod devices;
+pub mod kernel;
 pub mod occupancy;
 mod output;
 pub mod peak;
@@ -35,6 +36,7 @@ use crate::sources::Sources;
   raycl run configs/quick.toml               an experiment: pictures, tables, records
   raycl run configs/figure-8.toml --dry-run  what it would measure, and what does not fit
   raycl strategies                           the ways to cast: axes and presets
+  raycl kernel naive                         the code of one of them, from entry to pixel
 
 `raycl help COMMAND` has more of each. Exit code: 0 done, 1 failed, 2 a mistake in what was given.")]
 pub struct Cli {
@@ -70,6 +72,8 @@ enum Command {
         #[arg(long, requires = "list")]
         cl_dir: Option<std::path::PathBuf>,
     },
+    /// Print a strategy's kernels as the compiler sees them, to be read
+    Kernel(kernel::Args),
     /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
@@ -103,6 +107,7 @@ impl Cli {
                 print(format!("\n{}", crate::experiment::list_devices(&sources)?))
             }
             Command::Worker { list: false, .. } => crate::experiment::serve(),
+            Command::Kernel(args) => kernel::run(args),
             Command::Compile(args) => compile::run(args),
             Command::Peak(args) => peak::run(args),
             Command::Occupancy(args) => occupancy::run(args),

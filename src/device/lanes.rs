@@ -40,6 +40,16 @@ impl LaneOperations {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
 
+    /// What it is, in words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Barriers => "barriers",
+            Self::SubGroups => "sub-groups",
+            Self::PtxShuffles => "PTX shuffles",
+            Self::Ptx => "PTX shuffles and reductions",
+        }
+    }
+
     /// The fastest that a device's extensions hint at and that give right answers there.
     pub(super) fn find(
         info: &DeviceInfo,

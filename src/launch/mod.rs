@@ -4,6 +4,7 @@
 //! [`Caster`] everything one point needs to cast a frame again and again.
 
 mod arguments;
+mod ask;
 mod band;
 mod buffers;
 mod caster;
@@ -20,6 +21,7 @@ mod split;
 mod steps;
 mod tree;
 
+pub use ask::preprocess_for;
 pub use band::{Band, cut};
 pub use caster::Caster;
 pub use error::LaunchError;

@@ -50,6 +50,11 @@ impl Surfaces {
 }
 
 impl DeviceTree {
+    /// Entries that a stack needs on the deepest way down a tree, rounded up.
+    pub fn stack_size_of(tree: &WideBvh) -> usize {
+        tree.stack_size().next_multiple_of(STACK_STEP)
+    }
+
     /// Builds a mesh's tree as `strategy` wants it, and uploads it; none where it wants none.
     pub fn build(queue: &Queue, mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
         if !strategy.needs_tree() {
@@ -73,7 +78,7 @@ impl DeviceTree {
             nodes,
             leaves,
             surfaces,
-            stack_size: wide.stack_size().next_multiple_of(STACK_STEP),
+            stack_size: Self::stack_size_of(&wide),
             build_ms,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         }))

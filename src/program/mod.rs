@@ -2,12 +2,15 @@
 
 mod build;
 mod defines;
+mod frame_kernels;
 mod include;
 pub mod made;
+pub mod preprocess;
 mod source;
 mod spec;
 
 pub use crate::sources::Sources;
 pub use build::{BuildError, BuiltProgram, CACHE_DISABLE};
+pub use frame_kernels::frame_kernels;
 pub use made::MadeKernel;
 pub use spec::ProgramSpec;

@@ -41,6 +41,14 @@ pub fn run(command: &mut std::process::Command) -> Output {
     finish(command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}")))
 }
 
+/// What Ctrl-C sends.
+#[cfg(unix)]
+pub fn send_interrupt(process: u32) {
+    use rustix::process::{Pid, Signal, kill_process};
+    let process = Pid::from_raw(process as i32).expect("a process has a number");
+    kill_process(process, Signal::INT).expect("the process lives");
+}
+
 #[cfg(unix)]
 fn kill(process: u32) {
     use rustix::process::{Pid, Signal, kill_process};

@@ -94,7 +94,13 @@ impl Stand {
         local_size: [u32; 2],
     ) -> Result<(Radiance, usize), String> {
         let built = self.build(strategy, local_size)?;
-        let Built { workload, program, scene, tree } = &built;
+        self.cast_built(strategy, &built)
+    }
+
+    /// The same of a program that is there.
+    pub fn cast_built(&self, strategy: &Strategy, built: &Built) -> Result<(Radiance, usize), String> {
+        let Built { workload, program, scene, tree } = built;
+        let local_size = workload.local_size;
         let caster =
             match Caster::new(&self.queue, program, strategy, workload, &self.scene, scene, tree.as_ref()) {
                 Err(error @ LaunchError::WorkGroup { .. }) => return Err(error.to_string()),

@@ -1,0 +1,121 @@
+//! `raycl kernel`: the program of a strategy as the compiler sees it, to be read.
+
+mod title;
+
+use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
+use crate::accel::WideBvh;
+use crate::device::{Builtins, Device};
+use crate::error::{Error, Result};
+use crate::launch::{DeviceTree, Queue, preprocess_for};
+use crate::manifest::GROUP_LANES;
+use crate::program::preprocess::{Preprocessed, canonical, preprocess, read};
+use crate::program::{ProgramSpec, Sources, frame_kernels};
+use crate::scene::load_scene;
+use crate::strategy::{Requirements, Strategy, Workload};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use title::{Title, foot};
+
+/// Arguments of `raycl kernel`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl kernel naive | less
+  raycl kernel deferred,width=4 --local-size 16x4
+  raycl kernel tile --device cpu --scene scenes/teapot.toml
+  raycl kernel naive --cl-dir my-cl --canonical > edited.txt
+
+Conditions are decided and macros expanded; a number that had a name keeps it as a comment. What only a device's compiler
+knows counts as absent, unless --device names one to ask. The text is OpenCL C, and compiles to what is cast.")]
+pub struct Args {
+    /// A preset, axes, or both: naive; deferred,width=4
+    #[arg(value_parser = StrategyText, hide_possible_values = true)]
+    strategy: String,
+    /// Work-items of a work-group [default: 8x8; 32 across where they share a tile]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    local_size: Option<[u32; 2]>,
+    /// As this device's compiler sees it: a word of its name, platform or vendor, or cpu or gpu [default: any device]
+    #[arg(long)]
+    device: Option<String>,
+    /// A scene TOML or an OBJ file, for the sizes of __local arrays and stacks [default: a small scene]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Keep functions that no kernel of the strategy's frames calls
+    #[arg(long)]
+    all: bool,
+    /// Print what means something to the compiler and nothing else: equal where two sources compile to the same
+    #[arg(long, conflicts_with = "all")]
+    canonical: bool,
+    /// Use the kernels of this folder instead of those built in
+    #[arg(long, value_name = "DIR")]
+    cl_dir: Option<PathBuf>,
+}
+
+/// The image's size decides nothing that is compiled.
+const IMAGE_SIZE: [u32; 2] = [64, 64];
+/// A cube in a tree: what is shown where no scene is named.
+const SMALL: Workload = Workload {
+    triangles: 12,
+    positions: 8,
+    normals: 6,
+    materials: 1,
+    lights: 1,
+    stack_size: 32,
+    image_size: IMAGE_SIZE,
+    local_size: [8, 8],
+};
+
+/// Prints the program.
+pub fn run(args: Args) -> Result<()> {
+    let strategy = parse_strategy(&args.strategy)?;
+    strategy.check()?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let device = args.device.as_deref().map(|pattern| one_device(Some(pattern), &sources)).transpose()?;
+    let builtins = device.as_ref().map_or_else(Builtins::default, |device| device.info.builtins());
+    let workload = workload(&args, &strategy, builtins)?;
+    let spec = ProgramSpec::new(&sources, &strategy, &workload, builtins)?;
+    let program = match &device {
+        Some(device) => on_device(device, &strategy, &workload, &spec)?,
+        None => preprocess(&spec.source, &spec.options, &BTreeMap::new())?,
+    };
+    if args.canonical {
+        return super::print(canonical(&program.text()).trim_end());
+    }
+    let kernels = frame_kernels(&strategy);
+    let reading = read(&program.lines, (!args.all).then_some(&kernels[..]));
+    let title = Title { args: &args, strategy, workload, builtins, device, options: &spec.options };
+    let (head, foot) = (title.head(&program, &kernels), foot(&program, reading.left_out));
+    super::print(format!("{head}{}{foot}", reading.text).trim_end())
+}
+
+/// What the device's compiler sees, where the device can hold it.
+fn on_device(
+    device: &Device,
+    strategy: &Strategy,
+    workload: &Workload,
+    spec: &ProgramSpec,
+) -> Result<Preprocessed> {
+    Requirements::check(strategy, workload, &device.info.limits).map_err(|infeasible| {
+        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
+            .with_help("choose another --local-size or --scene")
+    })?;
+    preprocess_for(&Queue::open(device.platform, device.device)?, spec)
+}
+
+/// The sizes that arrays depend on.
+fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Workload> {
+    let usual = match strategy.shares_tiles() {
+        true => [GROUP_LANES, builtins.lanes.usual_groups()],
+        false => [8, 8],
+    };
+    let local_size = args.local_size.unwrap_or(usual);
+    let Some(path) = &args.scene else { return Ok(Workload { local_size, ..SMALL }) };
+    let scene = load_scene(path)?.scene;
+    let mut workload = Workload::of(&scene, IMAGE_SIZE, local_size);
+    if strategy.needs_tree() {
+        let (children, leaf_size) = (strategy.node_width.children(), strategy.leaf_size.triangles());
+        let tree = WideBvh::of_mesh(&scene.mesh, children, leaf_size)
+            .map_err(|error| Error::run(format!("the tree failed: {error}")))?;
+        workload.stack_size = DeviceTree::stack_size_of(&tree);
+    }
+    Ok(workload)
+}

@@ -1,0 +1,119 @@
+//! What comes before and after a printed program: comments that say what it is of.
+
+use super::Args;
+use crate::device::{Builtins, Device};
+use crate::program::preprocess::Preprocessed;
+use crate::strategy::{Strategy, Workload};
+
+/// What a program was made for.
+pub(super) struct Title<'a> {
+    pub args: &'a Args,
+    pub strategy: Strategy,
+    pub workload: Workload,
+    pub builtins: Builtins,
+    /// None where it is for any device.
+    pub device: Option<Device>,
+    pub options: &'a str,
+}
+
+impl Title<'_> {
+    /// The comment that the printed text begins with.
+    pub fn head(&self, program: &Preprocessed, kernels: &[&str]) -> String {
+        let [across, down] = self.workload.local_size;
+        let (defines, options) = parted(self.options);
+        let lines = [
+            format!("raycl kernel {}", self.args.strategy),
+            self.strategy.to_string(),
+            format!("local size: {across} x {down} work-items; {}", self.sizes()),
+            self.compiler(program),
+            format!("options: {options}"),
+            format!("defines: {defines}"),
+            format!("kernels of a frame: {}", kernels.join(", ")),
+        ];
+        lines.iter().map(|line| comment(line)).collect()
+    }
+
+    fn sizes(&self) -> String {
+        let w = &self.workload;
+        let whose = match &self.args.scene {
+            Some(path) => path.display().to_string(),
+            None => "a small scene".to_owned(),
+        };
+        let stack = match self.strategy.needs_tree() {
+            true => format!(", stacks of {} entries", w.stack_size),
+            false => String::new(),
+        };
+        let Workload { triangles, positions, normals, materials, .. } = w;
+        format!(
+            "{whose}: {triangles} triangles, {positions} positions, {normals} normals, {materials} materials{stack}"
+        )
+    }
+
+    fn compiler(&self, program: &Preprocessed) -> String {
+        let lanes = match self.strategy.shares_tiles() {
+            true => {
+                format!("; work-items that share a tile tell each other by {}", self.builtins.lanes.about())
+            }
+            false => String::new(),
+        };
+        match &self.device {
+            Some(device) => format!("for {}{lanes}", device.info.describe()),
+            None if program.asked.is_empty() => format!("for any device{lanes}"),
+            None => {
+                format!(
+                    "for any device{lanes}; taken as absent of its compiler: {}",
+                    program.asked.join(", ")
+                )
+            }
+        }
+    }
+}
+
+/// The comment that the printed text ends with.
+pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
+    let has_code = |file: &&String| program.lines.iter().any(|line| line.is_code && *line.file == ***file);
+    let without: Vec<&str> =
+        program.files.iter().filter(|file| !has_code(file)).map(String::as_str).collect();
+    let mut foot = String::new();
+    if !without.is_empty() {
+        foot += &comment(&format!("only macros, used above: {}", without.join(", ")));
+    }
+    if left_out > 0 {
+        foot += &comment(&format!(
+            "{left_out} lines that these kernels do not need are left out; --all keeps them"
+        ));
+    }
+    if foot.is_empty() { foot } else { format!("\n{foot}") }
+}
+
+/// Defines as `NAME=VALUE`, and the other options.
+fn parted(options: &str) -> (String, String) {
+    let (mut defines, mut others) = (Vec::new(), Vec::new());
+    let mut words = options.split_whitespace();
+    while let Some(word) = words.next() {
+        match word {
+            "-D" => defines.extend(words.next()),
+            other => others.push(other),
+        }
+    }
+    (defines.join(" "), others.join(" "))
+}
+
+/// Characters of a comment's line.
+const WIDEST: usize = 110;
+
+/// A text as lines of a comment.
+fn comment(text: &str) -> String {
+    let mut lines = String::new();
+    let mut line = "//".to_owned();
+    for word in text.split_whitespace() {
+        if line.len() + 1 + word.len() > WIDEST {
+            lines += &line;
+            lines.push('\n');
+            line = "//  ".to_owned();
+        }
+        line.push(' ');
+        line += word;
+    }
+    format!("{lines}{line}\n")
+}

@@ -1,0 +1,70 @@
+//! What a device's compiler has of its own, asked by a kernel: OpenCL tells its extensions, not its macros.
+
+use super::Queue;
+use crate::error::{Error, Result};
+use crate::program::preprocess::{Preprocessed, preprocess};
+use crate::program::{BuiltProgram, ProgramSpec};
+use ocl::{Buffer, Kernel, MemFlags};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What an absent macro is answered with.
+const ABSENT: i64 = i64::MIN;
+
+/// Preprocesses a program as the device's compiler does: whatever its conditions ask of the compiler, the compiler is asked.
+pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
+    let (mut given, mut absent) = (BTreeMap::new(), BTreeSet::new());
+    loop {
+        // An answer may open a branch that asks more.
+        let text = preprocess(&spec.source, &spec.options, &given)?;
+        let asked: Vec<&String> = text.asked.iter().filter(|name| !absent.contains(*name)).collect();
+        if asked.is_empty() {
+            return Ok(text);
+        }
+        let answers = ask(queue, &spec.options, &asked).map_err(|message| {
+            Error::run(format!("the device's compiler could not be asked for its macros: {message}"))
+                .with_help("without --device they count as absent")
+        })?;
+        for (name, answer) in asked.into_iter().zip(answers) {
+            match answer {
+                ABSENT => drop(absent.insert(name.clone())),
+                value => drop(given.insert(name.clone(), value)),
+            }
+        }
+    }
+}
+
+/// The values of macros, and whether there are built-ins.
+fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<Vec<i64>, String> {
+    let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
+    let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");
+    let spec = ProgramSpec { source, options: options.to_owned(), files: Vec::new() };
+    let program =
+        BuiltProgram::build(&queue.context, queue.device, &spec).map_err(|error| error.to_string())?;
+    let run = || -> ocl::Result<Vec<i64>> {
+        let commands = queue.commands.clone();
+        let answer = Buffer::<i64>::builder()
+            .queue(commands.clone())
+            .flags(MemFlags::READ_WRITE)
+            .len(names.len())
+            .fill_val(ABSENT)
+            .build()?;
+        let mut kernel = Kernel::builder();
+        let kernel = kernel.program(&program.program).name("ask").queue(commands);
+        let kernel = kernel.global_work_size(1).arg(&answer).build()?;
+        // SAFETY: the kernel has the one argument its source declares, with an entry for each question.
+        unsafe { kernel.enq()? };
+        let mut values = vec![ABSENT; names.len()];
+        answer.read(&mut values).enq()?;
+        Ok(values)
+    };
+    run().map_err(|error| error.to_string())
+}
+
+/// Lines that answer for one name; an empty macro counts as 0.
+fn question(at: usize, name: &str) -> String {
+    if name.starts_with("__has_builtin(") {
+        return format!("#ifdef __has_builtin\n#if {name}\nanswer[{at}] = 1;\n#endif\n#endif\n");
+    }
+    let value = if name == "__has_builtin" { "1".to_owned() } else { format!("({name} + 0)") };
+    format!("#ifdef {name}\nanswer[{at}] = {value};\n#endif\n")
+}

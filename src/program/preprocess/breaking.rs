@@ -1,0 +1,193 @@
+//! Lines that macros changed, laid out to be read: a statement a line, none too long.
+
+use super::token::{Kind, Token};
+use std::collections::VecDeque;
+
+/// Longer lines are broken where they can be.
+const WIDEST: usize = 120;
+/// Up to here, what a bracket holds is continued beside the bracket; else four columns in.
+const FURTHEST: usize = 80;
+
+/// A line with those after it that close its round brackets, as one: what a macro put before them has moved them. Lines that
+/// end in a comment stay as they are.
+pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
+    let mut whole = line.to_vec();
+    let mut taken = 0;
+    while open_brackets(&whole) > 0 && !ends_in_comment(&whole) {
+        let Some(next) = after.get(taken) else { break };
+        whole.push(Token::new(Kind::Space, " ", 0));
+        whole.extend(next.iter().skip_while(|token| token.kind == Kind::Space).cloned());
+        taken += 1;
+    }
+    if open_brackets(&whole) > 0 {
+        return line.to_vec();
+    }
+    after.drain(..taken);
+    whole
+}
+
+fn ends_in_comment(line: &[Token]) -> bool {
+    line.last().is_some_and(Token::is_line_comment)
+}
+
+fn open_brackets(line: &[Token]) -> i32 {
+    line.iter().map(|token| i32::from(token.is("(")) - i32::from(token.is(")"))).sum()
+}
+
+/// The lines that a changed line becomes.
+pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
+    let indent = match line.iter().find(|token| token.kind != Kind::Nothing) {
+        Some(first) if first.kind == Kind::Space => first.text.clone(),
+        _ => String::new(),
+    };
+    let statements = statements(tidied(&line));
+    statements.into_iter().flat_map(|statement| fitted(&indent, statement)).collect()
+}
+
+/// Single blanks, none at either end and none before what closes or parts.
+fn tidied(tokens: &[Token]) -> Vec<Token> {
+    let mut tidied: Vec<Token> = Vec::new();
+    for token in tokens.iter().filter(|token| token.kind != Kind::Nothing) {
+        let parts = [")", ",", ";"].into_iter().any(|symbol| token.is(symbol));
+        let blank = token.kind == Kind::Space;
+        if (blank || parts) && tidied.last().is_some_and(|last| last.kind == Kind::Space) {
+            tidied.pop();
+        }
+        match blank {
+            true if tidied.is_empty() => {}
+            true => tidied.push(Token { text: " ".to_owned(), ..token.clone() }),
+            false => tidied.push(token.clone()),
+        }
+    }
+    tidied
+}
+
+/// Statements that lie side by side in no bracket; a pragma has a line of its own.
+fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
+    let mut statements = vec![Vec::new()];
+    let mut depth = 0;
+    let mut rest = &tokens[..];
+    while let [token, after @ ..] = rest {
+        rest = after;
+        if let ("_Pragma", [_, what, _, after @ ..]) = (token.text.as_str(), after) {
+            let text = format!("#pragma {}", what.text.trim_matches('"').replace("\\\"", "\""));
+            statements.extend([vec![Token::new(Kind::Symbol, text, token.line)], Vec::new()]);
+            rest = after;
+            continue;
+        }
+        depth += nesting(token);
+        let ends = depth == 0 && token.is(";") && after.iter().any(Token::is_code);
+        if let Some(statement) = statements.last_mut() {
+            statement.push(token.clone());
+        }
+        if ends {
+            statements.push(Vec::new());
+        }
+    }
+    statements.into_iter().map(trimmed).filter(|statement| !statement.is_empty()).collect()
+}
+
+fn nesting(token: &Token) -> i32 {
+    match token.text.as_str() {
+        "(" | "{" => 1,
+        ")" | "}" => -1,
+        _ => 0,
+    }
+}
+
+fn trimmed(mut tokens: Vec<Token>) -> Vec<Token> {
+    while tokens.last().is_some_and(|last| last.kind == Kind::Space) {
+        tokens.pop();
+    }
+    tokens.into_iter().skip_while(|token| token.kind == Kind::Space).collect()
+}
+
+fn length(tokens: &[Token]) -> usize {
+    tokens.iter().map(|token| token.text.chars().count()).sum()
+}
+
+/// A statement in as many lines as it needs.
+fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
+    let is_long = indent.len() + length(&statement) > WIDEST;
+    let brace = statement.iter().position(|token| token.is("{"));
+    match brace.filter(|_| is_long && statement.last().is_some_and(|last| last.is("}"))) {
+        Some(brace) => body_apart(indent, statement, brace),
+        None => continued(indent, statement),
+    }
+}
+
+/// `head {`, then what the braces hold, then `}`.
+fn body_apart(indent: &str, mut head: Vec<Token>, brace: usize) -> Vec<String> {
+    let mut body = head.split_off(brace + 1);
+    body.pop();
+    let inner = format!("{indent}    ");
+    let mut lines = continued(indent, head);
+    lines.extend(statements(body).into_iter().flat_map(|statement| fitted(&inner, statement)));
+    lines.push(format!("{indent}}}"));
+    lines
+}
+
+/// Broken where it is too long.
+fn continued(indent: &str, statement: Vec<Token>) -> Vec<String> {
+    let (mut lines, mut margin, mut open) = (Vec::new(), indent.chars().count(), Vec::new());
+    let mut rest = statement;
+    let further = margin + 4;
+    while let Some(place) = place_to_break(&rest, margin, open.clone(), further) {
+        let after = rest.split_off(place.at);
+        lines.push(spelled(margin, &rest));
+        rest = trimmed(after);
+        margin = place.column;
+        open = vec![margin; place.depth];
+    }
+    lines.push(spelled(margin, &rest));
+    lines
+}
+
+fn spelled(margin: usize, tokens: &[Token]) -> String {
+    let text: String = tokens.iter().map(|token| token.text.as_str()).collect();
+    format!("{}{}", " ".repeat(margin), text.trim_end())
+}
+
+/// Where a line is broken: before a token, to go on at a column, in so many brackets.
+struct Place {
+    at: usize,
+    column: usize,
+    depth: usize,
+}
+
+/// The last place that fits, in as few brackets as can be. `open` are the columns to go on at in brackets that are open when
+/// the line begins. None if the line is short or has no such place.
+fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<Place> {
+    if margin + length(tokens) <= WIDEST {
+        return None;
+    }
+    let (mut column, mut best) = (margin, None::<Place>);
+    for (at, token) in tokens.iter().enumerate() {
+        column += token.text.chars().count();
+        if column > WIDEST + 1 {
+            break;
+        }
+        let depth = open.len();
+        if may_break(tokens, at, depth) && best.as_ref().is_none_or(|best| depth <= best.depth) {
+            let beside = open.last().copied().filter(|column| *column <= FURTHEST);
+            best = Some(Place { at: at + 1, column: beside.unwrap_or(further), depth });
+        }
+        match token.text.as_str() {
+            "(" => open.push(column),
+            ")" => drop(open.pop()),
+            _ => {}
+        }
+    }
+    best
+}
+
+/// Whether a line may be broken after a token: a blank after a comma, before an operator, or before what a loop repeats.
+fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
+    if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
+        return false;
+    }
+    let (before, after) = (&tokens[at - 1], &tokens[at + 1]);
+    let joins = ["&&", "||", "?", ":", "&", "+", "-"].iter().any(|symbol| after.is(symbol));
+    let repeated = depth == 0 && before.is(")") && after.kind == Kind::Name;
+    before.is(",") || joins || repeated
+}

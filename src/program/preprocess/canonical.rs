@@ -1,0 +1,63 @@
+//! Two texts that mean the same to a compiler, as one.
+
+use super::token::{Kind, Token, code, lex};
+
+/// A preprocessed text without comments, one blank between tokens, a statement a line. Two texts that differ in nothing but
+/// blanks, comments and how a pragma is spelled become equal.
+pub fn canonical(text: &str) -> String {
+    let tokens = lex(text);
+    let mut lines = Lines::default();
+    for line in tokens.split(|token| token.kind == Kind::NewLine) {
+        let code: Vec<&Token> = line.iter().filter(|token| token.is_code()).collect();
+        match &code[..] {
+            [hash, rest @ ..] if hash.is("#") => lines.pragma(rest.iter().map(|token| token.text.as_str())),
+            _ => lines.code(&code),
+        }
+    }
+    lines.end();
+    lines.text
+}
+
+#[derive(Default)]
+struct Lines {
+    text: String,
+    line: Vec<String>,
+    /// Round brackets open: the semicolons of a `for` end no line.
+    depth: i32,
+}
+
+impl Lines {
+    fn end(&mut self) {
+        if !self.line.is_empty() {
+            self.text += &self.line.join(" ");
+            self.text.push('\n');
+            self.line.clear();
+        }
+    }
+
+    fn code(&mut self, mut tokens: &[&Token]) {
+        while let [token, after @ ..] = tokens {
+            tokens = after;
+            if let ("_Pragma", [_, what, _, rest @ ..]) = (token.text.as_str(), after) {
+                let unquoted = what.text.trim_matches('"').replace("\\\"", "\"").replace("\\\\", "\\");
+                let words = code(&format!("pragma {unquoted}"));
+                self.pragma(words.iter().map(|word| word.text.as_str()));
+                tokens = rest;
+                continue;
+            }
+            self.line.push(token.text.clone());
+            match token.text.as_str() {
+                "(" => self.depth += 1,
+                ")" => self.depth -= 1,
+                ";" | "{" | "}" if self.depth <= 0 => self.end(),
+                _ => {}
+            }
+        }
+    }
+
+    fn pragma<'a>(&mut self, words: impl Iterator<Item = &'a str>) {
+        self.end();
+        self.line.push(format!("#{}", words.collect::<Vec<_>>().join(" ")));
+        self.end();
+    }
+}

@@ -1,0 +1,206 @@
+//! Calls of macros replaced by what they stand for, as C99 6.10.3 has it: arguments are expanded first, the result is
+//! read again, and no macro is called out of its own expansion (each token carries the macros it came out of:
+//! Prosser's algorithm).
+
+use super::macros::{Macro, Macros};
+use super::substitute::substitute;
+use super::token::{Kind, Token, lex};
+use std::collections::VecDeque;
+
+/// What is wrong with a call, and on which line of the whole text.
+pub(super) type Misuse = (u32, String);
+/// The arguments of a call, and its closing bracket.
+type Arguments = (Vec<Vec<Token>>, Token);
+
+/// Expands every call in a stretch of text. `inline`: lines of a macro's body become one line.
+pub(super) fn expand(macros: &Macros, text: Vec<Token>, inline: bool) -> Result<Vec<Token>, Misuse> {
+    let depth = usize::from(inline);
+    let mut expander = Expander { macros, input: text.into(), output: Vec::new(), depth };
+    while let Some(token) = expander.input.pop_front() {
+        expander.take(token)?;
+    }
+    Ok(expander.output)
+}
+
+struct Expander<'a> {
+    macros: &'a Macros,
+    input: VecDeque<Token>,
+    output: Vec<Token>,
+    /// Round brackets open in the output.
+    depth: usize,
+}
+
+impl Expander<'_> {
+    /// Puts a token into the output, or what it calls back into the input.
+    fn take(&mut self, token: Token) -> Result<(), Misuse> {
+        let callable = token.kind == Kind::Name && !token.hidden.contains(&token.text);
+        let Some(called) = self.macros.get(&token.text).filter(|_| callable) else {
+            self.push(token);
+            return Ok(());
+        };
+        let Some(parameters) = &called.parameters else { return self.replace(token, called, &[], &[]) };
+        let Some((arguments, closing)) = self.arguments(&token)? else {
+            self.push(token);
+            return Ok(());
+        };
+        if arguments.len() != parameters.len().max(1) {
+            let (wanted, got) = (parameters.len(), arguments.len());
+            return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
+        }
+        let mut call = token;
+        // What comes out of two macros is hidden from those that hold both its name and its bracket.
+        call.hidden.retain(|name| closing.hidden.contains(name));
+        self.replace(call, called, parameters, &arguments)
+    }
+
+    /// Puts what a call stands for at the front of the input.
+    fn replace(
+        &mut self,
+        call: Token,
+        called: &Macro,
+        parameters: &[String],
+        arguments: &[Vec<Token>],
+    ) -> Result<(), Misuse> {
+        let made = |kind, text: &str| Token { made: true, ..Token::new(kind, text, call.line) };
+        let hidden = [&call.hidden[..], std::slice::from_ref(&call.text)].concat();
+        if let Some(constant) = self.constant(called, &hidden) {
+            constant.iter().for_each(|token| self.push(made(token.kind, &token.text)));
+            self.push(made(Kind::Space, " "));
+            self.push(made(Kind::Comment, &format!("/* {} */", call.text)));
+            return Ok(());
+        }
+        let body = substitute(self.macros, called, parameters, arguments)
+            .map_err(|(_, message)| (call.line, format!("{}: {message}", call.text)))?;
+        if !body.iter().any(Token::is_code) {
+            self.push(made(Kind::Nothing, ""));
+            self.skip_space();
+            return Ok(());
+        }
+        for mut token in body.into_iter().flat_map(self.placed()).collect::<Vec<_>>().into_iter().rev() {
+            (token.line, token.made) = (call.line, true);
+            token.hidden.extend(hidden.iter().cloned());
+            self.input.push_front(token);
+        }
+        Ok(())
+    }
+
+    /// What a macro without parameters stands for, where that is numbers and operators and nothing else.
+    fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
+        let mut body = called.body.clone();
+        body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());
+        let expanded = expand(self.macros, body, true).ok().filter(|_| called.parameters.is_none())?;
+        let plain = trimmed(expanded.into_iter().filter(|token| token.kind != Kind::Comment).collect());
+        let is_number = |token: &Token| token.kind == Kind::Number;
+        let operators = |token: &Token| ![",", ";", "{", "}"].contains(&token.text.as_str());
+        let fits = |token: &Token| is_number(token) || (token.kind == Kind::Symbol && operators(token));
+        let mut code = plain.iter().filter(|token| token.is_code());
+        (code.all(fits) && plain.iter().any(is_number)).then_some(plain)
+    }
+
+    /// Turns what parts a body's lines into lines indented as the output's last one is; between brackets, into blanks.
+    fn placed(&self) -> impl Fn(Token) -> Vec<Token> {
+        let indentation = (self.depth == 0).then(|| self.indentation());
+        move |token| match &indentation {
+            _ if token.kind != Kind::Break => vec![token],
+            None => vec![Token::new(Kind::Space, " ", token.line)],
+            Some(indentation) => {
+                let further = format!("{indentation}{}", token.text);
+                vec![
+                    Token::new(Kind::NewLine, "\n", token.line),
+                    Token::new(Kind::Space, further, token.line),
+                ]
+            }
+        }
+    }
+
+    /// What expands to nothing takes a blank along, where it would leave two.
+    fn skip_space(&mut self) {
+        let before = self.output.iter().rev().find(|token| token.kind != Kind::Nothing);
+        let spaced = before.is_none_or(|token| matches!(token.kind, Kind::Space | Kind::NewLine));
+        if spaced && self.input.front().is_some_and(|token| token.kind == Kind::Space) {
+            self.input.pop_front();
+        }
+    }
+
+    /// Adds to the output, with a blank where two tokens would be read as one.
+    fn push(&mut self, token: Token) {
+        if token.is("(") {
+            self.depth += 1;
+        } else if token.is(")") {
+            self.depth = self.depth.saturating_sub(1);
+        }
+        let before = self.output.iter().rev().find(|before| before.kind != Kind::Nothing);
+        let changed = token.made || self.output.last().is_some_and(|before| before.made);
+        if changed && before.is_some_and(|before| glued(before, &token)) {
+            self.output.push(Token { made: true, ..Token::new(Kind::Space, " ", token.line) });
+        }
+        self.output.push(token);
+    }
+
+    /// The blanks that the output's last line begins with.
+    fn indentation(&self) -> String {
+        let start = self.output.iter().rposition(|token| token.kind == Kind::NewLine).map_or(0, |at| at + 1);
+        let first = self.output[start..].iter().find(|token| token.kind != Kind::Nothing);
+        first.filter(|token| token.kind == Kind::Space).map_or_else(String::new, |space| space.text.clone())
+    }
+
+    /// Takes a call's arguments from the input; none if no bracket follows.
+    fn arguments(&mut self, call: &Token) -> Result<Option<Arguments>, Misuse> {
+        let Some(open) = self.input.iter().position(Token::is_code) else { return Ok(None) };
+        if !self.input[open].is("(") {
+            return Ok(None);
+        }
+        self.input.drain(..=open);
+        let (mut arguments, mut depth) = (vec![Vec::new()], 0);
+        while let Some(token) = self.input.pop_front() {
+            match token.text.as_str() {
+                ")" if depth == 0 => return Ok(Some((arguments.into_iter().map(trimmed).collect(), token))),
+                "," if depth == 0 => {
+                    arguments.push(Vec::new());
+                    continue;
+                }
+                "(" => depth += 1,
+                ")" => depth -= 1,
+                _ => {}
+            }
+            if let Some(argument) = arguments.last_mut() {
+                argument.push(in_one_line(token));
+            }
+        }
+        Err((call.line, format!("the call of {} is not closed before the next directive", call.text)))
+    }
+}
+
+/// Whether two tokens side by side would be read as others.
+fn glued(before: &Token, after: &Token) -> bool {
+    if !before.is_code() || !after.is_code() {
+        return false;
+    }
+    let together = format!("{}{}", before.text, after.text);
+    lex(&together).first().is_none_or(|first| first.text != before.text)
+}
+
+/// Line ends, and comments up to them, as a blank.
+fn in_one_line(token: Token) -> Token {
+    let ends = matches!(token.kind, Kind::NewLine | Kind::Break) || token.is_line_comment();
+    if ends { Token { kind: Kind::Space, text: " ".to_owned(), ..token } } else { token }
+}
+
+/// Without blanks at either end, and with one where there were several.
+fn trimmed(tokens: Vec<Token>) -> Vec<Token> {
+    let mut kept: Vec<Token> = Vec::new();
+    for mut token in tokens {
+        let blank = token.kind == Kind::Space;
+        if blank && kept.last().is_none_or(|last| last.kind == Kind::Space) {
+            continue;
+        }
+        if blank {
+            token.text = " ".to_owned();
+        }
+        kept.push(token);
+    }
+    if kept.last().is_some_and(|last| last.kind == Kind::Space) {
+        kept.pop();
+    }
+    kept
+}

@@ -1,0 +1,125 @@
+//! What is left of a text, in lines that read well.
+
+use super::breaking::{broken, whole_brackets};
+use super::token::{Kind, Token};
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+/// A line of what is left.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Line {
+    /// The file it came from, as `#line` names it; empty where none did.
+    pub file: Rc<str>,
+    /// Its line there; where a macro became several lines, that of the call.
+    pub number: u32,
+    /// What it says.
+    pub text: String,
+    /// Whether it holds code, not only a comment or nothing.
+    pub is_code: bool,
+}
+
+/// Lines as they come, with the places where something was taken out.
+#[derive(Debug, Default)]
+pub(super) struct Layout(Vec<Row>);
+
+#[derive(Debug)]
+struct Row {
+    line: Line,
+    what: What,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum What {
+    Blank,
+    Comment,
+    Code,
+    /// A directive, which is not shown.
+    Cut,
+}
+
+impl What {
+    fn of(line: &[Token]) -> Self {
+        if line.iter().any(Token::is_code) {
+            Self::Code
+        } else if line.iter().any(|token| token.kind == Kind::Comment) {
+            Self::Comment
+        } else {
+            Self::Blank
+        }
+    }
+}
+
+impl Layout {
+    /// Adds expanded text; `offset` leads from its tokens' lines to those of the file.
+    pub fn add(&mut self, file: &Rc<str>, offset: i64, text: &[Token]) {
+        // The last line has its end: what follows it is no line.
+        let ended = text.last().is_none_or(|last| last.kind == Kind::NewLine);
+        let mut lines: VecDeque<&[Token]> = text.split(|token| token.kind == Kind::NewLine).collect();
+        if ended {
+            lines.pop_back();
+        }
+        while let Some(line) = lines.pop_front() {
+            let number = line.first().map_or(0, |first| i64::from(first.line) + offset);
+            let number = u32::try_from(number).unwrap_or(0);
+            let changed = line.iter().any(|token| token.made);
+            if changed && line.iter().any(Token::is_code) {
+                let broken = broken(whole_brackets(line, &mut lines));
+                broken.into_iter().for_each(|line| self.push(file, number, What::Code, line));
+            } else if !changed {
+                let text: String = line.iter().map(|token| token.text.as_str()).collect();
+                self.push(file, number, What::of(line), text.trim_end().to_owned());
+            }
+            // Else it called what expands to nothing.
+        }
+    }
+
+    /// Remembers that a directive stood here.
+    pub fn cut(&mut self, file: &Rc<str>) {
+        self.push(file, 0, What::Cut, String::new());
+    }
+
+    fn push(&mut self, file: &Rc<str>, number: u32, what: What, text: String) {
+        let line = Line { file: file.clone(), number, text, is_code: what == What::Code };
+        self.0.push(Row { line, what });
+    }
+
+    /// The lines, without comments of what was taken out, and never two empty ones in a row.
+    pub fn lines(self) -> Vec<Line> {
+        let kept = without_orphans(self.0);
+        let mut lines: Vec<Line> = Vec::new();
+        for row in kept.into_iter().filter(|row| row.what != What::Cut) {
+            let same = |last: &Line| last.file == row.line.file && !last.text.is_empty();
+            if row.what != What::Blank || lines.last().is_some_and(same) {
+                lines.push(row.line);
+            }
+        }
+        while lines.last().is_some_and(|line| line.text.is_empty()) {
+            lines.pop();
+        }
+        lines
+    }
+}
+
+/// Drops a comment whose next lines, up to an empty one, were directives: it spoke of what they defined.
+fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
+    let mut kept = Vec::new();
+    // Whether nothing but directives and comments on them lies between here and the next empty line.
+    let (mut orphaned, mut after) = (false, What::Blank);
+    let mut file: Rc<str> = "".into();
+    for row in rows.into_iter().rev() {
+        if row.line.file != file {
+            (orphaned, after, file) = (false, What::Blank, row.line.file.clone());
+        }
+        orphaned = match (row.what, after) {
+            (What::Cut, What::Blank) => true,
+            (What::Cut | What::Comment, What::Cut | What::Comment) => orphaned,
+            _ => false,
+        };
+        after = row.what;
+        if row.what != What::Comment || !orphaned {
+            kept.push(row);
+        }
+    }
+    kept.reverse();
+    kept
+}

@@ -1,0 +1,97 @@
+//! What is defined: names, their parameters and bodies.
+
+use super::token::{Kind, Token, lex};
+use std::collections::HashMap;
+
+/// A macro.
+#[derive(Clone, Debug)]
+pub(super) struct Macro {
+    /// Its parameters; none where it is used without brackets.
+    pub parameters: Option<Vec<String>>,
+    /// What it stands for: no comments, single blanks, and a [`Kind::Break`] where the next line of it begins.
+    pub body: Vec<Token>,
+}
+
+/// Everything that is defined at some place.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Macros(HashMap<String, Macro>);
+
+impl Macros {
+    pub fn get(&self, name: &str) -> Option<&Macro> {
+        self.0.get(name)
+    }
+
+    /// `NAME=VALUE` of a compiler's `-D`, or `NAME`, which is 1.
+    pub fn define_option(&mut self, option: &str) -> Result<(), String> {
+        let (name, value) = option.split_once('=').unwrap_or((option, "1"));
+        self.define(&lex(&format!("{name} {value}")))
+    }
+
+    /// What comes after `#define`.
+    pub fn define(&mut self, line: &[Token]) -> Result<(), String> {
+        let start = line.iter().position(Token::is_code).unwrap_or(line.len());
+        let Some((name, rest)) = line[start..].split_first().filter(|(name, _)| name.kind == Kind::Name)
+        else {
+            return Err("#define wants a name".to_owned());
+        };
+        let (parameters, body) = match rest.first() {
+            Some(bracket) if bracket.is("(") => {
+                let (parameters, body) = parameters(&rest[1..])
+                    .ok_or_else(|| format!("the parameters of {} are not names between commas", name.text))?;
+                (Some(parameters), body)
+            }
+            _ => (None, rest),
+        };
+        self.0.insert(name.text.clone(), Macro { parameters, body: laid_out(body) });
+        Ok(())
+    }
+
+    pub fn undefine(&mut self, name: &str) {
+        self.0.remove(name);
+    }
+}
+
+/// The names up to the closing bracket, and what follows it. Variable numbers of arguments are not known here.
+fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
+    let end = tokens.iter().position(|token| token.is(")"))?;
+    let inside: Vec<_> = tokens[..end].iter().filter(|token| token.is_code()).collect();
+    let mut names = Vec::new();
+    for part in inside.split(|token| token.is(",")).filter(|_| !inside.is_empty()) {
+        let [name] = part else { return None };
+        names.push((name.kind == Kind::Name).then(|| name.text.clone())?);
+    }
+    Some((names, &tokens[end + 1..]))
+}
+
+/// A body in lines, each indented as far as it was beyond the others.
+fn laid_out(body: &[Token]) -> Vec<Token> {
+    let lines: Vec<(usize, Vec<Token>)> = body.split(|token| token.kind == Kind::Break).map(line).collect();
+    let first = lines.first().map_or(0, |_| 1);
+    let least = lines[first..].iter().filter(|(_, line)| !line.is_empty()).map(|(indent, _)| *indent).min();
+    let mut laid_out = Vec::new();
+    for (number, (indent, line)) in lines.into_iter().enumerate().filter(|(_, (_, line))| !line.is_empty()) {
+        if !laid_out.is_empty() {
+            let further = if number == 0 { 0 } else { indent - least.unwrap_or(indent) };
+            laid_out.push(Token::new(Kind::Break, " ".repeat(further), line[0].line));
+        }
+        laid_out.extend(line);
+    }
+    laid_out
+}
+
+/// A line's indentation and what it holds: no comments, one blank where there were some, none at either end.
+fn line(tokens: &[Token]) -> (usize, Vec<Token>) {
+    let indent = tokens.first().filter(|token| token.kind == Kind::Space).map_or(0, |space| space.text.len());
+    let mut line: Vec<Token> = Vec::new();
+    for token in tokens {
+        if token.is_code() {
+            line.push(token.clone());
+        } else if line.last().is_some_and(Token::is_code) {
+            line.push(Token::new(Kind::Space, " ", token.line));
+        }
+    }
+    if line.last().is_some_and(|token| !token.is_code()) {
+        line.pop();
+    }
+    (indent, line)
+}

@@ -1,0 +1,241 @@
+//! What a compiler sees of a kernel's text: conditions decided, macros expanded, the rest as it was written.
+//!
+//! It keeps what a compiler's own preprocessor (`cc -E`) throws away and a reader needs: comments, indentation, the file
+//! and line of everything, the lines of a macro of several. Constants that had a name keep it as a comment. It knows what
+//! OpenCL C's kernels here use: all of C99's directives but `#include`, which is resolved before, and no macros of variable numbers
+//! of arguments.
+
+mod breaking;
+mod canonical;
+mod condition;
+mod expand;
+mod layout;
+mod macros;
+mod reading;
+mod substitute;
+#[cfg(test)]
+mod tests;
+mod token;
+
+pub use canonical::canonical;
+pub use layout::Line;
+pub use reading::{Reading, read};
+
+use crate::error::{Error, Result};
+use condition::Compiler;
+use expand::expand;
+use layout::Layout;
+use macros::Macros;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use token::{Kind, Token, lex};
+
+/// A text as the compiler sees it.
+#[derive(Clone, Debug)]
+pub struct Preprocessed {
+    /// What is left of it.
+    pub lines: Vec<Line>,
+    /// What its conditions asked of the compiler that it was not given, and so counted as absent: names of macros,
+    /// and `__has_builtin(NAME)`.
+    pub asked: Vec<String>,
+    /// The files of it that `#line` named, in order, but for those in branches that are not read.
+    pub files: Vec<String>,
+}
+
+impl Preprocessed {
+    /// One text that compiles to the same.
+    pub fn text(&self) -> String {
+        self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
+    }
+}
+
+/// Preprocesses a text with the `-D NAME=VALUE` of a compiler's options. `given` are macros of the compiler's own that
+/// conditions may ask for (`__has_builtin(NAME)` too), and their values; in the text they are left alone.
+///
+/// A live `#error`, a directive that cannot be understood, and a macro used wrongly are the user's mistakes.
+pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
+    let mut run = Preprocessor::new(given);
+    for option in defines(options) {
+        run.macros
+            .define_option(option)
+            .map_err(|message| Error::input(format!("-D {option}: {message}")))?;
+    }
+    let tokens = lex(source);
+    for line in tokens.split_inclusive(|token| token.kind == Kind::NewLine) {
+        run.line(line)?;
+    }
+    run.finish()
+}
+
+/// What `-D` defines, each as it is spelled; the two may be apart.
+fn defines(options: &str) -> Vec<&str> {
+    let mut words = options.split_whitespace();
+    let mut defines = Vec::new();
+    while let Some(word) = words.next() {
+        match word.strip_prefix("-D") {
+            Some("") => defines.extend(words.next()),
+            Some(define) => defines.push(define),
+            None => {}
+        }
+    }
+    defines
+}
+
+/// An `#if` that no `#endif` has closed.
+struct Branch {
+    /// Whether what lies between is read.
+    live: bool,
+    /// Whether one of its branches was live, so that no other can be.
+    decided: bool,
+    /// Whether what lies around it is read.
+    around: bool,
+    /// Its line of the whole text.
+    line: u32,
+}
+
+struct Preprocessor {
+    macros: Macros,
+    compiler: Compiler,
+    branches: Vec<Branch>,
+    file: Rc<str>,
+    files: Vec<String>,
+    /// What is added to a line of the whole text to have the line of the file.
+    offset: i64,
+    /// Live text since the last directive.
+    text: Vec<Token>,
+    layout: Layout,
+}
+
+impl Preprocessor {
+    fn new(given: &BTreeMap<String, i64>) -> Self {
+        Self {
+            macros: Macros::default(),
+            compiler: Compiler { given: given.clone(), ..Compiler::default() },
+            branches: Vec::new(),
+            file: "".into(),
+            files: Vec::new(),
+            offset: 0,
+            text: Vec::new(),
+            layout: Layout::default(),
+        }
+    }
+
+    fn is_live(&self) -> bool {
+        self.branches.last().is_none_or(|branch| branch.live)
+    }
+
+    fn mistake(&self, line: u32, message: impl std::fmt::Display) -> Error {
+        let place = i64::from(line) + self.offset;
+        let file = if self.file.is_empty() { "the text" } else { &self.file };
+        Error::input(format!("{file}, line {place}: {message}")).with_help(
+            "give what it asks for by --local-size or an axis, or mend that line; --cl-dir names the folder",
+        )
+    }
+
+    fn line(&mut self, line: &[Token]) -> Result<()> {
+        let first = line.iter().position(Token::is_code);
+        match first.filter(|first| line[*first].is("#")) {
+            Some(first) => {
+                self.flush()?;
+                self.directive(line, &line[first + 1..])
+            }
+            None if self.is_live() => {
+                self.text.extend_from_slice(line);
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Expands and lays out the text before a directive: it is read with what was defined then.
+    fn flush(&mut self) -> Result<()> {
+        let text = std::mem::take(&mut self.text);
+        let expanded =
+            expand(&self.macros, text, false).map_err(|(line, message)| self.mistake(line, message))?;
+        self.layout.add(&self.file, self.offset, &expanded);
+        Ok(())
+    }
+
+    fn directive(&mut self, line: &[Token], after: &[Token]) -> Result<()> {
+        let start = after.iter().position(Token::is_code).unwrap_or(after.len());
+        let Some((name, rest)) = after[start..].split_first() else { return Ok(()) };
+        let number = name.line;
+        let code: Vec<Token> = rest.iter().filter(|token| token.is_code()).cloned().collect();
+        match name.text.as_str() {
+            "line" => self.place(&code, number)?,
+            "if" | "ifdef" | "ifndef" => self.open(&name.text, &code, number)?,
+            "elif" | "else" | "endif" => self.turn(&name.text, &code, number)?,
+            _ if !self.is_live() => {}
+            "pragma" => {
+                self.layout.add(&self.file, self.offset, line);
+                return Ok(());
+            }
+            "define" => self.macros.define(rest).map_err(|message| self.mistake(number, message))?,
+            "undef" => code.first().into_iter().for_each(|name| self.macros.undefine(&name.text)),
+            "error" => {
+                let text: String = rest.iter().map(|token| token.text.as_str()).collect();
+                return Err(self.mistake(number, format!("#error {}", text.trim())));
+            }
+            other => return Err(self.mistake(number, format!("#{other} is not understood here"))),
+        }
+        self.layout.cut(&self.file);
+        Ok(())
+    }
+
+    /// `#line NUMBER "FILE"`: it says where the next line stands, in branches that are not read too.
+    fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
+        let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
+        let next = next.ok_or_else(|| self.mistake(line, "#line wants a number"))?;
+        self.offset = next - i64::from(line) - 1;
+        if let Some(file) = code.get(1) {
+            let name = file.text.trim_matches('"');
+            self.file = name.into();
+            if self.is_live() && !self.files.iter().any(|file| file == name) {
+                self.files.push(name.to_owned());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the condition of a directive holds.
+    fn decide(&mut self, name: &str, code: &[Token], line: u32) -> Result<bool> {
+        let named = code.first().map(|token| token.text.clone());
+        let decided = match (name, named) {
+            ("ifdef", Some(named)) => Ok(self.compiler.is_defined(&self.macros, &named)),
+            ("ifndef", Some(named)) => Ok(!self.compiler.is_defined(&self.macros, &named)),
+            ("ifdef" | "ifndef", None) => Err(format!("#{name} wants a name")),
+            _ => condition::holds(code, &self.macros, &mut self.compiler),
+        };
+        decided.map_err(|message| self.mistake(line, message))
+    }
+
+    fn open(&mut self, name: &str, code: &[Token], line: u32) -> Result<()> {
+        let around = self.is_live();
+        let live = around && self.decide(name, code, line)?;
+        self.branches.push(Branch { live, decided: live, around, line });
+        Ok(())
+    }
+
+    fn turn(&mut self, name: &str, code: &[Token], line: u32) -> Result<()> {
+        let Some(mut branch) = self.branches.pop() else {
+            return Err(self.mistake(line, format!("#{name} without #if")));
+        };
+        if name == "endif" {
+            return Ok(());
+        }
+        let open = branch.around && !branch.decided;
+        branch.live = open && (name == "else" || self.decide(name, code, line)?);
+        branch.decided |= branch.live;
+        self.branches.push(branch);
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Preprocessed> {
+        self.flush()?;
+        if let Some(branch) = self.branches.last() {
+            return Err(self.mistake(branch.line, "this #if has no #endif"));
+        }
+        let asked = self.compiler.asked.into_iter().collect();
+        Ok(Preprocessed { lines: self.layout.lines(), asked, files: self.files })
+    }
+}

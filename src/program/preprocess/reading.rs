@@ -1,0 +1,219 @@
+//! A preprocessed program to be read from top to bottom: parts under the names of their files, without what its kernels
+//! never call.
+
+use super::Line;
+use super::token::{Kind, Token, lex};
+use std::collections::HashSet;
+use std::rc::Rc;
+
+/// A text to be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// Its parts, each under a comment with file and line.
+    pub text: String,
+    /// Lines of functions and types left out, as none of the kernels needs them.
+    pub left_out: usize,
+}
+
+/// Lays out what `kernels` need of a program, or all of it.
+pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
+    let items = items(lines);
+    let needed = kernels.map(|kernels| needed(&items, kernels));
+    let is_kept = |item: &Item| match (&needed, &item.name) {
+        (Some(needed), Some(name)) => needed.contains(name),
+        _ => true,
+    };
+    let left_out = items.iter().filter(|item| !is_kept(item)).map(|item| item.lines.len()).sum();
+    let kept: Vec<&Item> = items.iter().filter(|item| is_kept(item)).collect();
+    let parts = kept.chunk_by(|one, next| one.file() == next.file());
+    let with_code = parts.filter(|part| part.iter().any(|item| item.has_code()));
+    Reading { text: with_code.map(part).collect(), left_out }
+}
+
+/// Items of one file in a row under their heading.
+fn part(items: &[&Item]) -> String {
+    let Some(first) = items.first().and_then(|item| item.lines.first()) else { return String::new() };
+    let mut text = format!("\n// ---- {}, line {} ----\n", first.file, first.number);
+    for (number, item) in items.iter().enumerate() {
+        if item.apart || number == 0 {
+            text.push('\n');
+        }
+        for line in &item.lines {
+            text += &line.text;
+            text.push('\n');
+        }
+    }
+    text
+}
+
+/// A function, a type, a variable or a pragma, with the comment before it; or a comment that stands alone.
+struct Item<'a> {
+    lines: Vec<&'a Line>,
+    /// Whether an empty line comes before it.
+    apart: bool,
+    /// What it declares, if that can be told.
+    name: Option<String>,
+    /// Every name in it.
+    uses: HashSet<String>,
+}
+
+impl Item<'_> {
+    fn file(&self) -> Option<&Rc<str>> {
+        self.lines.first().map(|line| &line.file)
+    }
+
+    fn has_code(&self) -> bool {
+        self.lines.iter().any(|line| line.is_code)
+    }
+}
+
+/// Parts a program at what stands in no bracket.
+fn items(lines: &[Line]) -> Vec<Item<'_>> {
+    let (mut items, mut item, mut apart, mut depth) = (Vec::new(), Vec::<&Line>::new(), false, 0);
+    let mut end = |item: &mut Vec<_>, apart: &mut bool| {
+        if !item.is_empty() {
+            items.push(whole(std::mem::take(item), std::mem::take(apart)));
+        }
+    };
+    for line in lines {
+        let begun = item.iter().any(|line| line.is_code);
+        if item.last().is_some_and(|last| last.file != line.file) || (line.text.is_empty() && !begun) {
+            end(&mut item, &mut apart);
+        }
+        if line.text.is_empty() && !begun {
+            apart = true;
+            continue;
+        }
+        item.push(line);
+        let code: Vec<Token> = lex(&line.text).into_iter().filter(Token::is_code).collect();
+        depth += code.iter().map(nesting).sum::<i32>();
+        let closes = code.last().is_some_and(|last| last.is(";") || last.is("}"));
+        if depth == 0 && line.is_code && (closes || code[0].is("#")) {
+            end(&mut item, &mut apart);
+        }
+    }
+    end(&mut item, &mut apart);
+    items
+}
+
+/// How many brackets a token opens.
+fn nesting(token: &Token) -> i32 {
+    match token.text.as_str() {
+        "(" | "{" | "[" => 1,
+        ")" | "}" | "]" => -1,
+        _ => 0,
+    }
+}
+
+fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
+    let code: Vec<Token> = lines.iter().flat_map(|line| lex(&line.text)).filter(Token::is_code).collect();
+    let names = code.iter().filter(|token| token.kind == Kind::Name).map(|token| token.text.clone());
+    Item { name: declared(&code), uses: names.collect(), lines, apart }
+}
+
+/// The name that an item declares: a type's is the last one, a function's comes before its bracket, a variable's before its
+/// size or value. None for what has no name of its own, such as a pragma.
+fn declared(code: &[Token]) -> Option<String> {
+    let mut depth = 0;
+    let mut outer: Vec<&Token> = Vec::new();
+    for token in code {
+        let before = depth;
+        depth += nesting(token);
+        if before.min(depth) == 0 {
+            outer.push(token);
+        }
+    }
+    let is_type = outer.first().is_some_and(|first| first.text == "typedef");
+    let named = |pair: &[&Token]| {
+        let ends: &[&str] = if is_type { &[";"] } else { &["(", "[", "=", ";"] };
+        let begins = pair[0].kind == Kind::Name && ends.iter().any(|end| pair[1].is(end));
+        let own = !["__attribute__", "_Pragma", "struct", "enum", "union"].contains(&pair[0].text.as_str());
+        (begins && own).then(|| pair[0].text.clone())
+    };
+    outer.windows(2).find_map(named)
+}
+
+/// The names that the kernels' items use, and those that these use, and so on.
+fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
+    let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
+    // What has no name of its own is always there.
+    needed.extend(items.iter().filter(|item| item.name.is_none()).flat_map(|item| item.uses.clone()));
+    loop {
+        let count = needed.len();
+        for item in items.iter().rev() {
+            if item.name.as_ref().is_some_and(|name| needed.contains(name)) {
+                needed.extend(item.uses.iter().cloned());
+            }
+        }
+        if needed.len() == count {
+            return needed;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::preprocess;
+    use super::*;
+    use std::collections::BTreeMap;
+
+    const SOURCE: &str = "#line 1 \"a.cl\"
+// The file.
+
+typedef struct {
+    int x;
+} Used;
+typedef struct { int y; } Unused;
+
+// Called.
+static int called(Used used) {
+    return used.x;
+}
+
+// Not called, but by one that is not.
+int not_called(void) { return 1; }
+#line 1 \"b.cl\"
+int nor_this(void) { return not_called(); }
+#line 1 \"c.cl\"
+#pragma OPENCL FP_CONTRACT OFF
+__constant float table[2] = {1.0f, 2.0f};
+__kernel __attribute__((reqd_work_group_size(8, 8, 1))) void mine(__global int *out) {
+    Used used;
+    out[0] = called(used) + (int)table[0];
+}
+
+__kernel void other(void) { nor_this(); }
+";
+
+    fn reading(kernels: Option<&[&str]>) -> Reading {
+        let lines = preprocess(SOURCE, "", &BTreeMap::new()).map(|found| found.lines);
+        read(&lines.unwrap_or_else(|error| panic!("{error}")), kernels)
+    }
+
+    #[test]
+    fn what_no_kernel_needs_is_left_out_and_counted() {
+        let found = reading(Some(&["mine"]));
+        for gone in ["Unused", "not_called", "nor_this", "b.cl", "other"] {
+            assert!(!found.text.contains(gone), "{gone} in:\n{}", found.text);
+        }
+        for kept in [
+            "// The file.",
+            "} Used;",
+            "// Called.\nstatic",
+            "// ---- c.cl, line 1 ----\n\n#pragma",
+            "table[2]",
+        ] {
+            assert!(found.text.contains(kept), "{kept} not in:\n{}", found.text);
+        }
+        assert_eq!(found.left_out, 5);
+        assert!(reading(Some(&["other"])).text.contains("b.cl, line 1"));
+    }
+
+    #[test]
+    fn all_is_kept_where_it_is_asked_for() {
+        let found = reading(None);
+        assert_eq!(found.left_out, 0);
+        let lines = |text: &str| text.lines().filter(|line| !line.is_empty()).count();
+        assert_eq!(lines(&found.text), lines(SOURCE));
+    }
+}

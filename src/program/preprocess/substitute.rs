@@ -1,0 +1,83 @@
+//! A macro's body with its parameters replaced by arguments: `#` makes a string of one, `##` joins two tokens.
+
+use super::expand::{Misuse, expand};
+use super::macros::{Macro, Macros};
+use super::token::{Kind, Token, code};
+
+/// The body for a call with these arguments. An error's line is the argument's.
+pub(super) fn substitute(
+    macros: &Macros,
+    called: &Macro,
+    parameters: &[String],
+    arguments: &[Vec<Token>],
+) -> Result<Vec<Token>, Misuse> {
+    let body = &called.body;
+    let argument = |token: &Token| {
+        let named = |name: &String| token.kind == Kind::Name && *name == token.text;
+        parameters.iter().position(named).map(|at| &arguments[at])
+    };
+    let mut made: Vec<Token> = Vec::new();
+    let mut at = 0;
+    while let Some(token) = body.get(at) {
+        at += 1;
+        let next = at + body[at..].iter().take_while(|token| !token.is_code()).count();
+        let string = body.get(next).filter(|_| token.is("#")).and_then(argument);
+        if let Some(argument) = string {
+            made.push(Token::new(Kind::Literal, spelled(argument), token.line));
+            at = next + 1;
+        } else if token.is("##") && next < body.len() {
+            let right = argument(&body[next])
+                .map_or_else(|| vec![body[next].clone()], |argument| as_spelled(argument));
+            join(&mut made, right)?;
+            at = next + 1;
+        } else if let Some(argument) = argument(token) {
+            let joins = body.get(next).is_some_and(|next| next.is("##"));
+            made.extend(if joins { as_spelled(argument) } else { expand(macros, argument.clone(), true)? });
+        } else {
+            made.push(token.clone());
+        }
+    }
+    Ok(made)
+}
+
+/// An argument as it was spelled, without comments; a token for an empty one, which what it is joined with replaces.
+fn as_spelled(argument: &[Token]) -> Vec<Token> {
+    let mut spelled: Vec<Token> =
+        argument.iter().filter(|token| token.kind != Kind::Comment).cloned().collect();
+    while spelled.last().is_some_and(|last| last.kind == Kind::Space) {
+        spelled.pop();
+    }
+    if spelled.is_empty() { vec![Token::new(Kind::Nothing, "", 0)] } else { spelled }
+}
+
+/// Joins the last token with the first of others.
+fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
+    while made.last().is_some_and(|last| last.kind == Kind::Space) {
+        made.pop();
+    }
+    let Some(left) = made.pop() else { return Err((0, "## has nothing before it".to_owned())) };
+    let mut right = right.into_iter();
+    let Some(first) = right.next() else {
+        made.push(left);
+        return Ok(());
+    };
+    let text = format!("{}{}", left.text, first.text);
+    match &code(&text)[..] {
+        [] => made.push(left),
+        [one] if one.text == text => made.push(Token { kind: one.kind, text, ..left }),
+        _ => return Err((first.line, format!("{} ## {} is not one token", left.text, first.text))),
+    }
+    made.extend(right);
+    Ok(())
+}
+
+/// An argument as a string.
+fn spelled(argument: &[Token]) -> String {
+    let mut text = String::new();
+    for token in argument.iter().filter(|token| token.kind != Kind::Comment) {
+        let literal = token.kind == Kind::Literal;
+        text +=
+            &if literal { token.text.replace('\\', "\\\\").replace('"', "\\\"") } else { token.text.clone() };
+    }
+    format!("\"{text}\"")
+}

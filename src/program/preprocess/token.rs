@@ -1,0 +1,180 @@
+//! Text to tokens that still know how they were laid out, and back.
+
+/// What a token is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// An identifier or keyword.
+    Name,
+    /// A number, as C's preprocessor has it: `0x1p-3f` is one.
+    Number,
+    /// A string or a character.
+    Literal,
+    /// An operator or bracket; any other character too.
+    Symbol,
+    /// Blanks within a line.
+    Space,
+    /// A comment, of either kind.
+    Comment,
+    /// The end of a line.
+    NewLine,
+    /// A line's end after a backslash. In a macro's body, its text is the next line's indentation.
+    Break,
+    /// What a macro that expands to nothing leaves, so that its line is known to be changed.
+    Nothing,
+}
+
+/// A piece of text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Token {
+    pub kind: Kind,
+    pub text: String,
+    /// The line it begins on, from 1, of the whole text.
+    pub line: u32,
+    /// Whether a macro made it.
+    pub made: bool,
+    /// The macros that it came out of, which it cannot call again.
+    pub hidden: Vec<String>,
+}
+
+impl Token {
+    pub fn new(kind: Kind, text: impl Into<String>, line: u32) -> Self {
+        Self { kind, text: text.into(), line, made: false, hidden: Vec::new() }
+    }
+
+    /// Whether it is this operator or bracket.
+    pub fn is(&self, symbol: &str) -> bool {
+        self.kind == Kind::Symbol && self.text == symbol
+    }
+
+    /// Whether it means anything to the compiler.
+    pub fn is_code(&self) -> bool {
+        matches!(self.kind, Kind::Name | Kind::Number | Kind::Literal | Kind::Symbol)
+    }
+
+    /// Whether it is a comment that ends with its line.
+    pub fn is_line_comment(&self) -> bool {
+        self.kind == Kind::Comment && self.text.starts_with("//")
+    }
+}
+
+/// Every token of a text, in order: put together again, they are the text.
+pub(super) fn lex(text: &str) -> Vec<Token> {
+    let mut tokens = Vec::new();
+    let (mut rest, mut line) = (text, 1);
+    while let Some(first) = rest.chars().next() {
+        let (kind, length) = measure(rest, first);
+        let (token, after) = rest.split_at(length);
+        tokens.push(Token::new(kind, token, line));
+        line += token.matches('\n').count() as u32;
+        rest = after;
+    }
+    tokens
+}
+
+/// The code of a text, without blanks and comments.
+pub(super) fn code(text: &str) -> Vec<Token> {
+    lex(text).into_iter().filter(Token::is_code).collect()
+}
+
+/// The kind and bytes of the token that begins a text.
+fn measure(text: &str, first: char) -> (Kind, usize) {
+    let while_is = |belongs: fn(char) -> bool| text.find(|c| !belongs(c)).unwrap_or(text.len());
+    let second_is_digit = text.chars().nth(1).is_some_and(|c| c.is_ascii_digit());
+    match first {
+        '\n' => (Kind::NewLine, 1),
+        '\\' if text.starts_with("\\\n") => (Kind::Break, 2),
+        '\\' if text.starts_with("\\\r\n") => (Kind::Break, 3),
+        '/' if text.starts_with("//") => (Kind::Comment, line_length(text)),
+        '/' if text.starts_with("/*") => {
+            (Kind::Comment, text[2..].find("*/").map_or(text.len(), |at| at + 4))
+        }
+        '"' | '\'' => (Kind::Literal, literal_length(text, first)),
+        _ if is_blank(first) => (Kind::Space, while_is(is_blank)),
+        _ if first.is_ascii_digit() => (Kind::Number, number_length(text)),
+        '.' if second_is_digit => (Kind::Number, number_length(text)),
+        _ if is_of_name(first) => (Kind::Name, while_is(is_of_name)),
+        _ => (Kind::Symbol, symbol_length(text, first)),
+    }
+}
+
+fn is_blank(c: char) -> bool {
+    c.is_whitespace() && c != '\n'
+}
+
+fn is_of_name(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// Up to the first line end that no backslash takes back.
+fn line_length(text: &str) -> usize {
+    let ends = |&(at, _): &(usize, &str)| !text[..at].trim_end_matches('\r').ends_with('\\');
+    text.match_indices('\n').find(ends).map_or(text.len(), |(at, _)| at)
+}
+
+/// Up to the closing quote, or the line's end where there is none.
+fn literal_length(text: &str, quote: char) -> usize {
+    let mut escaped = false;
+    for (at, c) in text.char_indices().skip(1) {
+        match c {
+            '\n' if !escaped => return at,
+            _ if escaped => escaped = false,
+            '\\' => escaped = true,
+            _ if c == quote => return at + c.len_utf8(),
+            _ => {}
+        }
+    }
+    text.len()
+}
+
+/// Digits, letters, points, and signs after an exponent's letter.
+fn number_length(text: &str) -> usize {
+    let mut before = ' ';
+    for (at, c) in text.char_indices() {
+        let sign = "+-".contains(c) && "eEpP".contains(before);
+        if !(is_of_name(c) || c == '.' || sign) {
+            return at;
+        }
+        before = c;
+    }
+    text.len()
+}
+
+/// Operators of more than one character, the longer first.
+const SYMBOLS: &[&str] = &[
+    "<<=", ">>=", "...", "->", "++", "--", "<<", ">>", "<=", ">=", "==", "!=", "&&", "||", "+=", "-=", "*=",
+    "/=", "%=", "&=", "^=", "|=", "##",
+];
+
+fn symbol_length(text: &str, first: char) -> usize {
+    SYMBOLS.iter().find(|symbol| text.starts_with(**symbol)).map_or(first.len_utf8(), |symbol| symbol.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(text: &str) -> Vec<String> {
+        code(text).into_iter().map(|token| token.text).collect()
+    }
+
+    #[test]
+    fn numbers_names_and_operators_are_told_apart() {
+        let words = ["a", "+=", "0x1p-3f", "-", ".5e+2f", "<<=", "b", "->", "c", "[", "1", "]", ";"];
+        assert_eq!(texts("a+=0x1p-3f-.5e+2f<<=b->c[1];"), words);
+        assert_eq!(texts("\"a // \\\" b\" '\\'' // c\n/* d\n */ e"), ["\"a // \\\" b\"", "'\\''", "e"]);
+    }
+
+    #[test]
+    fn tokens_know_their_lines() {
+        let lines: Vec<_> = code("a /* b\n c */ d\ne").iter().map(|token| token.line).collect();
+        assert_eq!(lines, [1, 2, 3]);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_the_sum_of_its_tokens(text in "[ -~\n\\\\\"'/*éµ]{0,80}") {
+            let again: String = lex(&text).into_iter().map(|token| token.text).collect();
+            proptest::prop_assert_eq!(again, text);
+        }
+    }
+}

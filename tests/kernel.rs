@@ -1,0 +1,204 @@
+//! `raycl kernel`: what it prints is what a compiler sees, and casts what the strategy casts.
+
+use crate::binary::{Place, has};
+use crate::common::Stand;
+use raycl::device::{Builtins, LaneOperations};
+use raycl::program::preprocess::{canonical, preprocess};
+use raycl::program::{BuiltProgram, ProgramSpec, Sources, frame_kernels};
+use raycl::strategy::{PRESETS, Strategy, Workload, preset};
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+
+/// A scene of sizes that no two arrays share.
+const WORKLOAD: Workload = Workload {
+    triangles: 12,
+    positions: 8,
+    normals: 6,
+    materials: 2,
+    lights: 1,
+    stack_size: 32,
+    image_size: [64, 64],
+    local_size: [8, 8],
+};
+
+/// The program of a strategy on a device with these lane operations.
+fn program(strategy: &Strategy, lanes: LaneOperations) -> ProgramSpec {
+    let local_size = if strategy.shares_tiles() { [32, lanes.usual_groups()] } else { [8, 8] };
+    let builtins = Builtins { reduce: true, prefetch: true, lanes, ..Builtins::default() };
+    let workload = Workload { local_size, ..WORKLOAD };
+    ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program")
+}
+
+fn preprocessed(spec: &ProgramSpec) -> String {
+    preprocess(&spec.source, &spec.options, &BTreeMap::new()).expect("a text").text()
+}
+
+/// What the C compiler's preprocessor makes of a program.
+fn by_compiler(spec: &ProgramSpec) -> String {
+    let mut words = spec.options.split_whitespace();
+    let mut cc = Command::new("cc");
+    cc.args(["-E", "-P", "-undef", "-x", "c"]);
+    while let Some(word) = words.next() {
+        if word == "-D" {
+            cc.args(["-D", words.next().expect("a define")]);
+        }
+    }
+    let mut child =
+        cc.arg("-").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("cc: `make setup`");
+    let (mut stdin, source) = (child.stdin.take().expect("a pipe"), spec.source.clone());
+    let writer = std::thread::spawn(move || stdin.write_all(source.as_bytes()));
+    let output = child.wait_with_output().expect("its output");
+    writer.join().expect("a thread").expect("cc reads all");
+    assert!(output.status.success());
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+#[test]
+fn every_preset_is_what_the_c_compiler_makes_of_it() {
+    let all = [
+        LaneOperations::Barriers,
+        LaneOperations::SubGroups,
+        LaneOperations::PtxShuffles,
+        LaneOperations::Ptx,
+    ];
+    for preset in PRESETS {
+        let lanes = if preset.strategy.shares_tiles() { &all[..] } else { &all[..1] };
+        for lanes in lanes {
+            let spec = program(&preset.strategy, *lanes);
+            let (ours, theirs) = (canonical(&preprocessed(&spec)), canonical(&by_compiler(&spec)));
+            let differing = ours.lines().zip(theirs.lines()).find(|(ours, theirs)| ours != theirs);
+            assert_eq!(differing, None, "{} by {lanes:?}", preset.name);
+            assert_eq!(ours.len(), theirs.len(), "{} by {lanes:?}", preset.name);
+            for kernel in frame_kernels(&preset.strategy) {
+                assert!(ours.contains(&format!("void {kernel} (")), "{} has no {kernel}", preset.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_preprocessed_stays_as_it_is() {
+    for preset in PRESETS {
+        let once = preprocessed(&program(&preset.strategy, LaneOperations::Barriers));
+        let again = preprocess(&once, "", &BTreeMap::new()).expect("a text").text();
+        assert!(once == again, "{}", preset.name);
+        let directive = once.lines().find(|line| line.starts_with('#') && !line.starts_with("#pragma"));
+        assert_eq!(directive, None, "{}", preset.name);
+    }
+}
+
+/// What the binary prints of a strategy for the test device and a scene of the repository.
+fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
+    let (device, scene) = (crate::binary::device(), binary::repository("scenes").join(scene));
+    let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
+    let size = format!("{x}x{y}");
+    Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
+}
+
+#[test]
+fn what_is_printed_casts_the_same_image() {
+    const SCENE: &str = "still-life.toml";
+    let stand = Stand::new(crate::common::scene(SCENE), [30, 20]);
+    for (name, width) in [
+        ("naive", "1"),
+        ("deferred", "4"),
+        ("bvh", "1"),
+        ("raster", "1"),
+        ("tile", "16"),
+        ("tile-group", "1"),
+    ] {
+        let mut strategy = preset(name).expect("a preset").strategy;
+        strategy.set("width", width).expect("a width");
+        let mut built = stand.build(&strategy, [8, 4]).expect("a device that holds it");
+        let own = stand.cast_built(&strategy, &built).expect("an image").0;
+
+        let spec = ProgramSpec::new(&Sources::Embedded, &strategy, &built.workload, stand.builtins);
+        let options = spec.expect("a program").options;
+        // No define from outside: the text has all it needs.
+        let options = options.split_whitespace().filter(|word| word.starts_with("-cl")).collect::<Vec<_>>();
+        let source = printed(&format!("{name},width={width}"), SCENE, built.workload.local_size);
+        let spec = ProgramSpec { source, options: options.join(" ") };
+        built.program = BuiltProgram::build(&stand.queue.context, stand.queue.device, &spec)
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
+        let image = stand.cast_built(&strategy, &built).expect("an image").0;
+        assert!(image == own, "{name}: another image");
+    }
+}
+
+#[test]
+fn a_kernel_is_printed_to_be_read() {
+    let text = Place::new().output(&["kernel", "naive"]);
+    has(
+        &text,
+        &[
+            "// raycl kernel naive\n// traversal=exhaustive vectors=heap",
+            "// local size: 8 x 8 work-items; a small scene: 12 triangles",
+            "// for any device",
+            "WIDTH=1",
+            "kernels of a frame: cast_frame\n",
+            "// ---- intersect/moller_trumbore.cl, line ",
+            "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
+            "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",
+            "// only macros, used above: ",
+            "are left out; --all keeps them",
+        ],
+    );
+    let headings = text.lines().filter(|line| line.starts_with("// ---- "));
+    assert!(headings.last().is_some_and(|last| last.starts_with("// ---- cast.cl, line ")), "{text}");
+    for gone in ["\n#", "cast_rays", "cast_primary", "tile_", "\n\n\n", " \n", "BIND_"] {
+        assert!(!text.contains(gone), "{gone:?} is in:\n{text}");
+    }
+    let all = Place::new().output(&["kernel", "naive", "--all"]);
+    has(&all, &["void cast_rays(", "void cast_primary("]);
+    assert!(!all.contains("left out") && all.lines().count() > text.lines().count());
+}
+
+#[test]
+fn sizes_are_those_of_the_scene_and_the_local_size() {
+    let scene = binary::repository("scenes/teapot.toml");
+    let scene = scene.to_str().expect("a path");
+    let place = Place::new();
+    let text = place.output(&["kernel", "bvh", "--scene", scene, "--local-size", "16x2"]);
+    has(
+        &text,
+        &["// local size: 16 x 2 work-items;", "1026 triangles", "reqd_work_group_size(16 /* LOCAL_X */, 2"],
+    );
+    has(&place.output(&["kernel", "tile-group"]), &["// local size: 32 x 1 ", "tell each other by barriers"]);
+}
+
+#[test]
+fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
+    let (place, file) = (Place::new(), "intersect/moller_trumbore.cl");
+    let folder = place.kernels(file, "// Of a ray", "// Quite another comment:\n\n  // Of a ray");
+    let folder = folder.to_str().expect("a path");
+    let of = |arguments: &[&str]| place.output(&[&["kernel", "naive", "--canonical"], arguments].concat());
+    assert_eq!(of(&[]), of(&["--cl-dir", folder]));
+    assert_ne!(of(&[]), of(&["--local-size", "4x4"]));
+}
+
+#[test]
+fn a_mistake_in_a_kernel_has_its_file_and_line() {
+    let file = "intersect/moller_trumbore.cl";
+    for (from, to, said) in [
+        (
+            "#define LINEAR_IN_PIXEL 0",
+            "#if 1 +\n#endif",
+            "intersect/moller_trumbore.cl, line 5: the condition has no value",
+        ),
+        (
+            "#define LINEAR_IN_PIXEL 0",
+            "#error \"not yet\"",
+            "intersect/moller_trumbore.cl, line 5: #error \"not yet\"",
+        ),
+    ] {
+        let place = Place::new();
+        let folder = place.kernels(file, from, to);
+        let message = place.mistake(&["kernel", "naive", "--cl-dir", folder.to_str().expect("a path")], 2);
+        has(&message, &[said, "help: "]);
+    }
+    let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
+    has(&message, &["shared/lanes.cl, line ", "32 work-items", "help: "]);
+    has(&Place::new().mistake(&["kernel", "navie"], 2), &["naive"]);
+    has(&Place::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2), &["makes no sense"]);
+}
