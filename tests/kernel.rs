@@ -90,7 +90,7 @@ fn what_is_preprocessed_stays_as_it_is() {
 
 /// What the binary prints of a strategy for the test device and a scene of the repository.
 fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
-    let (device, scene) = (crate::binary::device(), binary::repository("scenes").join(scene));
+    let (device, scene) = (crate::binary::device(), crate::binary::repository("scenes").join(scene));
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
     let size = format!("{x}x{y}");
     Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
@@ -118,7 +118,7 @@ fn what_is_printed_casts_the_same_image() {
         // No define from outside: the text has all it needs.
         let options = options.split_whitespace().filter(|word| word.starts_with("-cl")).collect::<Vec<_>>();
         let source = printed(&format!("{name},width={width}"), SCENE, built.workload.local_size);
-        let spec = ProgramSpec { source, options: options.join(" ") };
+        let spec = ProgramSpec { source, options: options.join(" "), files: Vec::new() };
         built.program = BuiltProgram::build(&stand.queue.context, stand.queue.device, &spec)
             .unwrap_or_else(|error| panic!("{name}: {error}"));
         let image = stand.cast_built(&strategy, &built).expect("an image").0;
@@ -137,15 +137,15 @@ fn a_kernel_is_printed_to_be_read() {
             "// for any device",
             "WIDTH=1",
             "kernels of a frame: cast_frame\n",
-            "// ---- intersect/moller_trumbore.cl, line ",
+            "// ---- cast/intersect/moller_trumbore.cl, line ",
             "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
             "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",
             "// only macros, used above: ",
             "are left out; --all keeps them",
         ],
     );
-    let headings = text.lines().filter(|line| line.starts_with("// ---- "));
-    assert!(headings.last().is_some_and(|last| last.starts_with("// ---- cast.cl, line ")), "{text}");
+    let mut headings = text.lines().filter(|line| line.starts_with("// ---- "));
+    assert!(headings.next_back().is_some_and(|last| last.starts_with("// ---- cast/entry.cl, line ")), "{text}");
     for gone in ["\n#", "cast_rays", "cast_primary", "tile_", "\n\n\n", " \n", "BIND_"] {
         assert!(!text.contains(gone), "{gone:?} is in:\n{text}");
     }
@@ -156,7 +156,7 @@ fn a_kernel_is_printed_to_be_read() {
 
 #[test]
 fn sizes_are_those_of_the_scene_and_the_local_size() {
-    let scene = binary::repository("scenes/teapot.toml");
+    let scene = crate::binary::repository("scenes/teapot.toml");
     let scene = scene.to_str().expect("a path");
     let place = Place::new();
     let text = place.output(&["kernel", "bvh", "--scene", scene, "--local-size", "16x2"]);
@@ -169,7 +169,7 @@ fn sizes_are_those_of_the_scene_and_the_local_size() {
 
 #[test]
 fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
-    let (place, file) = (Place::new(), "intersect/moller_trumbore.cl");
+    let (place, file) = (Place::new(), "cast/intersect/moller_trumbore.cl");
     let folder = place.kernels(file, "// Of a ray", "// Quite another comment:\n\n  // Of a ray");
     let folder = folder.to_str().expect("a path");
     let of = |arguments: &[&str]| place.output(&[&["kernel", "naive", "--canonical"], arguments].concat());
@@ -179,17 +179,17 @@ fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
 
 #[test]
 fn a_mistake_in_a_kernel_has_its_file_and_line() {
-    let file = "intersect/moller_trumbore.cl";
+    let file = "cast/intersect/moller_trumbore.cl";
     for (from, to, said) in [
         (
             "#define LINEAR_IN_PIXEL 0",
             "#if 1 +\n#endif",
-            "intersect/moller_trumbore.cl, line 5: the condition has no value",
+            "cast/intersect/moller_trumbore.cl, line 5: the condition has no value",
         ),
         (
             "#define LINEAR_IN_PIXEL 0",
             "#error \"not yet\"",
-            "intersect/moller_trumbore.cl, line 5: #error \"not yet\"",
+            "cast/intersect/moller_trumbore.cl, line 5: #error \"not yet\"",
         ),
     ] {
         let place = Place::new();
@@ -198,7 +198,7 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
         has(&message, &[said, "help: "]);
     }
     let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
-    has(&message, &["shared/lanes.cl, line ", "32 work-items", "help: "]);
+    has(&message, &["common/lanes.cl, line ", "32 work-items", "help: "]);
     has(&Place::new().mistake(&["kernel", "navie"], 2), &["naive"]);
     has(&Place::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2), &["makes no sense"]);
 }
