@@ -77,7 +77,7 @@ fn a_file_is_read_by_what_it_holds_and_that_is_said() {
         |name| place.output(&["render", name, "--width", "16", "--height", "10", "--device", &device]);
     has(&render("mesh.txt"), &["note      mesh.txt: read as an OBJ mesh"]);
     has(&render("scene.obj"), &["note      scene.obj: read as a scene (TOML)"]);
-    assert!(!render("mesh").contains("note"));
+    assert!(!render("mesh").contains("note      mesh"));
 }
 
 #[test]
@@ -131,7 +131,11 @@ fn what_a_mesh_asks_for_is_noted_in_text_json_and_a_run() {
     let render = ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &device];
     let text = place.output(&render);
     has(&text, &[&format!("note      {textures}"), "1 statement asks for lines (l)"]);
-    assert_eq!(text.matches("note ").count(), 2, "a mesh of two objects is told of once: {text}");
+    assert_eq!(
+        text.matches("note      mesh.obj").count(),
+        2,
+        "a mesh of two objects is told of once: {text}"
+    );
     let json: serde_json::Value =
         serde_json::from_str(&place.output(&[&render[..], &["--json"]].concat())).expect("JSON");
     has(json["notes"][1].as_str().expect("a note"), &[textures]);

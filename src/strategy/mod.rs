@@ -148,7 +148,9 @@ impl Strategy {
     /// `other`, or the local size that a device with these limits does best with where the strategy leaves no choice: groups
     /// of 32 that share tiles.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
-        if self.shares_tiles() { [GROUP_LANES, limits.lane_operations.usual_groups()] } else { other }
+        // A CPU's work-group is one thread's loop: several tiles in it gain nothing, and PoCL 6.0 crashes on several sub-groups.
+        let groups = if limits.is_cpu { 1 } else { limits.lane_operations.usual_groups() };
+        if self.shares_tiles() { [GROUP_LANES, groups] } else { other }
     }
 
     /// How its work-items tell each other things on a device with these built-ins.
