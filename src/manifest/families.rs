@@ -15,7 +15,7 @@ pub static EXHAUSTIVE: Family = Family {
     label: "traversal = exhaustive",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, CAST_DEFINES],
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, CAST_DEFINES],
     rules: &[
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
@@ -30,7 +30,7 @@ pub static BVH: Family = Family {
     label: "traversal = bvh",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, CAST_DEFINES, TREE_DEFINES],
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
     rules: &[
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
@@ -83,7 +83,7 @@ pub static TILE_CPU: Family = Family {
         kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, TILE_NEAREST_OUT]),
         kernel("tile_shade", Shade, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN]),
     ],
-    defines: &[COMMON_DEFINES, TREE_DEFINES, TILE_DEFINES, VECTOR_DEFINES],
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, VECTOR_DEFINES],
     rules: &[
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -141,7 +141,7 @@ pub static TILE_GPU: Family = Family {
             ],
         ),
     ],
-    defines: &[COMMON_DEFINES, TREE_DEFINES, TILE_DEFINES, GROUP_DEFINES],
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, GROUP_DEFINES],
     rules: &[
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -181,7 +181,6 @@ const COMMON_DEFINES: Defines = &[
     (Always, "LOCAL_X"),
     (Always, "LOCAL_Y"),
     (Always, "CULL_BACK"),
-    (Always, "FAST_MATH"),
     (Always, "REDUCE_BUILTIN"),
     (Always, "NO_HIT"),
     (Always, "ROW_FLOATS"),
@@ -189,6 +188,8 @@ const COMMON_DEFINES: Defines = &[
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
 ];
+/// For tests that need exact signs.
+const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
 const CAST_DEFINES: Defines = &[
     (Always, "PAPER_EPSILONS"),
     (Always, "TREE"),
