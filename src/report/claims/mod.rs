@@ -75,7 +75,7 @@ type Test<'t> = (&'static str, &'static str, &'static str, &'t dyn Fn(&Found<'_>
 
 /// Every claim, tested on `device`, on the first of some runs that can tell: times of two runs are not compared, for
 /// their rounds were not interleaved.
-#[allow(clippy::too_many_lines, reason = "a table: a few lines a claim")]
+#[allow(clippy::too_many_lines, reason = "a list: one entry for each claim of the paper")]
 pub fn claims(runs: &[Vec<Group<'_>>], device: &str) -> Vec<Claim> {
     let tests: [Test<'_>; 16] = [
         (
