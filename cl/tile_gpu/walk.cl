@@ -1,0 +1,164 @@
+// The walk of a group down the tree, with a beam or with one ray.
+
+// What a lane found of its child of a node.
+typedef struct {
+    int met;
+    float entry; // z at which the shaft enters it
+    uint word;
+} Child;
+
+// Whether the shaft meets this lane's child of a node nearer than reach. Errs towards a hit.
+INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
+    const uint at = NODE_STRIDE * node; // below 2^32: a node has more than 32 triangles below it
+    const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
+    const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
+    const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
+    const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
+    const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
+    const float far = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->far_row], -shaft->z);
+    const float near = fmax(first, 0.0f);
+    Child result;
+    result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
+    result.entry = near;
+    result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
+                 (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
+                 (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
+                 (top <= fmax(shaft->high_y * near, shaft->high_y * far));
+    return result;
+}
+
+// Puts the children that were met on the stack, nearest last where they are sorted, but for the one to visit
+// next, whose word it returns.
+INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
+    if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
+    // An entry is not negative: its bits are ordered as it is, and the last five make it the lane's own.
+    const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
+    const int rank = sorted ? lane_rank(group, key, met) : BITS_BEFORE(group, met);
+    const int others = popcount(met) - 1;
+    if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
+    *waiting += others;
+    lane_sync(group);
+    const uint nearest = lane_ballot(group, child.met && !rank);
+    return lane_get(group, child.word, LOWEST_BIT(nearest));
+}
+
+// Triangles that a group's rays have to test, side by side, and the lanes that prepared them.
+typedef struct {
+    __local float4 *quads; // three each
+    __local int *lanes;
+} Candidates;
+
+// Tests a leaf's triangles with the beam, those that the shaft cannot rule out. With `any`, a ray that hits one is done;
+// otherwise the nearest hit is kept. Returns whether any triangle was tested.
+INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
+               const int any, const Candidates *candidates) {
+    const int first = LEAF_FIRST(word);
+    Candidate own;
+    int wanted = 0;
+    if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
+    const uint tested = lane_ballot(group, wanted);
+    lane_sync(group); // the last leaf's triangles have been tested
+    if (wanted) {
+        const int at = BITS_BEFORE(group, tested);
+        store_candidate(own, candidates->quads + 3 * at);
+        if (!any) candidates->lanes[at] = group->lane;
+    }
+    lane_sync(group);
+    const int count = popcount(tested);
+    int found[RAYS];
+    EACH_RAY(ray) found[ray] = -1;
+#pragma unroll 4
+    for (int k = 0; k < count; k++) {
+        const Candidate triangle = load_candidate(candidates->quads + 3 * k);
+        EACH_RAY(ray) {
+            float per_depth;
+            const int hit = meets(&triangle, beam->x[ray], beam->y[ray], beam->nearest[ray], beam->ceiling[ray], any,
+                                  &per_depth);
+            beam->nearest[ray] = hit ? (any ? FAR : per_depth) : beam->nearest[ray];
+            found[ray] = hit ? k : found[ray];
+        }
+    }
+    if (!any) {
+        EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
+    }
+    return count != 0;
+}
+
+// The least 1/z that a hit must have to matter to any ray of the group.
+INLINED float worst_of(const Group *group, const Beam *beam) {
+    float worst = FAR;
+    EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
+    return lane_least_positive(group, worst);
+}
+
+// Whether any of this lane's rays still looks for a hit.
+INLINED int is_looking(const Beam *beam) {
+    int looking = 0;
+    EACH_RAY(ray) looking |= beam->nearest[ray] < FAR;
+    return looking;
+}
+
+// z beyond which no hit matters.
+INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
+
+// Walks the tree with a pass's beam: to the nearest hit of each ray, or with `any` to some. Each word taken from the stack
+// costs one of `budget`; returns whether it was enough.
+INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, const int any, int *budget,
+         __local uint2 *stack, const Candidates *candidates) {
+    float worst = worst_of(group, beam), reach = reach_of(worst);
+    uint word = 0;
+    int waiting = 0, enough = 1, going = worst < FAR;
+    while (going) {
+        uint met = 0;
+        if (!IS_LEAF(word)) {
+            const Child child = meet_child(group, tree, shaft, word, reach);
+            met = lane_ballot(group, child.met);
+            if (met) word = push(group, child, met, !any, stack, &waiting);
+        } else if (visit_leaf(group, tree, shaft, beam, word, worst, any, candidates)) {
+            going = any ? lane_any(group, is_looking(beam)) : 1;
+            if (!any) worst = worst_of(group, beam);
+            reach = reach_of(worst);
+        }
+        if (met || !going) continue;
+        // Nothing to go on to: back to the nearest node or leaf that can still matter.
+        float entry = FAR;
+        while (waiting && entry >= reach) {
+            const uint2 top = stack[--waiting];
+            word = top.x;
+            entry = as_float(top.y);
+        }
+        going = entry < reach;
+        if (any && going && --*budget < 0) enough = going = 0;
+    }
+    lane_sync(group); // the stack has been read
+    return enough;
+}
+
+// Whether anything blocks one ray, which is a beam of its own: each lane tests its own child or triangle with it.
+INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
+               __local uint2 *stack) {
+    const float reach = reach_of(nearest);
+    uint word = 0;
+    int waiting = 0, going = 1, blocked = 0;
+    while (going) {
+        uint met = 0;
+        if (!IS_LEAF(word)) {
+            const Child child = meet_child(group, tree, shaft, word, reach);
+            met = lane_ballot(group, child.met);
+            if (met) word = push(group, child, met, 0, stack, &waiting);
+        } else {
+            int hit = 0;
+            Candidate own;
+            float per_depth;
+            if (group->lane < LEAF_COUNT(word) &&
+                prepare(shaft, tree, LEAF_FIRST(word) + group->lane, nearest, 1, &own))
+                hit = meets(&own, x, y, nearest, FAR, 1, &per_depth);
+            blocked = lane_any(group, hit);
+        }
+        if (met) continue;
+        going = waiting && !blocked;
+        if (going) word = stack[--waiting].x;
+    }
+    lane_sync(group); // the stack has been read
+    return blocked;
+}
