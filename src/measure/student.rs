@@ -17,7 +17,8 @@ pub(super) fn t975(degrees: usize) -> f64 {
     let (x, n) = (NORMAL, degrees as f64);
     let first = (x.powi(3) + x) / 4.0;
     let second = (5.0 * x.powi(5) + 16.0 * x.powi(3) + 3.0 * x) / 96.0;
-    x + first / n + second / (n * n)
+    let third = (3.0 * x.powi(7) + 19.0 * x.powi(5) + 17.0 * x.powi(3) - 15.0 * x) / 384.0;
+    x + first / n + second / n.powi(2) + third / n.powi(3)
 }
 
 #[cfg(test)]
@@ -29,7 +30,7 @@ mod tests {
         for (degrees, expected) in
             [(1, 12.706), (2, 4.303), (10, 2.228), (11, 2.201), (30, 2.042), (1000, 1.962)]
         {
-            assert!((t975(degrees) - expected).abs() < 2e-3, "{degrees}: {}", t975(degrees));
+            assert!((t975(degrees) - expected).abs() < 1e-3, "{degrees}: {}", t975(degrees));
         }
         assert_eq!(t975(0), f64::INFINITY);
         assert!((0..40).all(|degrees| t975(degrees) > t975(degrees + 1)));

@@ -11,6 +11,8 @@ const LAG_1: f64 = 0.55;
 const LAUNCHES: u32 = 3;
 const ROUNDS: u64 = 20;
 const RUNS: u64 = 24;
+/// Differences below this part are a tie.
+const RESOLUTION: f64 = 0.01;
 
 /// A machine's faults, as standard deviations of logarithms.
 #[derive(Clone, Copy)]
@@ -84,7 +86,7 @@ fn found(machine: Machine, points: usize) -> Found {
     let runs: Vec<Paired> = (0..RUNS).map(|seed| Paired::of(&run(machine, points, seed), points)).collect();
     let ratio = |run: &Paired, point: usize| run.ratio(point, 0).expect("enough samples");
     let median = |run: &Paired, point: usize| run.median_ms(point).expect("enough samples");
-    let wins: Vec<Vec<usize>> = runs.iter().map(|run| run.ranking(0.0).winners).collect();
+    let wins: Vec<Vec<usize>> = runs.iter().map(|run| run.ranking(RESOLUTION).winners).collect();
     let pairs = (0..wins.len()).flat_map(|one| (0..one).map(move |other| (one, other)));
     let disjoint =
         |(one, other): &(usize, usize)| !wins[*one].iter().any(|point| wins[*other].contains(point));

@@ -116,11 +116,6 @@ fn compare(fast: &Record, slow: &Record) -> Finding {
     (format!("{times}: {}", ratio.text(" as fast")), ratio.verdict_slower())
 }
 
-/// ", 12.3 ms": the best one's time.
-fn best_time(fastest: &Fastest<'_>) -> String {
-    fastest.level.first().map_or(String::new(), |best| format!(", {}", time(best)))
-}
-
 fn size(record: &Record) -> String {
     record.local_size.map_or(String::new(), by)
 }
@@ -132,7 +127,7 @@ pub(super) fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding 
     let records: Vec<_> = found.records(scene, "naive").into_iter().filter(square).collect();
     let Some(fastest) = Fastest::of(&records).filter(|_| records.len() > 2) else { return nothing() };
     let verdict = fastest.verdict(|record| record.local_size == Some([block; 2]));
-    (format!("{scene}: {}{}", fastest.text(size), best_time(&fastest)), verdict)
+    (format!("{scene}: {}", fastest.text(size)), verdict)
 }
 
 pub(super) fn small_scenes(found: &Found<'_>) -> Finding {
@@ -158,7 +153,7 @@ pub(super) fn fastest_of_figure_8(found: &Found<'_>) -> Finding {
     let claimed = |record: &Record| {
         record.preset.as_deref() == Some("local-vectors") && record.local_size == Some([8, 8])
     };
-    let text = format!("of the paper's three kernels {}{}", fastest.text(what), best_time(&fastest));
+    let text = format!("of the paper's three kernels {}", fastest.text(what));
     (text, fastest.verdict(claimed))
 }
 

@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use crate::measure::not_enough;
-use crate::record::{Record, estimate, few_names, ranking, significant};
+use crate::record::{Record, duration, estimate, few_names, median, ranking, significant};
 use std::ops::RangeInclusive;
 
 /// How many times as long one record takes as another.
@@ -76,18 +76,20 @@ impl<'a> Fastest<'a> {
         }
     }
 
-    /// "8 x 8, n = 12", or the first few of a tie, each by its name; then those of too few samples.
+    /// "8 x 8, n = 12, 5.494 ms", or the first few of a tie, each by its name; then those of too few samples.
     pub(super) fn text(&self, name: impl Fn(&Record) -> String) -> String {
         let few = few_names(&self.few, |record| name(record));
         let few = if few.is_empty() { few } else { format!("not enough samples: {few}") };
-        let Some(n) = self.level.iter().map(|record| record.samples_ms.len()).min() else { return few };
+        let Some(best) = self.level.first() else { return few };
+        let n = self.level.iter().map(|record| record.samples_ms.len()).min().unwrap_or(0);
+        let time = median(best).map_or(String::new(), duration);
         let shown = self.level.iter().take(4).map(|record| name(record));
         let more =
             self.level.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
         let names = shown.chain(more).collect::<Vec<_>>().join(", ");
         let tie = if self.level.len() > 1 { " (a tie: their intervals overlap)" } else { "" };
         let few = if few.is_empty() { few } else { format!("; {few}") };
-        format!("{names}{tie}, n = {n}{few}")
+        format!("{names}{tie}, n = {n}, {time}{few}")
     }
 }
 
