@@ -1,5 +1,5 @@
-//! Tells the program which revision it is built from: RAYCL_GIT_REVISION, `-dirty` where tracked files differ.
-//! Outside a git repository, or without git, it is not set.
+//! Tells the program which revision it is built from: RAYCL_GIT_REVISION, `-dirty` where tracked files differ. Outside a
+//! git repository, or without git, it is not set. And how it is built, which decides how fast casters on the host are: RAYCL_BUILD.
 
 use std::process::Command;
 
@@ -21,6 +21,29 @@ fn main() {
     {
         println!("cargo:rustc-env=RAYCL_GIT_REVISION={revision}");
     }
+    println!("cargo:rustc-env=RAYCL_BUILD={}", build());
+}
+
+/// "profile release, opt-level 3, x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.89.0": parts that
+/// cargo does not tell are empty.
+fn build() -> String {
+    let told = |name: &str| std::env::var(name).unwrap_or_default();
+    let rustc = Command::new(told("RUSTC")).arg("--version").output().map(|output| output.stdout);
+    let rustc = rustc.map_or(String::new(), |text| String::from_utf8_lossy(&text).trim().to_owned());
+    format!(
+        "profile {}, opt-level {}, {}, features {}, flags {}, {rustc}",
+        profile(&told("OUT_DIR")).unwrap_or(told("PROFILE")),
+        told("OPT_LEVEL"),
+        told("TARGET"),
+        told("CARGO_CFG_TARGET_FEATURE"),
+        told("CARGO_ENCODED_RUSTFLAGS").replace('\u{1f}', " "),
+    )
+}
+
+/// The profile by its own name: PROFILE says "release" of all that inherit from it. OUT_DIR is target/PROFILE/build/raycl-HASH/out.
+fn profile(out_dir: &str) -> Option<String> {
+    let folder = std::path::Path::new(out_dir).ancestors().nth(3)?;
+    Some(folder.file_name()?.to_str()?.to_owned())
 }
 
 /// A path that is not there would make cargo run this every time.

@@ -67,7 +67,8 @@ impl Error {
         }))
     }
 
-    /// A mistake at `span` of the file `name` with the given text.
+    /// A mistake at `span` of the file `name` with the given text. A span over several lines stands for its first; a line
+    /// too long for a terminal is not shown, and its place is told in the message.
     pub fn in_file(
         name: impl AsRef<str>,
         text: impl Into<String>,
@@ -75,11 +76,22 @@ impl Error {
         message: impl Into<String>,
         label: impl Into<String>,
     ) -> Self {
+        let (text, message) = (text.into(), shortened(message));
+        let start = boundary(&text, span.start);
+        let line = text[start..].split('\n').next().unwrap_or_default();
+        let begin = text[..start].rfind('\n').map_or(0, |at| at + 1);
+        if start - begin + line.len() > SHOWN_LINE_BYTES {
+            let column = 1 + text[begin..start].chars().count();
+            let place = format!("{}:{}:{column}", name.as_ref(), line_of(&text, start));
+            return Self::input(format!("{place}: {message}"));
+        }
+        let end = boundary(&text, span.end.clamp(start, start + line.trim_end_matches('\r').len()));
+        let (text, cut) = cut_long_lines(printable(text), start);
         Self::Input(Box::new(InputError {
-            message: message.into(),
-            source_code: Some(NamedSource::new(name, printable(text.into()))),
-            span: Some(span.into()),
-            label: label.into(),
+            message,
+            source_code: Some(NamedSource::new(name, text)),
+            span: Some((start - cut..end - cut).into()),
+            label: shortened(label),
             help: None,
         }))
     }
@@ -120,6 +132,48 @@ impl Error {
     }
 }
 
+/// Longer lines of a file are not shown, nor longer messages that quote one.
+const SHOWN_LINE_BYTES: usize = 400;
+
+/// A sentence without its middle where it is too long to be read, and without what would steer a terminal.
+pub fn shortened(text: impl Into<String>) -> String {
+    let text = printable(text.into());
+    if text.len() <= SHOWN_LINE_BYTES {
+        return text;
+    }
+    let head = &text[..boundary(&text, SHOWN_LINE_BYTES / 2)];
+    let tail = &text[boundary(&text, text.len() - SHOWN_LINE_BYTES / 3)..];
+    format!("{head} ... {tail}")
+}
+
+/// Where the character at `place` begins.
+fn boundary(text: &str, place: usize) -> usize {
+    (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+}
+
+/// The number, from 1, of the line that holds the byte at `offset`.
+pub fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
+}
+
+/// The text with long lines cut off, and how many bytes that took from before `place`.
+fn cut_long_lines(text: String, place: usize) -> (String, usize) {
+    if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
+        return (text, 0);
+    }
+    let (mut kept, mut read, mut cut) = (String::new(), 0, 0);
+    for line in text.split_inclusive('\n') {
+        read += line.len();
+        let shown = match line.len() {
+            0..=SHOWN_LINE_BYTES => line.to_owned(),
+            _ => line[..boundary(line, SHOWN_LINE_BYTES / 2)].to_owned() + " ...\n",
+        };
+        cut += if read <= place { line.len() - shown.len() } else { 0 };
+        kept.push_str(&shown);
+    }
+    (kept, cut)
+}
+
 /// The text with question marks for what would steer a terminal; every other byte stays at its place.
 fn printable(text: String) -> String {
     let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
@@ -132,8 +186,9 @@ fn printable(text: String) -> String {
 
 /// The candidate most like `word`, if any is like enough to be what was meant.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // What is much longer than any name is none, and comparing it takes long.
+    let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
     candidates
-        .into_iter()
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
         .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 3)
         .min_by_key(|(distance, _)| *distance)
@@ -163,6 +218,47 @@ mod tests {
         let Error::Input(input) = error else { panic!("not an input error") };
         let shown = input.source_code.as_ref().unwrap().inner();
         assert_eq!((shown.as_str(), shown.len()), ("# ?]0;title?\n??2Jv x\n", text.len()));
+    }
+
+    /// The error as it is printed where there is no terminal, at a marked place of a text.
+    fn printed(text: &str, mark: &str) -> String {
+        let start = text.find(mark).unwrap();
+        let error = Error::in_file("a.toml", text, start..start + mark.len(), "a mistake", "here");
+        let handler = miette::MietteHandlerOpts::new().wrap_lines(false).color(false).build();
+        struct Shown(Error, miette::MietteHandler);
+        impl std::fmt::Debug for Shown {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                miette::ReportHandler::debug(&self.1, &self.0, f)
+            }
+        }
+        format!("{:?}", Shown(error, handler))
+    }
+
+    #[test]
+    fn long_lines_of_a_file_are_cut_or_not_shown() {
+        let long = "\u{fc}".repeat(70_000);
+        for (text, place) in [
+            (format!("# {long}\nbad = 1\n# {long}\n"), "a.toml:2:1"),
+            (format!("a = 1\nbad = 1\n# {long}"), "a.toml:2:1"),
+            (format!("x = \"{long}\"\n\nab = 1\n  bad = 1\n"), "a.toml:4:3"),
+            (format!("a = 1\nx = \"{long}\"; bad\n"), "a.toml:2:70009: a mistake"),
+            (format!("bad\n{}", "y\n".repeat(50)), "a.toml:1:1"),
+        ] {
+            let printed = printed(&text, "bad");
+            assert!(printed.contains(place), "{place}: {printed}");
+            assert!(printed.lines().all(|line| line.chars().count() < 420), "{place}");
+        }
+        let mark = format!("bad{}", "\nz".repeat(50));
+        assert!(printed(&mark, &mark).lines().count() < 10, "a span of many lines stands for its first");
+    }
+
+    #[test]
+    fn long_words_of_a_file_are_shortened_in_messages() {
+        let error =
+            Error::in_file("a.toml", "x\n", 0..1, format!("`{}\u{1b}`, expected y", "k".repeat(9_000)), "");
+        let message = error.to_string();
+        assert!(message.len() < 400 && message.starts_with("`kk") && message.ends_with("?`, expected y"));
+        assert_eq!(nearest(&"k".repeat(9_000), ["k"]), None);
     }
 
     #[test]

@@ -3,28 +3,35 @@
 //! The rooms, in the order an experiment passes through them:
 //! [`config`] reads a TOML experiment; [`scene`] loads what it names;
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
-//! [`program`] assembles and builds kernels from `cl/`; [`launch`] runs them;
+//! [`program`] assembles and builds kernels from `cl/` as the [`manifest`] says ([`sources`] has their files); [`launch`] runs them;
 //! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them;
-//! [`memory`] says what the host can hold; [`record`] keeps what was found. [`image`] turns radiance into pictures.
+//! [`filetype`] names files that are something else; [`memory`] says what the host can hold; [`record`] keeps what was
+//! found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
+//! anybody else's.
 //! [`cli`] holds one file a subcommand.
 
 pub mod accel;
 pub mod cli;
 pub mod config;
 pub mod device;
+pub mod device_lock;
 pub mod error;
 pub mod experiment;
+pub mod filetype;
 pub mod image;
 pub mod launch;
-pub mod limits;
+pub mod manifest;
 pub mod measure;
 pub mod memory;
+pub mod output;
+pub mod peak;
 pub mod program;
 pub mod record;
 pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod sensor;
+pub mod sources;
 pub mod strategy;
 pub mod verify;
 

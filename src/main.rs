@@ -3,12 +3,12 @@
 use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
-use clap::Parser as _;
 use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
+    limit_threads();
     keep_lines_whole();
-    match raycl::cli::Cli::parse().run() {
+    match raycl::cli::Cli::read().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let code = ExitCode::from(error.exit_code());
@@ -16,6 +16,15 @@ fn main() -> ExitCode {
             let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(error));
             code
         }
+    }
+}
+
+/// Drivers read these when they are loaded, in this process or in a worker, which inherits them.
+fn limit_threads() {
+    for (name, value) in raycl::device::thread_variables() {
+        // SAFETY: the program has just begun: no driver is loaded and no other thread runs that could read the
+        // environment meanwhile.
+        unsafe { std::env::set_var(name, value) };
     }
 }
 

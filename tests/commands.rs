@@ -1,7 +1,7 @@
 //! Commands that only report: devices, strategies, occupancy, and what becomes of mistakes.
 
+use crate::binary::{finish, run};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use assert_cmd::assert::OutputAssertExt as _;
 
@@ -13,7 +13,7 @@ fn raycl(arguments: &[&str]) -> Command {
 
 /// Runs it and gives standard output, which must be all it says.
 fn output(arguments: &[&str]) -> String {
-    let output = raycl(arguments).output().expect("it runs");
+    let output = run(&mut raycl(arguments));
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).expect("UTF-8")
 }
@@ -24,16 +24,14 @@ fn json(arguments: &[&str]) -> serde_json::Value {
 
 /// Runs it, expects this exit code, and gives standard error.
 fn mistake(command: &mut Command, code: i32) -> String {
-    let output = command.assert().code(code).get_output().clone();
+    let output = run(command).assert().code(code).get_output().clone();
     assert!(output.stdout.is_empty(), "{output:?}");
     String::from_utf8(output.stderr).expect("UTF-8")
 }
 
 #[test]
-fn without_a_platform_the_error_is_instant_and_says_what_to_install() {
-    let start = Instant::now();
+fn without_a_platform_the_error_says_what_to_install() {
     let message = mistake(raycl(&["devices"]).env("OCL_ICD_VENDORS", "/nonexistent"), 1);
-    assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
     for part in ["no OpenCL platform", "pocl-opencl-icd", "make setup"] {
         assert!(message.contains(part), "{message}");
     }
@@ -88,7 +86,7 @@ fn a_reader_that_goes_away_is_no_error() {
     let mut child =
         raycl(&["strategies"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
     drop(child.stdout.take());
-    let output = child.wait_with_output().expect("it ends");
+    let output = finish(child);
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "{output:?}");
 }
@@ -100,8 +98,7 @@ fn completions(script: &std::path::Path, words: &[&str]) -> Vec<String> {
         COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
         $(complete -p raycl | sed 's/.*-F \([^ ]*\).*/\1/') raycl "${@: -1}" "${@: -2:1}"
         printf '%s\n' "${COMPREPLY[@]}""#;
-    let output = Command::new("bash").args(["--norc", "-c", code, "bash"]).arg(script).args(words).output();
-    let output = output.expect("bash");
+    let output = run(Command::new("bash").args(["--norc", "-c", code, "bash"]).arg(script).args(words));
     assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
     String::from_utf8(output.stdout).expect("UTF-8").lines().map(str::to_owned).collect()
 }

@@ -1,14 +1,15 @@
 //! Real runs, real worker processes, real faults: what a run loses is what the fault took, and no more.
-#![cfg(unix)]
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
+use crate::binary::{finish, run, until};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::record::{Outcome, Record, Sample, read_lines};
+use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit};
 use std::collections::HashSet;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// One baseline and four kernels at two sizes.
@@ -41,12 +42,14 @@ impl Ground {
         let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
         command.arg("run").arg(&self.config).arg("--out").arg(&self.out);
         command.args(["--quiet", "--device", &device]).args(arguments);
+        // Tests that do not test the lock of devices do not wait for each other.
+        command.env("RAYCL_LOCK_DIR", self.folder.path().join("locks"));
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
 
     fn run(&self, arguments: &[&str]) -> Output {
-        self.command(arguments).output().expect("it runs")
+        run(&mut self.command(arguments))
     }
 
     fn start(&self, arguments: &[&str]) -> Child {
@@ -71,24 +74,26 @@ impl Ground {
         assert_eq!(rounds.len(), samples.len());
     }
 
+    /// Samples on disk, whole lines only.
+    fn samples(&self) -> usize {
+        let bytes = std::fs::read(self.out.join("samples.jsonl")).unwrap_or_default();
+        bytes.iter().filter(|&&byte| byte == b'\n').count()
+    }
+
     fn resume(&self) {
         let output = self.run(&["--resume"]);
         assert!(output.status.success(), "{}", said(&output));
         self.all_measured_once();
     }
 
-    /// Waits until something is so.
-    fn until(&self, what: &str, so: impl Fn() -> bool) {
-        let start = Instant::now();
-        while !so() {
-            assert!(start.elapsed() < Duration::from_secs(60), "waited in vain until {what}");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-
     /// Waits until the worker hangs, as it is told to.
     fn until_it_hangs(&self) {
-        self.until("it hangs", || self.out.join(".hangs").exists());
+        until("it hangs", || self.out.join(".hangs").exists());
+    }
+
+    /// Lets a worker go on that was told to hold.
+    fn let_go(&self) {
+        std::fs::remove_file(self.out.join(".hangs")).expect("what a worker that holds leaves");
     }
 }
 
@@ -98,15 +103,23 @@ fn said(output: &Output) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-fn signal(name: &str, process: u32) {
-    assert!(try_signal(name, process), "kill -{name} {process}");
+/// Sends a signal; false where the process was gone.
+fn send(signal: Signal, process: u32) -> bool {
+    Pid::from_raw(process as i32).is_some_and(|process| kill_process(process, signal).is_ok())
 }
 
-/// Whether the process was still there.
-fn try_signal(name: &str, process: u32) -> bool {
-    let status =
-        Command::new("kill").args([format!("-{name}"), process.to_string()]).stderr(Stdio::null()).status();
-    status.is_ok_and(|status| status.success())
+/// Sends a signal and waits until the process has taken it.
+fn signal(signal: Signal, process: u32) {
+    assert!(send(signal, process), "process {process} is gone");
+    until("the signal is taken", || !has_pending_signals(process));
+}
+
+/// Whether a signal to the process has not reached its handler yet; a process that is gone has none.
+fn has_pending_signals(process: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let masks =
+        status.lines().filter_map(|line| line.strip_prefix("ShdPnd:").or(line.strip_prefix("SigPnd:")));
+    masks.into_iter().any(|mask| mask.trim().contains(|digit| digit != '0'))
 }
 
 /// The process ids of a process's children.
@@ -163,15 +176,32 @@ fn kills() -> usize {
     std::env::var("RAYCL_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(8)
 }
 
+/// A moment of a run, for a test that kills it: some time after its start, or some samples into it.
+fn random_moment(rng: &mut ChaCha8Rng, ground: &Ground, run: &mut Child) {
+    let samples = rng.random_range(0..100_usize).saturating_sub(40);
+    if samples == 0 {
+        std::thread::sleep(Duration::from_millis(rng.random_range(0..400)));
+        return;
+    }
+    let ended = std::cell::RefCell::new(run);
+    until("there are samples, or the run has ended", || {
+        ground.samples() >= samples || !matches!(ended.borrow_mut().try_wait(), Ok(None))
+    });
+}
+
+/// A test that kills gives up after this many runs for each kill: most runs are there to be killed.
+const RUNS_FOR_A_KILL: usize = 20;
+
 #[test]
 fn runs_killed_at_random_moments_lose_and_repeat_nothing() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let (mut killed, mut finished) = (0, 0);
     while killed < kills() {
+        assert!(finished < RUNS_FOR_A_KILL * kills(), "{killed} kills in {finished} runs");
         let ground = Ground::new(12);
-        loop {
+        while killed < kills() {
             let mut run = ground.start(&["--resume"]);
-            std::thread::sleep(Duration::from_millis(rng.random_range(20..400)));
+            random_moment(&mut rng, &ground, &mut run);
             if run.try_wait().expect("a process").is_some() {
                 break;
             }
@@ -179,10 +209,7 @@ fn runs_killed_at_random_moments_lose_and_repeat_nothing() {
             run.kill().expect("a kill");
             run.wait().expect("a process");
             killed += 1;
-            ground.until("its workers are gone", || !workers.iter().any(|&worker| is_alive(worker)));
-            if killed >= kills() {
-                break;
-            }
+            until("its workers are gone", || !workers.iter().any(|&worker| is_alive(worker)));
         }
         ground.resume();
         finished += 1;
@@ -193,16 +220,16 @@ fn runs_killed_at_random_moments_lose_and_repeat_nothing() {
 #[test]
 fn workers_killed_at_random_moments_cost_nothing() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
-    let mut killed = 0;
+    let (mut killed, mut runs) = (0, 0);
     while killed < kills() {
+        assert!(runs < RUNS_FOR_A_KILL * kills(), "{killed} kills in {runs} runs");
+        runs += 1;
         let ground = Ground::new(12);
-        let run = ground.start(&[]);
-        std::thread::sleep(Duration::from_millis(rng.random_range(50..600)));
+        let mut run = ground.start(&[]);
+        random_moment(&mut rng, &ground, &mut run);
         // One death a run: two at one point would be that point's own.
-        if children(run.id()).first().is_some_and(|&worker| try_signal("KILL", worker)) {
-            killed += 1;
-        }
-        let output = run.wait_with_output().expect("it ends");
+        killed += children(run.id()).first().is_some_and(|&worker| send(Signal::KILL, worker)) as usize;
+        let output = finish(run);
         assert!(output.status.success() || said(&output).contains("could not start"), "{}", said(&output));
         ground.resume();
     }
@@ -211,14 +238,14 @@ fn workers_killed_at_random_moments_cost_nothing() {
 
 #[test]
 fn ctrl_c_ends_after_the_sample_says_how_to_resume_and_exits_with_130() {
-    for name in ["INT", "TERM"] {
-        let ground = Ground::new(60);
-        let run = ground.start(&[]);
-        ground.until("samples come", || {
-            ground.out.join("samples.jsonl").exists() && !ground.records().is_empty()
-        });
+    for name in [Signal::INT, Signal::TERM] {
+        let ground = Ground::new(12);
+        // The second size is at it, and waits there until the test has done its part.
+        let run = ground.start(&["--fault", "hold@cast:7"]);
+        ground.until_it_hangs();
         signal(name, run.id());
-        let output = run.wait_with_output().expect("it ends");
+        ground.let_go();
+        let output = finish(run);
         let said = said(&output);
         assert_eq!(output.status.code(), Some(130), "{said}");
         assert!(said.contains("interrupted") && said.contains("--resume"), "{said}");
@@ -236,15 +263,16 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     ground.until_it_hangs();
     let workers = children(run.id());
     assert_eq!(workers.len(), 1);
-    let start = Instant::now();
-    signal("INT", run.id());
+    signal(Signal::INT, run.id());
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
-    signal("INT", run.id());
-    let output = run.wait_with_output().expect("it ends");
+    // The sample never ends, so that only the second can end the run. The first may be taken and not yet heeded: more
+    // of them do no harm.
+    let process = run.id();
+    until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
+    let output = finish(run);
     assert_eq!(output.status.code(), Some(130));
-    assert!(start.elapsed() < Duration::from_secs(5));
-    ground.until("the worker is gone", || !is_alive(workers[0]));
+    until("the worker is gone", || !is_alive(workers[0]));
     ground.resume();
 }
 
@@ -280,8 +308,8 @@ fn a_driver_that_is_gone_ends_the_run_and_loses_no_point() {
         .expect("it starts");
     ground.until_it_hangs();
     vendors.close().expect("an empty place");
-    signal("KILL", children(run.id())[0]);
-    let output = run.wait_with_output().expect("it ends");
+    assert!(send(Signal::KILL, children(run.id())[0]), "the worker hangs");
+    let output = finish(run);
     assert_eq!(output.status.code(), Some(1));
     assert!(
         said(&output).contains("no OpenCL platform") && said(&output).contains("--resume"),
@@ -299,11 +327,11 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     let mut bash = Command::new("bash");
     bash.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash"]).arg(run.get_program()).args(run.get_args());
     let run = bash.stderr(Stdio::piped()).spawn().expect("it starts");
-    ground.until("a point is done", || !ground.records().is_empty());
+    until("a point is done", || !ground.records().is_empty());
     // From now on no file of the run's own process grows; its worker, and the driver's cache, may.
-    let limit = Command::new("prlimit").args(["--fsize=1000:1000", "--pid", &run.id().to_string()]).status();
-    assert!(limit.is_ok_and(|status| status.success()), "prlimit");
-    let output = run.wait_with_output().expect("it ends");
+    let limit = Rlimit { current: Some(1000), maximum: Some(1000) };
+    prlimit(Pid::from_raw(run.id() as i32), Resource::Fsize, limit).expect("a limit");
+    let output = finish(run);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(
         said(&output).contains("cannot write") && said(&output).contains("--resume"),
@@ -321,7 +349,7 @@ fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     let mut places = vec![PathBuf::from("/sys/raycl")];
     let closed = ground.folder.path().join("closed");
     std::fs::create_dir(&closed).expect("a folder");
-    Command::new("chmod").arg("555").arg(&closed).status().expect("chmod");
+    std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).expect("a mode");
     // Root writes elsewhere where it likes.
     if std::fs::write(closed.join("probe"), "").is_err() {
         places.push(closed.join("out"));

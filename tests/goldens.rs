@@ -4,9 +4,7 @@
 //! Formulas and numbers: Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*, 3rd ed.,
 //! chapter 15, with the paper's scenes.
 
-mod binary;
-
-use binary::{Place, device, repository};
+use crate::binary::{Place, device, repository};
 use glam::{DVec3, dvec3};
 use image::RgbImage;
 use raycl::image::psnr_db;

@@ -1,10 +1,7 @@
 //! What somebody with bad intentions, or a broken machine, can put in the way: drivers that die when they are listed,
 //! results folders that lead elsewhere, arguments that are no text.
-#![cfg(unix)]
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, device, has};
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
@@ -40,8 +37,9 @@ fn driver(place: &Place, body: &str) -> std::path::PathBuf {
         "#include <stdlib.h>\n#include <unistd.h>\n__attribute__((constructor)) static void load(void) {{ {body}; }}\n"
     );
     std::fs::write(&source, code).expect("a source");
-    let built = Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).status();
-    assert!(built.is_ok_and(|status| status.success()), "cc, which Rust links with");
+    let built =
+        crate::binary::run(Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]));
+    assert!(built.status.success(), "cc, which Rust links with");
     std::fs::create_dir(&vendors).expect("a folder");
     std::fs::write(vendors.join("bad.icd"), format!("{}\n", library.display())).expect("an .icd");
     vendors

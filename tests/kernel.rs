@@ -1,11 +1,7 @@
 //! `raycl kernel`: what it prints is what a compiler sees, and casts what the strategy casts.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod binary;
-mod common;
-
-use binary::{Place, has};
-use common::Stand;
+use crate::binary::{Place, has};
+use crate::common::Stand;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::program::preprocess::{canonical, preprocess};
 use raycl::program::{BuiltProgram, ProgramSpec, Sources, frame_kernels};
@@ -94,7 +90,7 @@ fn what_is_preprocessed_stays_as_it_is() {
 
 /// What the binary prints of a strategy for the test device and a scene of the repository.
 fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
-    let (device, scene) = (binary::device(), binary::repository("scenes").join(scene));
+    let (device, scene) = (crate::binary::device(), binary::repository("scenes").join(scene));
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
     let size = format!("{x}x{y}");
     Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
@@ -103,7 +99,7 @@ fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
 #[test]
 fn what_is_printed_casts_the_same_image() {
     const SCENE: &str = "still-life.toml";
-    let stand = Stand::new(common::scene(SCENE), [30, 20]);
+    let stand = Stand::new(crate::common::scene(SCENE), [30, 20]);
     for (name, width) in [
         ("naive", "1"),
         ("deferred", "4"),

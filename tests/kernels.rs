@@ -1,10 +1,7 @@
 //! Every preset at every local size, and a pairwise cover of all axes, against the reference on PoCL.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod common;
-
-use common::cover::pairwise_cover;
-use common::{Stand, scene};
+use crate::common::cover::pairwise_cover;
+use crate::common::{Stand, scene};
 use raycl::strategy::{PRESETS, Strategy, Traversal, Vectors, Width, preset};
 
 /// The paper's local sizes and some that divide nothing.

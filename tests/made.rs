@@ -1,10 +1,7 @@
 //! What compilers make of the kernels: that working vectors and triangles lie where a strategy says, from stored PTX
 //! (`tests/ptx/make` says whose), and that `raycl compile` keeps what there is on any device.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use raycl::program::made::{Census, census, is_ptx};
 use serde_json::Value;
 
@@ -98,7 +95,7 @@ fn compile_keeps_source_log_binary_and_what_was_made() {
             // Without PTX nothing is said of memory instructions, with it something.
             assert_eq!(kernel["census"].is_null(), made["binary_is_ptx"] == false, "{kernel}");
         }
-        has(&place.text(&format!("{folder}/source.cl")), &["__kernel", "#line 1 \"cast.cl\""]);
+        has(&place.text(&format!("{folder}/source.cl")), &["__kernel", "#line 1 \"cast/entry.cl\""]);
         has(&place.text(&format!("{folder}/options.txt")), &["-D LOCAL_X=4 -D LOCAL_Y=2"]);
         let binary = if made["binary_is_ptx"] == true { "binary.ptx" } else { "binary.bin" };
         assert!(place.path(folder).join(binary).metadata().expect("a binary").len() > 0);

@@ -1,10 +1,7 @@
 //! Numbers that bring other casters down: very small and very large scenes, lights on surfaces, cameras inside and on
 //! triangles, normals of no length.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod common;
-
-use common::{Stand, scene};
+use crate::common::{Stand, scene};
 use glam::Vec3;
 use raycl::image::Radiance;
 use raycl::reference::reference;

@@ -1,10 +1,7 @@
 //! Kernels in Oclgrind, which simulates every work-item: no data race, no access out of bounds, no use of what was
-//! never written. `make setup` installs it; without it these tests fail.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
+//! never written. `make test` installs it; without it these tests fail.
 
-mod common;
-
-use common::cover::pairwise_cover;
+use crate::common::cover::pairwise_cover;
 use raycl::strategy::{PRESETS, Strategy, Traversal, Width};
 use std::path::Path;
 use std::process::Command;
@@ -36,7 +33,7 @@ fn reports(scene: &str, strategy: &Strategy, local: &str, plugin: &str, cl: Opti
     if let Some(cl) = cl {
         command.arg("--cl-dir").arg(cl);
     }
-    let output = command.output().expect("oclgrind; `make setup` installs it");
+    let output = crate::binary::run(&mut command);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     let does_not_fit = output.status.code() == Some(2) && said.contains("cannot hold this");
     // What no compiler takes is for tests/kernels.rs to tell.

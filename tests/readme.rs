@@ -1,5 +1,4 @@
 //! What README.md and docs/scenes.md show must work: their TOML loads, and their command lines parse.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
 use clap::Parser as _;
 use raycl::cli::Cli;

@@ -1,8 +1,6 @@
 //! `raycl render`: pictures in every format, what it reports, and what its options change.
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
 
 /// A tetrahedron of quality that is met in the wild: no normals, no material, a material that is nowhere.
@@ -177,7 +175,7 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     assert!(found["uncertain_pixels"].is_u64(), "{found}");
     assert!(report(&place, &["scene.toml"])["verified"].is_null());
 
-    let kernels = place.kernels("shared/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
+    let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let wrong = ["--cl-dir", kernels.to_str().expect("UTF-8"), "-o", "wrong.png"];
     let message = place.mistake(&[&arguments[..], &wrong].concat(), 1);
     has(&message, &["the picture is wrong: ", "it is kept, to be looked at: wrong.png"]);

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 fn raycl(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_raycl")).args(arguments).output().expect("it runs")
+    crate::binary::run(Command::new(env!("CARGO_BIN_EXE_raycl")).args(arguments))
 }
 
 /// Runs it, expects this exit code, and gives standard output and standard error.
@@ -125,6 +125,40 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
 }
 
 #[test]
+fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
+    let few = |name: &str, side: u32, n: usize| {
+        // As earlier versions wrote it: an interval of no width.
+        let mut few = record("teapot", name, side, 1798.0);
+        few["samples_ms"] = json!(vec![1798.0; n]);
+        few["ci95_ms"] = json!([1798.0, 1798.0]);
+        few
+    };
+    let mut serial = few("serial", 0, 1);
+    (serial["device"], serial["strategy"], serial["local_size"]) =
+        ("host".into(), "serial-f32".into(), Value::Null);
+    let results = folder(&[serial, few("naive", 8, 4), record("teapot", "wide", 4, 2000.0)]);
+    let out = tempfile::tempdir().expect("a folder");
+    outcome(&["report", path(&results), "--out", path(&out)], 0);
+    let text = |name: &str| std::fs::read_to_string(out.path().join(name)).expect("it is there");
+    let page = text("report.html");
+    for expected in [
+        "not enough samples (n = 1)",
+        "not enough samples (n = 4)",
+        "Not enough samples to rank: naive at 8 x 8",
+    ] {
+        assert!(page.contains(expected), "{expected:?} is not in the page");
+    }
+    assert!(page.contains("wide is the fastest."), "the point of four samples has no say");
+    assert!(!page.contains("1798 to 1798"), "an interval of few samples");
+    let points = text("exports/points.csv");
+    let row = points.lines().find(|row| row.contains(",naive,")).expect("a row");
+    assert!(row.contains(",1798.0,,,,,4,"), "{row}");
+    let faster = folder(&[few("naive", 8, 10), record("teapot", "wide", 4, 2000.0)]);
+    let (said, _) = outcome(&["compare", path(&results), path(&faster), "--fail-on-regression", "0"], 0);
+    assert!(said.contains("1 same, 0 unclear, 1 not enough samples"), "{said}");
+}
+
+#[test]
 fn pictures_are_compared_and_told_apart() {
     let folder = tempfile::tempdir().expect("a folder");
     let place = |name: &str| folder.path().join(name).display().to_string();
@@ -143,6 +177,57 @@ fn pictures_are_compared_and_told_apart() {
     outcome(&["compare-images", &place("a.png"), &place("b.png"), "--fail-below", "50"], 1);
     let (_, complaint) = outcome(&["compare-images", &place("a.png"), &place("none.png")], 2);
     assert!(complaint.contains("none.png"), "{complaint}");
+}
+
+/// Runs it twice; then edits one of the files it wrote, which stays, and which `--force` replaces.
+fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
+    let forced = [command, &["--force"]].concat();
+    std::fs::write(out.join(name), "somebody's").expect("a file");
+    let (_, complaint) = outcome(command, 2);
+    assert!(complaint.contains(name) && complaint.contains("raycl did not make it"), "{complaint}");
+    assert_eq!(std::fs::read_dir(out).expect("a folder").count(), 1, "nothing else was written");
+    outcome(&forced, 0);
+    outcome(command, 0);
+    let edited = std::fs::read(out.join(name)).expect("a file");
+    let edited = [&edited[..], b"\n"].concat();
+    std::fs::write(out.join(name), &edited).expect("it writes");
+    let (_, complaint) = outcome(command, 2);
+    assert!(complaint.contains("was changed since raycl made it"), "{complaint}");
+    assert!(complaint.contains("`--force` replaces it"), "{complaint}");
+    assert_eq!(std::fs::read(out.join(name)).expect("a file"), edited);
+    outcome(&forced, 0);
+    assert!(std::fs::read(out.join(name)).expect("a file") != edited);
+}
+
+#[test]
+fn pages_and_pictures_that_somebody_made_or_changed_stay() {
+    let results = folder(&[record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0)]);
+    let out = || tempfile::tempdir().expect("a folder");
+    let (one, two, three) = (out(), out(), out());
+    let report = ["report", path(&results), "--out", path(&one), "--quiet"];
+    keeps_what_was_changed(&report, one.path(), "report.html");
+    let compare = ["compare", path(&results), path(&results), "--out", path(&two), "--quiet"];
+    keeps_what_was_changed(&compare, two.path(), "compare.md");
+    std::fs::write(two.path().join("plots/compare.svg"), "somebody's").expect("it writes");
+    let (_, complaint) = outcome(&compare, 2);
+    assert!(complaint.contains("plots/compare.svg' was changed"), "{complaint}");
+
+    let pictures = out();
+    let [a, b] = ["a.png", "b.png"].map(|name| pictures.path().join(name).display().to_string());
+    let plain = image::RgbImage::from_pixel(4, 3, image::Rgb([100; 3]));
+    for name in [&a, &b] {
+        plain.save(name).expect("it saves");
+    }
+    let differences = three.path().join("d.png").display().to_string();
+    let images = ["compare-images", &a, &b, "--quiet", "--output", &differences];
+    keeps_what_was_changed(&images, three.path(), "d.png");
+    let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", &b], 2);
+    assert!(complaint.contains("b.png' is there, and raycl did not make it"), "{complaint}");
+    let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", "d.exr"], 2);
+    assert!(complaint.contains("a picture of differences is a .png"), "{complaint}");
+    // A folder of results is raycl's.
+    outcome(&["report", path(&results), "--quiet"], 0);
+    outcome(&["report", path(&results), "--quiet"], 0);
 }
 
 #[test]
@@ -168,7 +253,7 @@ fn the_reproduction_page_is_made_of_records_alone() {
     outcome(&["reproduce", "--page-only", "--out", path(&out)], 0);
     let page = std::fs::read_to_string(out.path().join("reproduction.html")).expect("a page");
     assert!(
-        page.contains("held on this device") && page.contains("1.54 times (1.53 to 1.55, n = 10) as fast"),
+        page.contains("held on this device") && page.contains("1.54 times as fast (1.53 to 1.55, n = 10)"),
         "the claim on optimisation 1"
     );
     assert!(page.contains("1133 against 1738 ms"));

@@ -1,8 +1,6 @@
 //! `raycl reproduce`: one command for all of the paper's configs, which goes on where it stopped.
 
-mod binary;
-
-use binary::{Place, device, has};
+use crate::binary::{Place, device, has};
 
 /// A point a config.
 const SMALL: [&str; 7] = [

@@ -1,8 +1,6 @@
 //! `raycl run`: what it plans, what it keeps, what becomes of points that fail.
 
-mod binary;
-
-use binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
 use std::collections::HashSet;
 
@@ -162,7 +160,7 @@ fn the_teapot_in_48_kib_is_refused_with_arithmetic() {
 #[test]
 fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
     let place = place();
-    let records = records(&place, &["--set", "limits.local_bytes=1000", "--set", "baselines=[]"], 0);
+    let records = records(&place, &["--set", "emulate.local_bytes=1000", "--set", "baselines=[]"], 0);
     let (infeasible, measured): (Vec<_>, Vec<_>) =
         records.iter().partition(|record| record["outcome"] == "infeasible");
     assert_eq!((infeasible.len(), measured.len()), (2, 2));
@@ -176,20 +174,20 @@ fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
 #[test]
 fn a_kernel_that_does_not_compile_is_an_outcome_and_a_failure() {
     let place = place();
-    let kernels = place.kernels("shared/shade.cl", "// Radiance", "oops;\n// Radiance");
+    let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
     let records = records(&place, &["--cl-dir", kernels.to_str().expect("UTF-8")], 1);
     let failed: Vec<_> = records.iter().filter(|record| record["outcome"] == "build-failed").collect();
     assert_eq!((records.len(), failed.len()), (5, 4));
     for record in failed {
-        has(record["reason"].as_str().expect("a reason"), &["shared/shade.cl:1"]);
+        has(record["reason"].as_str().expect("a reason"), &["cast/shade.cl:1"]);
     }
-    has(&place.text("out/summary.md"), &["build-failed", "shared/shade.cl:1"]);
+    has(&place.text("out/summary.md"), &["build-failed", "cast/shade.cl:1"]);
 }
 
 #[test]
 fn a_wrong_image_is_never_timed_and_shows_where() {
     let place = place();
-    let kernels = place.kernels("shared/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
+    let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let more = ["--cl-dir", kernels.to_str().expect("UTF-8"), "--set", "strategies=[\"naive\"]"];
     let records = records(&place, &more, 1);
     let wrong: Vec<_> = records.iter().filter(|record| record["outcome"] == "wrong-image").collect();

@@ -1,12 +1,8 @@
 //! One frame on several devices: the same pixels as on one; a run on several; several frames in one sample. PoCL makes
 //! two devices of one machine.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod binary;
-mod common;
-
-use binary::{Place, TRIANGLE, repository};
-use common::{Stand, scene};
+use crate::binary::{Place, TRIANGLE, repository};
+use crate::common::{Stand, scene};
 use raycl::launch::Caster;
 use raycl::strategy::preset;
 use serde_json::Value;

@@ -1,11 +1,11 @@
 //! The supervisor with workers that are a script: no OpenCL and no processes.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::Error;
 use raycl::config::{self, Experiment};
 use raycl::device::{DeviceInfo, DeviceKind, DeviceLimits, Hardware};
+use raycl::device_lock::Locks;
 use raycl::experiment::{Death, Refusal, Reply, Request, Results, Run, Spawner, Wait, Worker};
 use raycl::launch::FrameTimes;
 use raycl::program::Sources;
@@ -58,6 +58,9 @@ fn device() -> DeviceInfo {
             is_cpu: true,
         },
         hardware: Hardware::default(),
+        settings: Vec::new(),
+        cores: None,
+        threads: None,
         twins_before: 0,
         label: "mock".into(),
         unusable: None,
@@ -155,6 +158,7 @@ fn execute(
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
     let (experiment, device) = (experiment(text), device());
+    let locks = Locks::in_folder(&folder.join("locks"), true);
     let run = Run {
         experiment: &experiment,
         overrides: &[],
@@ -162,6 +166,7 @@ fn execute(
         sources: &Sources::Embedded,
         limit: Duration::from_millis(30),
         retry_failed: false,
+        locks: &locks,
         spread: false,
     };
     let mut results = Results::resume(folder, &Environment::default())?;

@@ -1,6 +1,5 @@
 //! Bad, odd and hostile OBJ files: each ends in a picture without NaN or in an error that names file, line and
 //! reason; never in a panic or a crash.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -23,7 +22,7 @@ fn render(path: &Path, folder: &Path) -> Result<End, String> {
     let _ = std::fs::remove_file(&picture);
     let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.arg("render").arg(path).args(["--width", "24", "--height", "16", "--quiet", "--output"]);
-    let output = command.arg(&picture).output().map_err(|error| error.to_string())?;
+    let output = crate::binary::run(command.arg(&picture));
     let said = String::from_utf8(output.stderr).map_err(|_| "an error that is not UTF-8")?;
     if said.chars().any(|c| c.is_control() && c != '\n') {
         return Err(format!("control characters in {said:?}"));

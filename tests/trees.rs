@@ -1,10 +1,7 @@
 //! Traversals with a tree, on the device against the reference: many lights, interiors, hills, and meshes at the ends of
 //! what a mesh can be.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod common;
-
-use common::Stand;
+use crate::common::Stand;
 use glam::Vec3;
 use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
@@ -56,7 +53,7 @@ fn rounds_of_lights_of_every_tile() {
     let mut stand = Stand::new(coarse("many-lights.toml", 2_000), SIZE);
     for (tile, intersector, rounds) in [
         (TileSize::T8x4, Intersector::CommonOrigin, 2),
-        (TileSize::T8x8, Intersector::MollerTrumbore, 3),
+        (TileSize::T8x8, Intersector::EdgePlanes, 3),
         (TileSize::T16x16, Intersector::CommonOrigin, 11),
     ] {
         // Fused ones are among those above, and take a CPU's compiler longer.
@@ -84,20 +81,20 @@ fn scaled(mut scene: Scene, scale: f32) -> Scene {
 #[test]
 fn coordinates_from_a_millionth_to_a_million() {
     for scale in [1e-6, 1e6] {
-        agrees(scaled(common::scene("gourd.toml"), scale));
+        agrees(scaled(crate::common::scene("gourd.toml"), scale));
     }
 }
 
 /// A scene with its triangles changed.
 fn with_triangles(change: impl FnOnce(&mut Scene)) -> Scene {
-    let mut scene = common::scene("gourd.toml");
+    let mut scene = crate::common::scene("gourd.toml");
     change(&mut scene);
     scene
 }
 
 #[test]
 fn one_triangle_and_coincident_and_degenerate_ones() {
-    agrees(common::scene("triangle.toml"));
+    agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
         // Each twelve times, so that no plane tells the copies apart and leaves overflow.
         let all = scene.mesh.triangles.clone();

@@ -1,12 +1,9 @@
 //! Rays aimed at edges and vertices: single rays at closed meshes, and frames whose every primary or shadow ray meets a
 //! net. The watertight test leaks none of them under any traversal, nor does the rasteriser; the others' leaks are
 //! counted, so that the rays are known to probe what they should.
-#![allow(missing_docs, reason = "a test binary has no documentation")]
 
-mod common;
-
-use common::Stand;
-use common::edges::{
+use crate::common::Stand;
+use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
 };
 use raycl::launch::cast_rays;
@@ -131,7 +128,7 @@ fn without_its_net_the_floor_is_lit() {
 #[test]
 fn the_other_tests_leaks_are_counted() {
     let (stand, scene) = meshes();
-    for intersector in [Intersector::MollerTrumbore, Intersector::CommonOrigin] {
+    for intersector in [Intersector::MollerTrumbore, Intersector::CommonOrigin, Intersector::EdgePlanes] {
         for strategy in traversals_of_rays(intersector) {
             few("rays", leaks_of_rays(&stand, &scene, &strategy), &strategy);
         }

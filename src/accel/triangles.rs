@@ -7,7 +7,7 @@ use rayon::prelude::*;
 pub const TRIANGLE_WORDS: usize = 12;
 
 /// Rows of zeros after the last triangle, for kernels that load as many at once as they prepare (PREPARED in
-/// cl/tile/planes.cl).
+/// cl/tile_cpu/intersect/edge_planes.cl).
 pub const PADDING_ROWS: usize = 8;
 
 /// What a triangle's three float4 hold.

@@ -93,7 +93,13 @@ impl WideBvh {
     pub const LEAF: u32 = 1 << 31;
     /// The child word of an unused place: a leaf of no triangles.
     pub const UNUSED: u32 = Self::LEAF;
-    const COUNT_SHIFT: u32 = 25;
+    /// The bit of a leaf's word from which on it counts its triangles.
+    pub const COUNT_SHIFT: u32 = Self::MAX_INDEX.ilog2();
+
+    /// Words of a node of so many children.
+    pub const fn stride(width: usize) -> usize {
+        if width <= 8 { 8 * width } else { 7 * width }
+    }
 
     /// Builds a mesh's tree as a device reads it. Places that are left over in a node make its leaves smaller; not with 32
     /// children, where 32 work-items prepare a leaf's triangles side by side and small leaves are only more visits.
@@ -117,7 +123,7 @@ impl WideBvh {
     /// there are more than 33,554,432 triangles or nodes.
     pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
         check(bvh, width, leaf_size)?;
-        let stride = if width <= 8 { 8 * width } else { 7 * width };
+        let stride = Self::stride(width);
         let mut wide = Self { width, stride, nodes: Vec::new(), order: bvh.order.clone(), depth: 1 };
         wide.add_nodes(1);
         let mut waiting = Vec::new();

@@ -2,6 +2,7 @@
 
 use crate::device::{Device, discover, pick_default, select};
 use crate::error::{Error, Result, nearest};
+use crate::sources::Sources;
 use crate::strategy::{AXES, PRESETS, Strategy, preset};
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::ffi::OsStr;
@@ -83,8 +84,8 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
 }
 
 /// The one device to render on: the first that matches, or the most capable one.
-pub fn one_device(pattern: Option<&str>) -> Result<Device> {
-    let devices = discover()?;
+pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
+    let devices = discover(sources)?;
     let chosen = match pattern {
         Some(pattern) => select(&devices, &[pattern.to_owned()])?.first().copied(),
         None => pick_default(&devices),

@@ -2,7 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
-use crate::report::{self, Comparison, Folder};
+use crate::output::{Choice, OutFolder};
+use crate::record::Folder;
+use crate::report::{self, Comparison};
 use std::path::PathBuf;
 
 /// Arguments of `raycl compare`.
@@ -25,6 +27,9 @@ pub struct Args {
     /// Write compare.html, compare.md and plots here
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Print Markdown instead of a table
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
@@ -44,19 +49,24 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 
 /// Compares two folders. They hold results or it is the user's mistake.
 pub fn run(args: Args) -> Result<()> {
+    let choice = Choice { force: args.force, elsewhere: "--out DIR" };
+    let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
+    out.iter().try_for_each(|out| out.check(report::COMPARISON))?;
     let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);
     let comparison = Comparison::of(&before, &after, args.threshold / 100.0);
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
-        return Err(error.with_help("points correspond by scene, image size, strategy's name and local size"));
+        return Err(error.with_help(
+            "points correspond by scene, image size, strategy's name and local size; a scene by its content",
+        ));
     }
-    if let Some(out) = &args.out {
+    if let Some(out) = &mut out {
         report::write_comparison(&comparison, out)?;
     }
     if args.json {
         super::print_json(&serde_json::json!({
             "before": comparison.labels[0], "after": comparison.labels[1], "summary": comparison.summary(),
-            "points": comparison.lines(), "not_compared": comparison.others,
+            "points": comparison.lines(), "not_compared": comparison.others, "notes": comparison.notes,
         }))?;
     } else if args.markdown {
         super::print(comparison.markdown().trim_end())?;
@@ -77,7 +87,9 @@ fn print_table(comparison: &Comparison) -> Result<()> {
     let mut table =
         super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
-    changed.sort_by(|a, b| b.change_percent.total_cmp(&a.change_percent));
+    // Without a change comes last.
+    let change = |pair: &report::Pair| pair.change_percent.unwrap_or(f64::NEG_INFINITY);
+    changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
     let several = comparison.has_several_devices();
     for pair in &changed {
         let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::record::ms);
@@ -94,6 +106,9 @@ fn print_table(comparison: &Comparison) -> Result<()> {
     }
     for line in &comparison.others {
         super::print(line)?;
+    }
+    for note in &comparison.notes {
+        super::print(format!("note: {note}"))?;
     }
     super::print(comparison.summary())
 }

@@ -1,7 +1,8 @@
 //! `raycl compare-images`: how far two pictures are apart.
 
 use crate::error::{Error, Result};
-use crate::image::{Radiance, difference_image, read_picture, relative_difference, save_rgb8};
+use crate::image::{Radiance, check_png, difference_image, read_picture, relative_difference, save_rgb8};
+use crate::output::{Choice, Target};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -19,6 +20,9 @@ pub struct Args {
     /// Save the differences in false colour
     #[arg(short, long, value_name = "FILE.png")]
     output: Option<PathBuf>,
+    /// Replace FILE.png even where raycl did not make it, or it was changed since
+    #[arg(long, requires = "output")]
+    force: bool,
     /// Exit with 1 where the peak signal-to-noise ratio is lower than this
     #[arg(long, value_name = "DB", value_parser = decibels)]
     fail_below: Option<f64>,
@@ -54,6 +58,9 @@ struct Report {
 
 /// Compares two pictures. Different sizes, or a file that is no picture, are the user's mistake.
 pub fn run(args: Args) -> Result<()> {
+    let choice = Choice { force: args.force, elsewhere: "--output FILE.png" };
+    let target = args.output.as_ref().map(|path| Target::new(path, choice));
+    target.iter().try_for_each(check_png)?;
     let (found, expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
     if (found.width, found.height) != (expected.width, expected.height) {
         return Err(Error::input(format!(
@@ -66,8 +73,8 @@ pub fn run(args: Args) -> Result<()> {
             expected.height
         )));
     }
-    if let Some(path) = &args.output {
-        save_rgb8(&difference_image(&found, &expected), path)?;
+    if let Some(target) = &target {
+        save_rgb8(&difference_image(&found, &expected), target)?;
     }
     let report = compare(&found, &expected, args.output.as_ref());
     match (args.json, args.quiet) {

@@ -4,9 +4,9 @@ use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::{Caster, DeviceScene, DeviceTree, Queue};
+use crate::output::{Choice, OutFolder};
 use crate::program::made::is_ptx;
 use crate::program::{BuiltProgram, CACHE_DISABLE, MadeKernel, ProgramSpec, Sources};
-use crate::record::write_whole;
 use crate::scene::{Scene, load_scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use serde::Serialize;
@@ -37,6 +37,9 @@ pub struct Args {
     /// The folder for what is made; without it nothing is kept
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Print one JSON object a strategy
     #[arg(long)]
     json: bool,
@@ -67,12 +70,14 @@ pub fn run(args: Args) -> Result<()> {
     let strategies: Vec<Strategy> =
         args.strategy.iter().map(|text| parse_strategy(text)).collect::<Result<_>>()?;
     strategies.iter().try_for_each(|strategy| strategy.check())?;
-    let device = one_device(args.device.as_deref())?;
+    let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let device = one_device(args.device.as_deref(), &sources)?;
     let queue = Queue::open(device.platform, device.device)?;
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
         let (made, files) = compile(&args, &device, &queue, &scene, strategy)?;
-        if let Some(out) = &args.out {
-            keep(&out.join(folder_name(text)), &made, &files)?;
+        if let Some(out) = &mut out {
+            keep(out, &folder_name(text), &made, files)?;
         }
         match args.json {
             true => super::print_json(&made)?,
@@ -83,6 +88,19 @@ pub fn run(args: Args) -> Result<()> {
         Some(out) if !args.json => super::print(format!("Kept in {}", out.display())),
         _ => Ok(()),
     }
+}
+
+/// Every file that a strategy's folder may get.
+const FILES: [&str; 6] = ["source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
+
+/// The folder for what is made, where none of the strategies' files is somebody else's.
+fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
+    let out = OutFolder::open(path, Choice { force: args.force, elsewhere: "--out DIR" })?;
+    for strategy in &args.strategy {
+        let names = FILES.map(|name| format!("{}/{name}", folder_name(strategy)));
+        out.check(names.iter().map(String::as_str))?;
+    }
+    Ok(out)
 }
 
 /// Compilers print registers only when they compile.
@@ -145,14 +163,11 @@ fn compile(
 }
 
 /// Writes a strategy's folder.
-fn keep(folder: &Path, made: &Made, files: &Files) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Error::input(format!("cannot make {}: {error}", folder.display())))?;
-    for (name, bytes) in files {
-        write_whole(&folder.join(name), bytes)?;
-    }
+fn keep(out: &mut OutFolder, folder: &str, made: &Made, mut files: Files) -> Result<()> {
     let text = serde_json::to_string_pretty(made).map_err(|error| Error::run(error.to_string()))?;
-    write_whole(&folder.join("made.json"), format!("{text}\n").as_bytes())
+    files.push(("made.json", format!("{text}\n").into_bytes()));
+    let named = |(name, bytes)| (format!("{folder}/{name}"), bytes);
+    out.write(&files.into_iter().map(named).collect::<Vec<_>>())
 }
 
 /// "deferred,width=4" as a folder is called.

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::device::{self, Device, DeviceInfo, Survey};
 use crate::error::Result;
+use crate::sources::Sources;
 
 /// Arguments of `raycl devices`.
 #[derive(Debug, clap::Args)]
@@ -20,7 +21,7 @@ pub struct Args {
 
 /// Lists the devices. Errors when there is no platform.
 pub fn run(args: Args) -> Result<()> {
-    let Survey { devices, empty_platforms } = device::survey()?;
+    let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
     let default = device::pick_default(&devices).map(|device| device.info.slug());
     let infos: Vec<_> = devices.iter().map(|Device { info, .. }| info).collect();
     if args.json {
@@ -52,10 +53,11 @@ fn listing<'a>(
     Listing { devices, empty_platforms, default }
 }
 
-const HEADER: [&str; 8] = [
+const HEADER: [&str; 9] = [
     "device\nplatform, driver",
     "kind",
     "compute\nunits",
+    "threads",
     "__local\nKiB",
     "__constant\nKiB",
     "global\nGiB",
@@ -93,6 +95,7 @@ fn cells(info: &DeviceInfo) -> Vec<String> {
         format!("{}{mark}\n{}, {}", info.name, info.platform, info.driver),
         info.kind.name().to_owned(),
         limits.compute_units.to_string(),
+        info.threads.map_or(String::new(), |threads| threads.to_string()),
         (limits.local_bytes / 1024).to_string(),
         (limits.constant_bytes / 1024).to_string(),
         format!("{:.1}", limits.global_bytes as f64 / f64::from(1 << 30)),

@@ -7,10 +7,11 @@ use crate::accel::WideBvh;
 use crate::device::{Builtins, Device};
 use crate::error::{Error, Result};
 use crate::launch::{DeviceTree, Queue, preprocess_for};
+use crate::manifest::GROUP_LANES;
 use crate::program::preprocess::{Preprocessed, canonical, preprocess, read};
 use crate::program::{ProgramSpec, Sources, frame_kernels};
 use crate::scene::load_scene;
-use crate::strategy::{GROUP_LANES, Requirements, Strategy, Workload};
+use crate::strategy::{Requirements, Strategy, Workload};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use title::{Title, foot};
@@ -67,10 +68,10 @@ const SMALL: Workload = Workload {
 pub fn run(args: Args) -> Result<()> {
     let strategy = parse_strategy(&args.strategy)?;
     strategy.check()?;
-    let device = args.device.as_deref().map(|pattern| one_device(Some(pattern))).transpose()?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let device = args.device.as_deref().map(|pattern| one_device(Some(pattern), &sources)).transpose()?;
     let builtins = device.as_ref().map_or_else(Builtins::default, |device| device.info.builtins());
     let workload = workload(&args, &strategy, builtins)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let spec = ProgramSpec::new(&sources, &strategy, &workload, builtins)?;
     let program = match &device {
         Some(device) => on_device(device, &strategy, &workload, &spec)?,

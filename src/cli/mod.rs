@@ -7,15 +7,17 @@ pub mod compile;
 pub mod completions;
 pub mod devices;
 pub mod kernel;
-pub mod limits;
 pub mod occupancy;
 mod output;
+pub mod peak;
 mod progress;
+mod renamed;
 pub mod render;
 pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod strategies;
+mod turn;
 mod watch;
 
 pub use output::{coloured, print, print_json, table};
@@ -23,6 +25,7 @@ pub use output::{coloured, print, print_json, table};
 use clap::{Parser, Subcommand};
 
 use crate::error::Result;
+use crate::sources::Sources;
 
 /// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 #[derive(Debug, Parser)]
@@ -65,13 +68,16 @@ enum Command {
         /// List the devices instead
         #[arg(long)]
         list: bool,
+        /// With the kernels of this folder
+        #[arg(long, requires = "list")]
+        cl_dir: Option<std::path::PathBuf>,
     },
     /// Print a strategy's kernels as the compiler sees them, to be read
     Kernel(kernel::Args),
     /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
-    Limits(limits::Args),
+    Peak(peak::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -79,6 +85,11 @@ enum Command {
 }
 
 impl Cli {
+    /// Reads the process's arguments; a mistake in them ends it with exit code 2 and what was probably meant.
+    pub fn read() -> Self {
+        Self::try_parse().unwrap_or_else(|error| renamed::explain(error).exit())
+    }
+
     /// Runs the subcommand.
     pub fn run(self) -> Result<()> {
         match self.command {
@@ -90,11 +101,15 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
-            Command::Worker { list: true } => crate::experiment::list_devices(),
-            Command::Worker { list: false } => crate::experiment::serve(),
+            // On a line of its own, whatever a driver has left on the line before.
+            Command::Worker { list: true, cl_dir } => {
+                let sources = cl_dir.map_or(Sources::Embedded, Sources::Folder);
+                print(format!("\n{}", crate::experiment::list_devices(&sources)?))
+            }
+            Command::Worker { list: false, .. } => crate::experiment::serve(),
             Command::Kernel(args) => kernel::run(args),
             Command::Compile(args) => compile::run(args),
-            Command::Limits(args) => limits::run(args),
+            Command::Peak(args) => peak::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

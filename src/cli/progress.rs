@@ -38,6 +38,10 @@ impl Observer for Bar {
         self.bar.set_message(what.to_owned());
     }
 
+    fn says(&mut self, line: &str) {
+        self.bar.println(line);
+    }
+
     fn finished(&mut self, record: &Record) {
         if !record.outcome.is_fine() {
             self.bar.println(line(record));
@@ -151,6 +155,10 @@ impl Observer for Stages {
 
     fn works_on(&mut self, what: &str) {
         self.inner.works_on(&format!("{}: {what}", self.stage));
+    }
+
+    fn says(&mut self, line: &str) {
+        self.inner.says(line);
     }
 
     fn finished(&mut self, record: &Record) {

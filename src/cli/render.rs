@@ -6,14 +6,17 @@ mod split;
 use super::choice::{
     StrategyText, is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
 };
+use super::turn::hold;
 use super::watch::{RecursiveMode, watch};
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::image::{Radiance, check_path, save};
+use crate::image::{Radiance, check_target, save};
 use crate::launch::{Caster, DeviceScene, DeviceTree, FrameTimes, Queue};
 use crate::measure::Summary;
 use crate::memory::{Available, peak_bytes, resident_bytes};
+use crate::output::{Choice, Target};
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::record::dirty_program;
 use crate::reference::reference;
 use crate::scene::{Loaded, Scene, load_scene_with};
 use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload, fastest};
@@ -39,6 +42,9 @@ pub struct Args {
     /// Where to save the picture: .png, .jpg, .exr or .hdr [default: the scene's name, .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Replace a file that raycl did not make, or that was changed since
+    #[arg(long)]
+    force: bool,
     /// Pixels across
     #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     width: u32,
@@ -63,6 +69,9 @@ pub struct Args {
     /// Cast the frame this many times and give medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
+    /// With --repeat, end at once where another process measures on the device, instead of waiting for it
+    #[arg(long)]
+    no_wait: bool,
     /// Compare the picture with the serial reference; exit 1 where it is wrong
     #[arg(long)]
     verify: bool,
@@ -96,20 +105,20 @@ pub fn run(args: Args) -> Result<()> {
 
 fn render(args: &Args) -> Result<()> {
     let start = Instant::now();
-    let output = args.output.clone().unwrap_or_else(|| default_output(args));
-    check_path(&output)?;
-    let Opened { loaded, device, queue, load_ms, discover_ms } = open(args)?;
+    let target = target(args);
+    check_target(&target)?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let Opened { loaded, device, queue, load_ms, discover_ms } = open(args, &sources)?;
     let scene = &loaded.scene;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
     let mut workload = Workload::of(scene, [args.width, args.height], local_size);
     let device_bytes = fit(args, &device, &strategy, &mut workload)?;
     let needs = HostNeeds::of(&strategy, &workload, queue.shares_memory, args.verify);
     host_fits(&needs)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
-    let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &output));
+    let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(scene, &cast.image, &strategy, &output)).transpose()?;
+    let verified = args.verify.then(|| check(scene, &cast.image, &strategy, target.path())).transpose()?;
     let report = Report {
         load_ms,
         discover_ms,
@@ -120,8 +129,8 @@ fn render(args: &Args) -> Result<()> {
         device_bytes,
         peak_bytes: peak_bytes(),
         verified,
-        output: output.display().to_string(),
-        notes: loaded.notes.clone(),
+        output: target.path().display().to_string(),
+        notes: loaded.notes.iter().cloned().chain(dirty_program()).collect(),
         ..Report::of(scene, &device, &strategy, &workload, &cast)
     };
     match (args.json, args.quiet) {
@@ -141,12 +150,12 @@ struct Opened {
 }
 
 /// Loads the scene while the drivers start, which takes them some 30 ms on one core.
-fn open(args: &Args) -> Result<Opened> {
+fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     // The driver stays on the thread that casts: not every one may be moved (Oclgrind's checks crash).
     std::thread::scope(|scope| {
         let scene = scope.spawn(|| timed(|| load_scene_with(&args.scene, &scene_overrides(args)?)));
         let (opened, open_ms) = timed(|| -> Result<_> {
-            let device = one_device(args.device.as_deref())?;
+            let device = one_device(args.device.as_deref(), sources)?;
             let queue = Queue::open(device.platform, device.device)?;
             Ok((device, queue))
         });
@@ -192,8 +201,11 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, ms_since(start))
 }
 
-fn default_output(args: &Args) -> PathBuf {
-    PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("png")
+/// Where the picture goes: under the scene's name unless told.
+fn target(args: &Args) -> Target {
+    let default = || PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("png");
+    let choice = Choice { force: args.force, elsewhere: "-o FILE" };
+    Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
 fn ms_since(start: Instant) -> f64 {
@@ -270,6 +282,8 @@ fn cast(
         DeviceScene::upload(queue, scene, strategy).map_err(|error| failed("uploading the scene", &error))?;
     let caster = Caster::new(queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
         .map_err(|error| failed("preparing the frame", &error))?;
+    // A picture alone disturbs, but it is no measurement: it never waits.
+    let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
     let frame = || caster.cast().map_err(|error| failed("the launch", &error));
     let first = frame()?;
     // Some drivers compile a kernel when it is first launched: that is build time too.

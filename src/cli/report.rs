@@ -1,7 +1,9 @@
 //! `raycl report`: records to a page.
 
 use crate::error::Result;
-use crate::report::{self, Folder};
+use crate::output::{Choice, OutFolder};
+use crate::record::Folder;
+use crate::report;
 use std::path::PathBuf;
 
 /// Arguments of `raycl report`.
@@ -16,6 +18,9 @@ pub struct Args {
     /// Where to write [default: the first folder]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Print one JSON object that says what was written
     #[arg(long)]
     json: bool,
@@ -26,9 +31,11 @@ pub struct Args {
 
 /// Writes the report. It reads records and pictures, never a device.
 pub fn run(args: Args) -> Result<()> {
-    let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
-    let written = report::write(&folders, out)?;
+    let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;
+    out.check([report::PAGE])?;
+    let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
+    let written = report::write(&folders, &mut out)?;
     let (plots, count) = &written.plots;
     if args.json {
         return super::print_json(&serde_json::json!({

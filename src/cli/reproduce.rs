@@ -5,7 +5,9 @@ use super::progress::{Stages, observer};
 use super::run;
 use crate::error::{Error, Result};
 use crate::experiment::find_devices;
-use crate::report::{self, Folder};
+use crate::output::{Choice, OutFolder, refuse_other_folders};
+use crate::record::Folder;
+use crate::report;
 use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
 
@@ -24,12 +26,18 @@ pub struct Args {
     /// Where to write: a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value = "results/reproduction")]
     out: PathBuf,
+    /// Write into DIR even where it holds files that raycl did not make, and replace those in the way; results in it stay
+    #[arg(long)]
+    force: bool,
     /// Change a value of every config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// Go on with a reproduction that was ended: what it measured stays, what is missing is measured
     #[arg(long)]
     resume: bool,
+    /// Where another process measures on a device, end at once instead of waiting for it
+    #[arg(long, conflicts_with = "page_only")]
+    no_wait: bool,
     /// Measure nothing: make the page of the results that are there
     #[arg(long, conflicts_with = "resume")]
     page_only: bool,
@@ -54,8 +62,12 @@ static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Runs the paper's configs and writes the page. Points that could not be measured are on the page and do not stop it.
 pub fn run(args: Args) -> Result<()> {
-    let failed = if args.page_only { Vec::new() } else { measure_all(&args)? };
-    say_where(&args, &write_page(&args.out)?)?;
+    let choice = Choice { force: args.force, elsewhere: "--out DIR" };
+    let mut out = OutFolder::open(&args.out, choice)?;
+    refuse_other_folders(&args.out, choice, out.is_known() || present(&args.out).next().is_some())?;
+    out.check([report::REPRODUCTION])?;
+    let failed = if args.page_only { Vec::new() } else { measure_all(&args, &mut out)? };
+    say_where(&args, &write_page(&mut out)?)?;
     match failed.as_slice() {
         [] => Ok(()),
         some => {
@@ -66,9 +78,9 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Runs one config after the other; which of them have points that failed.
-fn measure_all(args: &Args) -> Result<Vec<String>> {
-    unpack(&args.out)?;
-    let devices = find_devices()?;
+fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
+    unpack(out)?;
+    let devices = find_devices(None)?;
     let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
     let counts = runs.iter().map(|(_, run)| run::count(run, &devices)).collect::<Result<Vec<_>>>()?;
     let total = counts.iter().sum();
@@ -77,8 +89,9 @@ fn measure_all(args: &Args) -> Result<Vec<String>> {
     for (place, (name, run)) in runs.iter().enumerate() {
         stages.enter(format!("{name} ({} of {})", place + 1, runs.len()));
         let end = run::measure(run, &mut stages);
-        let (_, records) = end.map_err(|error| stopped(error, args, &mut stages, total))?;
-        report::write(&[Folder::read(&args.out.join(name))?], &args.out.join(name))?;
+        let (_, records) = end.map_err(|error| stopped(error, args, out, &mut stages, total))?;
+        let folder = args.out.join(name);
+        report::write(&[Folder::read(&folder)?], &mut OutFolder::open(&folder, out.choice())?)?;
         let missing = records.iter().filter(|record| !record.outcome.is_fine()).count();
         if missing > 0 {
             failed.push(format!("{name}: {missing} of {} points were not measured", records.len()));
@@ -90,13 +103,16 @@ fn measure_all(args: &Args) -> Result<Vec<String>> {
 
 fn arguments(args: &Args, name: &str) -> run::Args {
     let config = args.out.join("configs").join(format!("{name}.toml"));
-    run::Args::of(config, &args.out.join(name), &args.device, &args.set, args.resume)
+    let taken = [args.resume, args.force];
+    let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
+    run.no_wait = args.no_wait;
+    run
 }
 
 /// What was measured before the end is on the page; says how to go on.
-fn stopped(error: Error, args: &Args, stages: &mut Stages, total: usize) -> Error {
+fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
-    let page = write_page(&args.out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
+    let page = write_page(out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
     let help = format!("{page}to go on from here: {}", resuming(args));
     match error {
         Error::Interrupted { .. } => {
@@ -135,24 +151,17 @@ fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
 }
 
 /// Writes the configs and scenes, so that what was run lies beside what was found.
-fn unpack(out: &Path) -> Result<()> {
+fn unpack(out: &mut OutFolder) -> Result<()> {
     let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
-    let configs = CONFIGS.iter().map(|(name, text)| (format!("configs/{name}.toml"), *text));
-    for (name, text) in configs.chain(scenes.map(|(name, text)| (format!("scenes/{name}"), text))) {
-        let path = out.join(name);
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|error| Error::input(format!("cannot make {}: {error}", folder.display())))?;
-        }
-        report::put(&path, text.as_bytes())?;
-    }
-    Ok(())
+    let scenes = scenes.map(|(name, text)| (format!("scenes/{name}"), text.into()));
+    let configs = CONFIGS.iter().map(|(name, text)| (format!("configs/{name}.toml"), (*text).into()));
+    out.write(&configs.chain(scenes).collect::<Vec<_>>())
 }
 
-fn write_page(out: &Path) -> Result<PathBuf> {
-    let folders = present(out).map(|folder| Folder::read(&folder)).collect::<Result<Vec<_>>>()?;
+fn write_page(out: &mut OutFolder) -> Result<PathBuf> {
+    let folders = present(out.path()).map(|folder| Folder::read(&folder)).collect::<Result<Vec<_>>>()?;
     if folders.is_empty() {
-        let error = Error::input(format!("{} holds no results of the paper's configs", out.display()));
+        let error = Error::input(format!("{} holds no results of the paper's configs", out.path().display()));
         return Err(error.with_help("run `raycl reproduce` without --page-only first"));
     }
     report::write_reproduction(&folders, out)
@@ -165,7 +174,8 @@ mod tests {
     #[test]
     fn every_scene_of_the_papers_configs_is_unpacked() {
         let out = tempfile::tempdir().expect("a folder");
-        unpack(out.path()).expect("it writes");
+        let choice = Choice { force: false, elsewhere: "--out DIR" };
+        OutFolder::open(out.path(), choice).and_then(|mut out| unpack(&mut out)).expect("it writes");
         for (name, _) in CONFIGS {
             crate::config::load(&out.path().join(format!("configs/{name}.toml")), &[])
                 .expect("its scenes are there");

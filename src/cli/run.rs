@@ -7,10 +7,12 @@ use super::choice::parse_assignment;
 use super::progress::observer;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, select_infos};
+use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices};
+use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
-use crate::record::{Record, summary_terminal};
+use crate::record::{Folder, Record, summary_terminal};
 use crate::report::quote;
 use environment::environment;
 use forecast::forecast;
@@ -43,6 +45,9 @@ pub struct Args {
     /// The folder of results [default: results/NAME, or results/NAME-2, ... where that is taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Write into DIR even where it holds files that raycl did not make; results in it stay
+    #[arg(long, requires = "out")]
+    force: bool,
     /// A word of a device's name, platform or vendor, or cpu, gpu or all; replaces the config's devices
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
@@ -58,9 +63,12 @@ pub struct Args {
     /// Share the points among the devices, which must be of one kind, instead of measuring each on all
     #[arg(long)]
     spread: bool,
-    /// Tell speed as a part of what the device can do at most: by a file of `raycl limits`, or measured now
+    /// Tell speed as a part of what the device can do at most: by a file of `raycl peak`, or measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
-    limits: Option<String>,
+    peak: Option<String>,
+    /// Where another process measures on the device, end at once instead of waiting for it
+    #[arg(long)]
+    pub(super) no_wait: bool,
     /// Print the points and what each needs, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -91,18 +99,20 @@ impl Args {
         out: &Path,
         device: &[String],
         set: &[(String, String)],
-        resume: bool,
+        [resume, force]: [bool; 2],
     ) -> Self {
         let (out, device, set) = (Some(out.to_owned()), device.to_vec(), set.to_vec());
         Self {
             config,
             out,
+            force,
             device,
             resume,
             retry_failed: false,
             hang_limit: HANG_LIMIT,
             spread: false,
-            limits: None,
+            peak: None,
+            no_wait: false,
             dry_run: false,
             set,
             json: false,
@@ -129,8 +139,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.dry_run {
         return foresee(&args);
     }
-    let (out, records) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
-    report(&args, &out, &records)
+    let (out, _) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
+    report(&args, &out)
 }
 
 /// The run that the arguments ask for; devices that share its points have to be alike.
@@ -139,6 +149,7 @@ fn run_of<'a>(
     experiment: &'a Experiment,
     devices: &'a [&'a DeviceInfo],
     sources: &'a Sources,
+    locks: &'a Locks,
 ) -> Result<Run<'a>> {
     if args.spread {
         check_alike(devices)?;
@@ -150,6 +161,7 @@ fn run_of<'a>(
         sources,
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
+        locks,
         spread: args.spread,
     })
 }
@@ -157,18 +169,26 @@ fn run_of<'a>(
 /// Measures what is missing; the folder of results, and the records of all points.
 pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let experiment = config::load(&args.config, &args.set)?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    refuse_other_folders(&out, choice(args), false)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
     let interrupted = interrupt_flag()?;
-    let devices = find_devices()?;
+    let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = run_of(args, &experiment, &infos, &sources)?;
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    let locks = Locks::of_machine(!args.no_wait);
+    let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    if let Some(given) = &args.limits {
-        let patterns = patterns(args, &experiment);
-        results.keep_limits(super::limits::for_run(given, patterns, args.cl_dir.as_deref())?)?;
+    if let Some(given) = &args.peak {
+        let wanted = super::peak::Wanted {
+            given,
+            patterns: patterns(args, &experiment),
+            cl_dir: args.cl_dir.as_deref(),
+            no_wait: args.no_wait,
+        };
+        results
+            .keep_peak(wanted.for_run(&interrupted).map_err(|error| say_how_to_resume(error, args, &out))?)?;
     }
     let workers = || Processes::new(run.jobs(&out, args.fault));
     let measured = if args.spread {
@@ -182,6 +202,10 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     };
     let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
     Ok((out, records))
+}
+
+fn choice(args: &Args) -> Choice {
+    Choice { force: args.force, elsewhere: "--out DIR" }
 }
 
 /// How many points a run has.
@@ -207,10 +231,11 @@ fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
 /// Prints what the run would do.
 fn foresee(args: &Args) -> Result<()> {
     let experiment = config::load(&args.config, &args.set)?;
-    let devices = find_devices()?;
+    let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
     let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
-    let run = run_of(args, &experiment, &infos, &sources)?;
+    let locks = Locks::of_machine(!args.no_wait);
+    let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     forecast(&dry_run(&run)?, args.json)
 }
 
@@ -280,14 +305,18 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
 }
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.
-fn report(args: &Args, out: &Path, records: &[Record]) -> Result<()> {
-    let written = crate::report::write(&[crate::report::Folder::read(out)?], out)?;
+fn report(args: &Args, out: &Path) -> Result<()> {
+    let folder = Folder::read(out)?;
+    let folders = std::slice::from_ref(&folder);
+    let written = crate::report::write(folders, &mut OutFolder::open(out, choice(args))?)?;
+    let records = &folder.records;
     if args.json {
         for record in records {
             super::print_json(record)?;
         }
     } else if !args.quiet {
         super::print(summary_terminal(records, super::coloured()))?;
+        folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
         super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;
         super::print(format!(

@@ -6,7 +6,11 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeArray, DeTable, DeValue, Deserializer};
 use toml::{Spanned, Value};
 
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, line_of, nearest};
+use crate::filetype::Wanted;
+
+/// Keys that were called otherwise once, and what they are called now.
+const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 
 /// A file and the overrides from the command line. Spans below the file's
 /// length lie in the file; beyond it, each override has a range of its own.
@@ -61,12 +65,22 @@ impl Document {
 
     /// A mistake at `span`, in the file or in one of the overrides.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: impl Into<String>) -> Error {
-        let (name, text, start) = match self.overrides.iter().rev().find(|over| over.start <= span.start) {
+        let (name, text, start) = self.part(&span);
+        Error::in_file(name, text, span.start - start..span.end.saturating_sub(start), message, label)
+    }
+
+    /// `FILE:LINE` of `span`.
+    pub fn place_of(&self, span: Range<usize>) -> String {
+        let (name, text, start) = self.part(&span);
+        format!("{name}:{}", line_of(text, span.start - start))
+    }
+
+    /// The file or the override that `span` lies in: its name, its text and where its spans begin.
+    fn part(&self, span: &Range<usize>) -> (&str, &str, usize) {
+        match self.overrides.iter().rev().find(|over| over.start <= span.start) {
             Some(over) => ("--set", &over.line, over.start),
-            None => (self.name.as_str(), &self.text, 0),
-        };
-        let place = first_line(text, span.start - start, span.end.saturating_sub(start));
-        Error::in_file(name, text.as_str(), place, message, label)
+            None => (&self.name, &self.text, 0),
+        }
     }
 
     /// Gives an input error that has no place yet the place `span`.
@@ -77,6 +91,7 @@ impl Document {
     fn syntax(&self, error: &toml::de::Error, start: usize) -> Error {
         let span = error.span().unwrap_or(start..start);
         self.error(span, format!("this is not TOML: {}", error.message().trim()), "here")
+            .with_help(Wanted::Experiment.read())
     }
 
     /// What serde found wrong, in the user's words.
@@ -100,7 +115,9 @@ impl Document {
     pub fn unknown_key(&self, span: Range<usize>, key: &str, known: &[&str]) -> Error {
         let error = self.error(span, format!("unknown key '{key}'"), "no such key here");
         let list = format!("the keys are {}", known.join(", "));
-        match nearest(key, known.iter().copied()) {
+        let renamed =
+            RENAMED.iter().find(|(old, new)| *old == key && known.contains(new)).map(|(_, new)| *new);
+        match renamed.or_else(|| nearest(key, known.iter().copied())) {
             Some(meant) => error.with_help(format!("did you mean '{meant}'? {list}")),
             None => error.with_help(list),
         }
@@ -150,13 +167,6 @@ fn merge<'i>(below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) {
 /// Whether every key of `table` is a place in `array`: `strategy.0.width = 8`.
 fn in_bounds(array: &DeArray<'_>, table: &DeTable<'_>) -> bool {
     table.keys().all(|key| key.get_ref().parse::<usize>().is_ok_and(|place| place < array.len()))
-}
-
-/// The part of `start..end` that lies in one line of `text`, so that the report stays small.
-fn first_line(text: &str, start: usize, end: usize) -> Range<usize> {
-    let start = start.min(text.len());
-    let rest = text.get(start..end.clamp(start, text.len())).unwrap_or_default();
-    start..start + rest.find(['\r', '\n']).unwrap_or(rest.len())
 }
 
 /// serde's message without Rust's names for types, and what it expected.

@@ -11,11 +11,12 @@ mod types;
 mod validate;
 mod wire;
 
-pub use types::{Baseline, Experiment, LimitOverrides, NamedStrategy, SceneChoice, Timing};
+pub use types::{Baseline, Emulate, Experiment, NamedStrategy, SceneChoice, Timing};
 
 use std::path::Path;
 
 use crate::error::{Error, Result, nearest_file};
+use crate::filetype::{Opened, Wanted, scene_instead};
 use document::Document;
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) laid over it.
@@ -24,14 +25,24 @@ use document::Document;
 /// replaced, tables merged. Paths of scenes are relative to the file.
 /// Any mistake is an input error that names the file, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
-    let text = std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))?;
+    let opened = Opened::at(path).map_err(|error| unreadable(path, &error))?;
+    if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Experiment) {
+        return Err(refusal);
+    }
+    let text = opened.text().map_err(|error| unreadable(path, &error))?;
+    if text.trim().is_empty() {
+        return Err(Error::input(format!("{} is empty", path.display())).with_help(
+            "an experiment has a question, scenes, image sizes and strategies: see configs/quick.toml",
+        ));
+    }
     parse(path, text, overrides)
 }
 
 /// The experiment that a config's `text` describes; `path` names it and is what its scenes are relative to.
 pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
     let document = Document::new(path.display().to_string(), text, overrides)?;
-    validate::experiment(document.read()?, path, &document)
+    let wire = document.read().map_err(|error| scene_instead(path, document.text()).unwrap_or(error))?;
+    validate::experiment(wire, path, &document)
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> Error {

@@ -7,7 +7,8 @@ use toml::{Spanned, Value};
 use super::document::Document;
 use super::types::SceneChoice;
 use super::wire::{Experiment, SceneEntry, SceneValues};
-use crate::error::{Result, nearest_file};
+use crate::error::{Error, Result, nearest_file};
+use crate::filetype::{Opened, Wanted};
 
 /// Every scene of the config, plain files first, each once.
 pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<Vec<SceneChoice>> {
@@ -35,7 +36,7 @@ pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<V
 fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<PathBuf> {
     let path = folder.join(name.get_ref());
     if path.is_file() {
-        return Ok(path);
+        return refuse_foreign(document, name, &path).map_or(Ok(path), Err);
     }
     let message = format!("there is no scene file '{}'", name.get_ref());
     let error = document.error(name.span(), message, format!("{} is no file", path.display()));
@@ -43,6 +44,12 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Pa
         Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
         None => error.with_help("paths are relative to the config file"),
     })
+}
+
+/// The mistake of naming a file that is no scene, in the fewest words.
+fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
+    let filetype = Opened::at(path).ok()?.filetype;
+    filetype.refusal(&format!("{}: {}", document.place_of(name.span()), path.display()), Wanted::Scene)
 }
 
 /// Every combination of an entry's values.

@@ -65,7 +65,7 @@ fn a_good_config_becomes_an_experiment() {
     assert_eq!(experiment.strategies[1].preset.as_deref(), Some("local-vectors"));
     assert_eq!(experiment.strategies[1].strategy.vectors, Vectors::Local);
     assert_eq!(experiment.timing, Timing::default());
-    assert_eq!(experiment.limits, LimitOverrides::default());
+    assert_eq!(experiment.emulate, Emulate::default());
     assert_eq!(experiment.source, GOOD);
 }
 
@@ -175,7 +175,15 @@ fn timing_out_of_range_says_the_range() {
     refuses(&format!("{GOOD}[timing]\nmax_samples = 5\nmin_samples = 6"), &["min_samples 6", "from 1 to 5"]);
     let timing = load_with(&format!("{GOOD}[timing]\nmax_samples = 5"), &[]).unwrap().timing;
     assert_eq!((timing.min_samples, timing.max_samples), (5, 5));
-    refuses(&format!("{GOOD}[limits]\nlocal_bytes = -1"), &["local_bytes -1 is out of range", "8:15"]);
+    refuses(&format!("{GOOD}[emulate]\nlocal_bytes = -1"), &["local_bytes -1 is out of range", "8:15"]);
+}
+
+#[test]
+fn an_old_spelling_is_answered_with_the_new_one() {
+    let text = format!("{GOOD}[limits]\nlocal_bytes = 49152");
+    refuses(&text, &["unknown key 'limits'", "test.toml:7:2", "did you mean 'emulate'?"]);
+    let report = refusal(GOOD, &[("limits.local_bytes", "1000")]);
+    assert!(report.contains("did you mean 'emulate'?"), "{report}");
 }
 
 #[test]
@@ -255,13 +263,13 @@ fn overrides_are_toml_or_else_strings_and_make_tables() {
         ("timing.seed", "7"),
         ("image_sizes", "[[64, 40]]"),
         ("question", "Is it so?"),
-        ("limits.local_bytes", "1_000"),
+        ("emulate.local_bytes", "1_000"),
     ];
     let experiment = load_with(GOOD, &overrides).unwrap();
     assert_eq!(experiment.timing.seed, 7);
     assert_eq!(experiment.image_sizes, [[64, 40]]);
     assert_eq!(experiment.question, "Is it so?");
-    assert_eq!(experiment.limits.local_bytes, Some(1000));
+    assert_eq!(experiment.emulate.local_bytes, Some(1000));
     assert_eq!(experiment.overrides[2], "question = \"Is it so?\"");
 }
 

@@ -30,7 +30,7 @@ pub struct Experiment {
     /// Casters on the host, measured beside the kernels.
     pub baselines: Vec<Baseline>,
     /// The smaller device to imitate.
-    pub limits: LimitOverrides,
+    pub emulate: Emulate,
     /// How long and how often each point is measured.
     pub timing: Timing,
     /// The config's text.
@@ -121,14 +121,14 @@ impl Baseline {
 
 /// Limits of a smaller device to imitate; they never raise a device's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LimitOverrides {
+pub struct Emulate {
     /// `__local` bytes a work-group may use.
     pub local_bytes: Option<u64>,
     /// `__constant` bytes a kernel may use.
     pub constant_bytes: Option<u64>,
 }
 
-impl LimitOverrides {
+impl Emulate {
     /// The limits of `device` under these.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
         let lower = |own: u64, cap: Option<u64>| cap.map_or(own, |cap| cap.min(own));
@@ -140,7 +140,7 @@ impl LimitOverrides {
     }
 }
 
-impl fmt::Display for LimitOverrides {
+impl fmt::Display for Emulate {
     /// For keys: `local_bytes=49152 constant_bytes=-`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = |limit: Option<u64>| limit.map_or("-".to_string(), |bytes| bytes.to_string());

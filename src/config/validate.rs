@@ -7,7 +7,7 @@ use std::path::Path;
 use toml::Spanned;
 
 use super::document::Document;
-use super::types::{Baseline, Experiment, LimitOverrides, Timing};
+use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::error::{Result, nearest};
 
@@ -40,7 +40,7 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         image_sizes: image_sizes(document, &wire.image_sizes)?,
         strategies,
         baselines,
-        limits: limits(document, &wire.limits)?,
+        emulate: emulate(document, &wire.emulate)?,
         timing: timing(document, &wire.timing)?,
         source: document.text().to_string(),
         overrides: document.override_lines(),
@@ -126,14 +126,14 @@ fn size(
     Ok([across, down])
 }
 
-fn limits(document: &Document, wire: &wire::Limits) -> Result<LimitOverrides> {
+fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
     let bytes = |value: &Option<Spanned<i64>>, what: &str| {
         let check = |value: &Spanned<i64>| {
             whole(document, *value.get_ref(), value.span(), what, &(0..=i64::from(u32::MAX))).map(u64::from)
         };
         value.as_ref().map(check).transpose()
     };
-    Ok(LimitOverrides {
+    Ok(Emulate {
         local_bytes: bytes(&wire.local_bytes, "local_bytes")?,
         constant_bytes: bytes(&wire.constant_bytes, "constant_bytes")?,
     })

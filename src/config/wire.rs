@@ -31,7 +31,7 @@ pub struct Experiment {
     #[serde(default)]
     pub baselines: Vec<Spanned<String>>,
     #[serde(default)]
-    pub limits: Limits,
+    pub emulate: Emulate,
     #[serde(default)]
     pub timing: Timing,
 }
@@ -55,7 +55,7 @@ pub enum SceneValues {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Limits {
+pub struct Emulate {
     pub local_bytes: Option<Spanned<i64>>,
     pub constant_bytes: Option<Spanned<i64>>,
 }

@@ -7,8 +7,11 @@ use std::sync::{Mutex, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::limits::native_width;
+use super::threads::threads_of;
+use super::variables;
 use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware, LaneOperations};
 use crate::error::{Error, Result};
+use crate::sources::Sources;
 
 /// What there is: devices, and platforms that have none.
 #[derive(Clone, Debug, Default)]
@@ -19,11 +22,12 @@ pub struct Survey {
     pub empty_platforms: Vec<String>,
 }
 
-/// Every device of every platform, unusable ones with the reason.
+/// Every device of every platform, unusable ones with the reason. `sources` has the kernel that finds out how work-items can
+/// share a tile there.
 ///
 /// Errors at once when there is no platform, or no device on any.
-pub fn discover() -> Result<Vec<Device>> {
-    let Survey { devices, empty_platforms } = survey()?;
+pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
+    let Survey { devices, empty_platforms } = survey(sources)?;
     if devices.is_empty() {
         let platforms = empty_platforms.join(", ");
         return Err(Error::run(format!("no OpenCL device was found (platforms without one: {platforms})"))
@@ -33,7 +37,7 @@ pub fn discover() -> Result<Vec<Device>> {
 }
 
 /// Every device and every platform that has none. Errors at once when there is no platform.
-pub fn survey() -> Result<Survey> {
+pub fn survey(sources: &Sources) -> Result<Survey> {
     // Drivers start up when they are first listed, and PoCL 3.1 lists no device to a second thread meanwhile.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
@@ -48,7 +52,9 @@ pub fn survey() -> Result<Survey> {
         if devices.is_empty() {
             survey.empty_platforms.push(platform.name().unwrap_or_else(|_| "unnamed".into()));
         }
-        survey.devices.extend(devices.into_iter().map(|device| inspect(platform, device)));
+        for device in devices {
+            survey.devices.push(inspect(platform, device, sources)?);
+        }
     }
     number_twins(survey.devices.iter_mut().map(|device| &mut device.info));
     label(survey.devices.iter_mut().map(|device| &mut device.info));
@@ -105,14 +111,17 @@ fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
+fn inspect(platform: ocl::Platform, device: ocl::Device, sources: &Sources) -> Result<Device> {
     let mut asked = Asked { device, failure: None };
     let kind = DeviceKind::from_type(asked.number(Query::Type));
     let extensions: Vec<String> =
         asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect();
     let raw = |query| ocl::core::get_device_info_raw(device.as_core(), query).ok();
+    let platform_name = platform.name().unwrap_or_default().trim().to_owned();
     let mut info = DeviceInfo {
-        platform: platform.name().unwrap_or_default().trim().to_owned(),
+        settings: variables::deciding(&platform_name),
+        cores: (kind == DeviceKind::Cpu).then(cores),
+        platform: platform_name,
         platform_version: platform.version().unwrap_or_default().trim().to_owned(),
         name: asked.text(Query::Name),
         vendor: asked.text(Query::Vendor),
@@ -122,15 +131,22 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
         hardware: Hardware::ask(&extensions, raw),
         extensions,
         limits: asked.limits(kind == DeviceKind::Cpu),
+        threads: None,
         twins_before: 0,
         label: String::new(),
         unusable: None,
     };
+    info.threads = threads_of(&info.platform, kind, info.limits.compute_units);
     info.unusable = asked.why_unusable();
     if info.unusable.is_none() {
-        info.limits.lane_operations = LaneOperations::find(&info, platform, device);
+        info.limits.lane_operations = LaneOperations::find(&info, platform, device, sources)?;
     }
-    Device { info, platform, device }
+    Ok(Device { info, platform, device })
+}
+
+/// Cores that this process may use, by affinity and control groups.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// A device under questioning, with the first question it failed to answer.
@@ -257,7 +273,7 @@ mod tests {
 
     #[test]
     fn this_machine_has_a_usable_device() {
-        let devices = discover().expect("the tests need PoCL: make setup");
+        let devices = discover(&Sources::Embedded).expect("the tests need PoCL: make setup");
         let usable: Vec<_> = devices.iter().filter(|device| device.info.unusable.is_none()).collect();
         assert!(!usable.is_empty(), "no usable device among {devices:?}");
         for Device { info, .. } in usable {

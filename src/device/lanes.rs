@@ -1,10 +1,13 @@
 //! How the 32 work-items that share a tile can tell each other things on a device: found by trying.
 
 use super::DeviceInfo;
+use crate::error::Result;
+use crate::manifest::{GROUP_LANES, PROBE_LANES, parameter_macro};
+use crate::sources::Sources;
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
-/// What cl/shared/lanes.cl is made of on a device, slowest first. Its LANES_BY_* are these values as numbers.
+/// What cl/common/lanes.cl is made of on a device, slowest first. Its LANES_BY_* are these values as numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
@@ -19,8 +22,8 @@ pub enum LaneOperations {
     Ptx,
 }
 
-/// Lanes of a group: GROUP_LANES in the kernels.
-const LANES: usize = 32;
+/// Lanes of a group.
+const LANES: usize = GROUP_LANES as usize;
 /// Groups of the work-group that is tried.
 const GROUPS: usize = 4;
 /// Answers of a lane.
@@ -28,8 +31,8 @@ const ANSWERS: usize = 8;
 /// The lanes that a rank is asked among.
 const AMONG: u32 = 0x0f0f_00ff;
 
-const PROBE: &str = include_str!("../../cl/shared/lanes_probe.cl");
-const LANES_HEADER: &str = include_str!("../../cl/shared/lanes.cl");
+/// Says which answers are right.
+const PROBE: &str = "probe/lanes.cl";
 
 impl LaneOperations {
     /// How many tiles a work-group does best with: several, where their groups need not wait for each other.
@@ -48,19 +51,30 @@ impl LaneOperations {
     }
 
     /// The fastest that a device's extensions hint at and that give right answers there.
-    pub(super) fn find(info: &DeviceInfo, platform: ocl::Platform, device: ocl::Device) -> Self {
-        let right = |operations: &Self| try_out(*operations, info, platform, device).unwrap_or(false);
-        hinted(info).iter().copied().find(right).unwrap_or_default()
+    pub(super) fn find(
+        info: &DeviceInfo,
+        platform: ocl::Platform,
+        device: ocl::Device,
+        sources: &Sources,
+    ) -> Result<Self> {
+        let hinted = hinted(info);
+        if hinted.is_empty() {
+            return Ok(Self::default());
+        }
+        let list = parameter_macro("probe_lanes", PROBE_LANES.iter());
+        let source = list + &sources.read_joined(PROBE)?;
+        let right =
+            |operations: &Self| try_out(*operations, &source, info, platform, device).unwrap_or(false);
+        Ok(hinted.iter().copied().find(right).unwrap_or_default())
     }
 
-    /// The compiler's options for kernels that use them.
-    pub fn options(self, opencl_3: bool) -> Vec<String> {
-        let standard = match (self, opencl_3) {
-            (Self::SubGroups, true) => "CL3.0",
-            (Self::SubGroups, false) => "CL2.0",
-            _ => "CL1.2",
-        };
-        vec![format!("-D LANE_OPERATIONS={}", self as u32), format!("-cl-std={standard}")]
+    /// The compiler's option for the version of OpenCL C that they need.
+    pub fn standard(self, opencl_3: bool) -> &'static str {
+        match (self, opencl_3) {
+            (Self::SubGroups, true) => "-cl-std=CL3.0",
+            (Self::SubGroups, false) => "-cl-std=CL2.0",
+            _ => "-cl-std=CL1.2",
+        }
     }
 }
 
@@ -80,16 +94,18 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
 /// Whether a kernel of these operations builds, runs and gives the answers it should.
 fn try_out(
     operations: LaneOperations,
+    source: &str,
     info: &DeviceInfo,
     platform: ocl::Platform,
     device: ocl::Device,
 ) -> ocl::Result<bool> {
-    let source = PROBE.replace("#include \"shared/lanes.cl\"", LANES_HEADER);
-    let mut options = operations.options(info.speaks_opencl_3());
-    options.push(format!("-D LOCAL_Y={GROUPS}"));
+    let options = format!(
+        "-D LANE_OPERATIONS={} -D GROUP_LANES={LANES} -D LOCAL_X={LANES} -D LOCAL_Y={GROUPS} {}",
+        operations as u32,
+        operations.standard(info.speaks_opencl_3())
+    );
     let context = Context::builder().platform(platform).devices(device).build()?;
-    let program =
-        Program::builder().src(source).cmplr_opt(options.join(" ")).devices(device).build(&context)?;
+    let program = Program::builder().src(source).cmplr_opt(options).devices(device).build(&context)?;
     let queue = Queue::new(&context, device, None)?;
     let answers = Buffer::<u32>::builder()
         .queue(queue.clone())
@@ -155,7 +171,7 @@ mod tests {
 
     #[test]
     fn what_a_device_has_was_tried() {
-        for device in discover().expect("the tests need PoCL: make setup") {
+        for device in discover(&Sources::Embedded).expect("the tests need PoCL: make setup") {
             let has = device.info.limits.lane_operations;
             let tried = hinted(&device.info).contains(&has);
             assert!(tried || has == LaneOperations::Barriers, "{:?}", device.info);

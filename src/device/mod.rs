@@ -7,6 +7,8 @@ mod lanes;
 mod limits;
 pub mod occupancy;
 mod select;
+mod threads;
+pub mod variables;
 
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
@@ -16,6 +18,7 @@ pub use limits::DeviceLimits;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub use select::{pick_default, select, select_infos};
+pub use threads::thread_variables;
 
 use serde::{Deserialize, Serialize};
 
@@ -97,6 +100,15 @@ pub struct DeviceInfo {
     /// What it tells of its hardware beyond that.
     #[serde(default)]
     pub hardware: Hardware,
+    /// Environment variables that decide what its driver compiles or how it runs, as the process that listed it has them.
+    #[serde(default)]
+    pub settings: Vec<variables::Setting>,
+    /// Cores that process may use, where the device runs on them.
+    #[serde(default)]
+    pub cores: Option<usize>,
+    /// The threads it casts with, where that is known: of PoCL.
+    #[serde(default)]
+    pub threads: Option<u32>,
     /// Devices of the same platform and name found before this one.
     pub twins_before: usize,
     /// What records call it: its name, or its slug where another device has the same name.
@@ -109,12 +121,13 @@ impl DeviceInfo {
     /// One line that tells it from every other device.
     pub fn describe(&self) -> String {
         let Self { name, platform, driver, limits, .. } = self;
+        let threads =
+            self.threads.map(|threads| format!(", {}", counted(threads, "thread"))).unwrap_or_default();
         let twin = if self.twins_before > 0 { format!(" #{}", self.twins_before + 1) } else { String::new() };
         format!(
-            "{name}{twin} ({platform}, driver {driver}): {}, {} compute unit{}, {} KiB __local",
+            "{name}{twin} ({platform}, driver {driver}): {}, {}{threads}, {} KiB __local",
             self.kind.name(),
-            limits.compute_units,
-            if limits.compute_units == 1 { "" } else { "s" },
+            counted(limits.compute_units, "compute unit"),
             limits.local_bytes / 1024
         )
     }
@@ -130,11 +143,25 @@ impl DeviceInfo {
         }
     }
 
-    /// Everything that names the device and its driver, for keys.
+    /// Everything that names the device and its driver: what it is found by, and a part of keys.
     pub fn identity(&self) -> String {
         let Self { platform, platform_version, name, driver, twins_before, .. } = self;
         let twin = if *twins_before > 0 { format!(" | #{}", twins_before + 1) } else { String::new() };
         format!("{platform} | {platform_version} | {name} | {driver}{twin}")
+    }
+
+    /// The state that decides its times beside its identity, a part of keys: compute units, cores and the driver's variables.
+    pub fn state(&self) -> String {
+        let units = Some(format!("{} compute units", self.limits.compute_units));
+        let cores = self.cores.map(|cores| format!("{cores} cores"));
+        let threads = self.threads.map(|threads| format!("{threads} threads"));
+        units
+            .into_iter()
+            .chain(cores)
+            .chain(threads)
+            .chain(self.settings.iter().cloned())
+            .collect::<Vec<_>>()
+            .join(" | ")
     }
 
     /// What its compiler takes where it says that it has it.
@@ -172,6 +199,11 @@ impl DeviceInfo {
     }
 }
 
+/// "1 thread", "2 threads".
+fn counted(count: u32, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
 /// A device that was found, with the handles to work on it.
 #[derive(Clone, Debug)]
 pub struct Device {
@@ -199,6 +231,9 @@ pub(crate) mod tests {
             extensions: vec!["cl_khr_fp64".into()],
             limits: DeviceLimits { compute_units, ..limits::tests::EXAMPLE },
             hardware: Hardware::default(),
+            settings: Vec::new(),
+            cores: None,
+            threads: None,
             twins_before: 0,
             label: name.into(),
             unusable: None,

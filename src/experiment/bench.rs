@@ -1,6 +1,6 @@
 //! A device with what points on it share, and all that a point must pass before it is timed.
 
-use crate::config::{LimitOverrides, NamedStrategy};
+use crate::config::{Emulate, NamedStrategy};
 use crate::device::{Device, DeviceLimits, Hardware};
 use crate::error::Result;
 use crate::image::Radiance;
@@ -96,11 +96,11 @@ impl From<LaunchError> for Refusal {
 }
 
 impl Bench {
-    /// Opens `device`, imitating a smaller one where `limits` says so.
-    pub fn open(device: &Device, limits: &LimitOverrides) -> Result<Self> {
+    /// Opens `device`, imitating a smaller one where `emulate` says so.
+    pub fn open(device: &Device, emulate: &Emulate) -> Result<Self> {
         Ok(Self {
             queue: Queue::open(device.platform, device.device)?,
-            limits: limits.apply(device.info.limits),
+            limits: emulate.apply(device.info.limits),
             hardware: device.info.hardware.clone(),
             scene: usize::MAX,
             layouts: HashMap::new(),

@@ -5,7 +5,9 @@
 use super::protocol::Census;
 use crate::device::{DeviceInfo, discover};
 use crate::error::{Error, Result};
+use crate::sources::Sources;
 use std::io::Read;
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
@@ -15,10 +17,10 @@ const LIMIT: Duration = Duration::from_secs(120);
 
 /// Every device, as a process of its own finds them. Where that process dies another is asked: the first death may have
 /// been somebody else's doing.
-pub fn find_devices() -> Result<Vec<DeviceInfo>> {
-    let census = match ask()? {
+pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
+    let census = match ask(cl_dir)? {
         Ok(census) => census,
-        Err(_) => ask()?.map_err(failed)?,
+        Err(_) => ask(cl_dir)?.map_err(failed)?,
     };
     match census {
         Census::Devices(devices) => Ok(devices),
@@ -32,10 +34,14 @@ fn failed(why: impl std::fmt::Display) -> Error {
 }
 
 /// What a process of its own says; inside, how it ended if it said nothing of use.
-fn ask() -> Result<std::result::Result<Census, String>> {
+fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<Census, String>> {
     let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
-    command.args(["worker", "--list"]).stdin(Stdio::null()).stderr(Stdio::piped()).stdout(Stdio::piped());
+    command.args(["worker", "--list"]);
+    if let Some(folder) = cl_dir {
+        command.arg("--cl-dir").arg(folder);
+    }
+    command.stdin(Stdio::null()).stderr(Stdio::piped()).stdout(Stdio::piped());
     let child = command.spawn().map_err(failed)?;
     let output = output_within(child, LIMIT).map_err(failed)?;
     let output =
@@ -80,17 +86,16 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
     reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
 }
 
-/// Lists the devices on standard output, for [`find_devices`].
-pub fn list_devices() -> Result<()> {
-    let census = match discover() {
+/// The line that a process which lists devices answers [`find_devices`] with.
+pub fn list_devices(sources: &Sources) -> Result<String> {
+    let census = match discover(sources) {
         Ok(devices) => Census::Devices(devices.into_iter().map(|device| device.info).collect()),
         Err(error) => {
             let help = miette::Diagnostic::help(&error).map(|help| help.to_string());
             Census::Failed { message: error.to_string(), help }
         }
     };
-    let line = serde_json::to_string(&census).map_err(|error| Error::run(error.to_string()))?;
-    crate::cli::print(format!("\n{line}"))
+    serde_json::to_string(&census).map_err(|error| Error::run(error.to_string()))
 }
 
 #[cfg(all(test, unix))]

@@ -33,7 +33,7 @@ impl<'a> Checker<'a> {
     /// Opens the device; without one only casters on the host can be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
-            Some(device) => Some((device, Bench::open(device, &drafter.experiment.limits)?)),
+            Some(device) => Some((device, Bench::open(device, &drafter.experiment.emulate)?)),
             None => None,
         };
         Ok(Self { drafter, device, pictures, oracle: Oracle::default() })

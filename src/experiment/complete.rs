@@ -18,7 +18,7 @@ pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) 
         record.median_ms = Some(summary.median_ms);
         record.q1_ms = Some(summary.q1_ms);
         record.q3_ms = Some(summary.q3_ms);
-        record.ci95_ms = Some(summary.ci95_ms);
+        record.ci95_ms = summary.ci95_ms;
     }
     record.host_median_ms = median(&|frame| Some(frame.host_ms));
     record.primary_ms = median(&|frame| frame.primary_ms);

@@ -1,5 +1,6 @@
 //! What is known of a point before anything is tried: its record's first half, and its key.
 
+use super::host::Identity;
 use super::{KeyParts, Point, Work, key};
 use crate::accel;
 use crate::config::{Experiment, NamedStrategy};
@@ -40,14 +41,20 @@ impl Drafter<'_> {
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let mut tree = "";
+        let chosen = &experiment.scenes[point.scene];
         let mut record = Record {
             scene: at.scene.name.clone(),
+            scene_hash: Some(at.hash.clone()),
             image_size: point.image_size,
             triangles: Some(at.scene.mesh.triangles.len() as u64),
             lights: Some(at.scene.lights.len() as u64),
+            scene_file: Some(chosen.path.display().to_string()),
+            scene_values: chosen.overrides.iter().map(|(key, value)| format!("{key} = {value}")).collect(),
             scene_notes: at.notes.clone(),
             seed: Some(experiment.timing.seed),
+            revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
             device: device.map_or(HOST, |device| &device.label).to_owned(),
+            threads: device.and_then(|device| device.threads),
             ..Record::default()
         };
         match point.work {
@@ -84,14 +91,22 @@ impl Drafter<'_> {
 
     fn key(&self, device: Option<&DeviceInfo>, at: &Hashed, record: &Record, tree: &str) -> String {
         let by = |[x, y]: [u32; 2]| format!("{x}x{y}");
+        let (device, state, program_hash) = match (device, &record.program_hash) {
+            (Some(device), Some(hash)) => (device.identity(), device.state(), hash.clone()),
+            (_, hash) => {
+                let Identity { device, state, program } = Identity::of_this_process();
+                (device, state, hash.clone().unwrap_or(program))
+            }
+        };
         key(&KeyParts {
             scene_hash: &at.hash,
-            device: &device.map_or(HOST.to_owned(), DeviceInfo::identity),
-            limits: &self.experiment.limits.to_string(),
+            device: &device,
+            state: &state,
+            emulate: &self.experiment.emulate.to_string(),
             strategy: &record.strategy,
             local_size: &record.local_size.map_or(String::new(), by),
             image_size: &by(record.image_size),
-            program_hash: record.program_hash.as_deref().unwrap_or(env!("CARGO_PKG_VERSION")),
+            program_hash: &program_hash,
             timing: &self.experiment.timing.to_string(),
             tree,
         })

@@ -35,7 +35,7 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
         let info = run.devices[device];
         let strategy = &run.experiment.strategies[strategy].strategy;
         let workload = Workload::of(&scenes[point.scene].scene, point.image_size, local_size);
-        let limits = run.experiment.limits.apply(info.limits);
+        let limits = run.experiment.emulate.apply(info.limits);
         let on_host = || HostNeeds::of(strategy, &workload, limits.is_cpu, true).check(&available, 0).err();
         let refused = Requirements::check(strategy, &workload, &limits).err().or_else(on_host);
         Forecast {

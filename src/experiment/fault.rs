@@ -3,6 +3,7 @@
 use super::protocol::Request;
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
+use std::io::Write as _;
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
@@ -28,6 +29,7 @@ enum Kind {
     Exit,
     Panic,
     Hang,
+    Hold,
     Garbage,
 }
 
@@ -37,13 +39,14 @@ enum Step {
     Cast,
 }
 
-const KINDS: [(&str, Kind); 7] = [
+const KINDS: [(&str, Kind); 8] = [
     ("abort", Kind::Abort),
     ("segv", Kind::Segv),
     ("kill", Kind::Kill),
     ("exit", Kind::Exit),
     ("panic", Kind::Panic),
     ("hang", Kind::Hang),
+    ("hold", Kind::Hold),
     ("garbage", Kind::Garbage),
 ];
 
@@ -70,7 +73,8 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Fails if this request is the one. A hang leaves a file in the folder of results, for who waits for it.
+    /// Fails if this request is the one. A hang leaves a file in the folder of results, for who waits for it; a hold
+    /// goes on when that file is removed.
     pub fn strike(&self, request: &Request, folder: &Path) {
         let (step, point) = match request {
             Request::Check { point, .. } => (Step::Check, *point),
@@ -99,8 +103,14 @@ impl Kind {
                     std::thread::sleep(Duration::from_secs(3600));
                 }
             }
+            Self::Hold => {
+                drop(std::fs::write(folder.join(HANGS), ""));
+                while folder.join(HANGS).exists() {
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+            }
             // Drivers write to standard output as they please.
-            Self::Garbage => drop(crate::cli::print("{\"Started\": a driver's words\n\n[1, 2")),
+            Self::Garbage => drop(writeln!(std::io::stdout(), "{{\"Started\": a driver's words\n\n[1, 2")),
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Points of one scene, size and device: each is checked, then those that passed are timed together.
 
+use super::Run;
 use super::complete::complete;
 use super::keeper::Keep;
 use super::rounds::{Rounds, Start, measure};
 use super::supervisor::{Supervisor, Task};
-use crate::config::Timing;
 use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, StoppingRule};
@@ -28,15 +28,19 @@ impl Open {
     }
 }
 
-/// Measures points that are compared with each other.
+/// Measures points that are compared with each other. While they are timed nobody else measures on their device.
 pub fn measure_group(
     group: Vec<Open>,
-    timing: &Timing,
+    run: &Run<'_>,
     supervisor: &mut Supervisor<'_>,
     keeper: &mut impl Keep,
 ) -> Result<()> {
+    let Some(device) = group.first().map(|open| run.lock_name(open)) else { return Ok(()) };
+    let interrupted = supervisor.interrupted();
     let mut passed = Vec::new();
     for mut open in group {
+        // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
+        drop(run.locks.take(&device, &mut |line| keeper.says(line), interrupted)?);
         keeper.works_on(&format!("checking {}", open.label));
         match supervisor.check(open.task())? {
             Ok((record, true)) => {
@@ -47,6 +51,10 @@ pub fn measure_group(
             Err(refusal) => keeper.keep(refusal.write_into(open.record))?,
         }
     }
+    if passed.is_empty() {
+        return Ok(());
+    }
+    let timing = &run.experiment.timing;
     let rule = StoppingRule {
         min_samples: timing.min_samples as usize,
         max_samples: timing.max_samples as usize,
@@ -54,6 +62,7 @@ pub fn measure_group(
         time_limit_ms: timing.time_limit_ms,
     };
     let start = start(&passed, keeper);
+    let _held = run.locks.take(&device, &mut |line| keeper.says(line), interrupted)?;
     measure(start, &rule, timing.seed, &mut Timed { points: &passed, supervisor, keeper })
 }
 

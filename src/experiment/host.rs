@@ -1,11 +1,34 @@
-//! Baselines: the serial and the parallel caster on the host, timed by its clock.
+//! Baselines: the serial and the parallel caster on the host, timed by its clock; and what decides their times.
 
 use crate::config::Baseline;
 use crate::image::Radiance;
 use crate::launch::FrameTimes;
-use crate::reference::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
+use crate::record::{HOST, Host};
+use crate::reference::{cast_parallel_f32, cast_serial_f32, cast_serial_f64, fingerprint};
 use crate::scene::Scene;
 use std::time::Instant;
+
+/// What a baseline's key has of the machine and the program.
+pub struct Identity {
+    /// The processor.
+    pub device: String,
+    /// Cores it may use, and threads.
+    pub state: String,
+    /// The text it is compiled from, and how.
+    pub program: String,
+}
+
+impl Identity {
+    /// Of this process on this machine.
+    pub fn of_this_process() -> Self {
+        let Host { cpu, cores, .. } = Host::read();
+        Self {
+            device: format!("{HOST} | {cpu}"),
+            state: format!("{cores} cores | {} threads", rayon::current_num_threads()),
+            program: format!("{} | {}", fingerprint(), env!("RAYCL_BUILD")),
+        }
+    }
+}
 
 /// Casts one frame on the host.
 pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, FrameTimes) {

@@ -3,13 +3,15 @@
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::launch::FrameTimes;
-use crate::limits::Limits;
+use crate::peak::Peak;
 use crate::record::{Record, Sample};
 
 /// What measuring points hands its findings to.
 pub trait Keep {
     /// Tells what is being done now, in a few words.
     fn works_on(&mut self, what: &str);
+    /// Says something at once.
+    fn says(&mut self, line: &str);
     /// Completes a record.
     fn keep(&mut self, record: Record) -> Result<()>;
     /// Keeps a sample of a point.
@@ -24,13 +26,17 @@ pub struct Keeper<'a> {
     pub results: &'a mut Results,
     /// Who listens.
     pub observer: &'a mut dyn Observer,
-    /// Every record so far.
-    pub done: Vec<Record>,
+    /// How many points have stopped, those of earlier sessions among them.
+    pub done: usize,
 }
 
 impl Keep for Keeper<'_> {
     fn works_on(&mut self, what: &str) {
         self.observer.works_on(what);
+    }
+
+    fn says(&mut self, line: &str) {
+        self.observer.says(line);
     }
 
     fn past(&self, key: &str) -> (Vec<FrameTimes>, u32) {
@@ -39,11 +45,11 @@ impl Keep for Keeper<'_> {
 
     /// First on disk, then heard of.
     fn keep(&mut self, mut record: Record) -> Result<()> {
-        Limits::apply(self.results.limits(), &mut record);
+        Peak::apply(self.results.peak(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());
         self.results.record(&record)?;
         self.observer.finished(&record);
-        self.done.push(record);
+        self.done += 1;
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Who wants to know how a run gets on.
 
 use crate::record::Record;
+use std::io::Write as _;
 
 /// Hears what a run is doing. A progress bar is one; tests use another.
 pub trait Observer: Send {
@@ -12,6 +13,11 @@ pub trait Observer: Send {
     fn resumes(&mut self, _done: usize) {}
     /// What is being done now, in a few words.
     fn works_on(&mut self, what: &str);
+    /// Something to say at once, progress or not: the run waits for another process.
+    fn says(&mut self, line: &str) {
+        // A log that cannot be written is no reason to stop measuring.
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
     /// A point has stopped.
     fn finished(&mut self, record: &Record);
     /// All points have stopped.

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::image::{Radiance, save, save_rgb8, to_rgb8};
+use crate::output::Target;
 use crate::scene::Display;
 use image::RgbImage;
 use std::collections::HashMap;
@@ -27,18 +28,28 @@ impl Pictures {
         if let Some(path) = self.saved.get(&hash) {
             return Ok(path.clone());
         }
+        let path = self.place(names, &to_rgb8(image, display), &hash);
+        save(image, display, &Target::of_results(self.folder.join(&path)))?;
+        self.saved.insert(hash, path.clone());
+        Ok(path)
+    }
+
+    /// Saves what was drawn under `name`, or under its hash too where another picture has that name, and returns its path.
+    pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
+        let path = self.place(&[name], drawn, &blake3::hash(drawn.as_raw()));
+        save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;
+        Ok(path)
+    }
+
+    /// The first of `names` that no other picture has, else the last with its hash.
+    fn place(&self, names: &[&str], shown: &RgbImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
-        let paths = names.iter().copied().chain([by_hash.as_str()]).map(path_of);
-        let shown = to_rgb8(image, display);
         let free = |path: &String| match image::open(self.folder.join(path)) {
             // What cannot be read is no picture.
             Err(_) => true,
-            Ok(there) => there.to_rgb8() == shown,
+            Ok(there) => there.to_rgb8() == *shown,
         };
-        let path = paths.clone().find(free).or_else(|| paths.clone().next_back()).unwrap_or_default();
-        save(image, display, &self.folder.join(&path))?;
-        self.saved.insert(hash, path.clone());
-        Ok(path)
+        names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 
     /// Saves the picture that `make` makes, unless one of that name is there, and returns its path.
@@ -46,7 +57,7 @@ impl Pictures {
         let path = path_of(name);
         let file = self.folder.join(&path);
         if !file.exists() {
-            save_rgb8(&make(), &file)?;
+            save_rgb8(&make(), &Target::of_results(file))?;
         }
         Ok(path)
     }
@@ -98,5 +109,11 @@ mod tests {
             assert!(save(&grey).starts_with("images/a-8x8-"));
         }
         assert_eq!(std::fs::read_dir(folder.path().join("images")).unwrap().count(), 3);
+        let pictures = Pictures::of(folder.path());
+        let [one, other] = [[1; 3], [2; 3]].map(|colour| RgbImage::from_pixel(3, 2, image::Rgb(colour)));
+        for _ in 0..2 {
+            assert_eq!(pictures.drawing("b", &one).unwrap(), "images/b.png");
+            assert!(pictures.drawing("b", &other).unwrap().starts_with("images/b-"));
+        }
     }
 }

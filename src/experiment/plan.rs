@@ -105,51 +105,10 @@ impl Point {
     }
 }
 
-/// Everything that names one measurement, as text; [`key`] hashes it in this order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct KeyParts<'a> {
-    /// [`Scene::content_hash`](crate::scene::Scene::content_hash).
-    pub scene_hash: &'a str,
-    /// Platform, version, device and driver; "host" and the CPU's model for a baseline.
-    pub device: &'a str,
-    /// [`LimitOverrides`](crate::config::LimitOverrides), as displayed.
-    pub limits: &'a str,
-    /// The axes spelled out, or [`Baseline::strategy`].
-    pub strategy: &'a str,
-    /// "16x16"; empty for a baseline.
-    pub local_size: &'a str,
-    /// "800x500".
-    pub image_size: &'a str,
-    /// The hash of source, defines and build options; for a baseline raycl's version.
-    pub program_hash: &'a str,
-    /// [`Timing`](crate::config::Timing), as displayed.
-    pub timing: &'a str,
-    /// [`accel::FINGERPRINT`](crate::accel::FINGERPRINT) where the strategy walks a tree; else empty, and left out.
-    pub tree: &'a str,
-}
-
-/// The name of a measurement: 32 hexadecimal digits of BLAKE3 over the parts, each preceded by
-/// its length so that no two lists of parts run together.
-pub fn key(parts: &KeyParts<'_>) -> String {
-    let KeyParts { scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing, tree } =
-        parts;
-    let mut hasher = blake3::Hasher::new();
-    for part in [scene_hash, device, limits, strategy, local_size, image_size, program_hash, timing] {
-        hasher.update(&(part.len() as u64).to_le_bytes());
-        hasher.update(part.as_bytes());
-    }
-    // Left out where it is empty, so that the keys of all other strategies are what they were before it was a part.
-    if !tree.is_empty() {
-        hasher.update(&(tree.len() as u64).to_le_bytes());
-        hasher.update(tree.as_bytes());
-    }
-    hasher.finalize().to_hex()[..32].to_string()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{LimitOverrides, NamedStrategy, Timing};
+    use crate::config::{Emulate, NamedStrategy, Timing};
     use crate::strategy::PRESETS;
     use proptest::prelude::*;
 
@@ -176,7 +135,7 @@ mod tests {
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
             strategies: PRESETS[..strategies].iter().map(strategy).collect(),
             baselines: Baseline::ALL[..baselines].to_vec(),
-            limits: LimitOverrides::default(),
+            emulate: Emulate::default(),
             timing: Timing::default(),
             source: String::new(),
             overrides: Vec::new(),
@@ -217,30 +176,5 @@ mod tests {
         let labels: Vec<_> =
             Plan::new(&experiment, 1).points.iter().map(|point| point.label(&experiment)).collect();
         assert_eq!(labels, ["s0 8x5 host serial-f32", "s0 8x5 naive 1x2"]);
-    }
-
-    #[test]
-    fn a_key_changes_with_every_part_and_parts_do_not_run_together() {
-        let base = KeyParts::default();
-        let mut keys = vec![
-            key(&base),
-            key(&KeyParts { scene_hash: "a", ..base }),
-            key(&KeyParts { device: "a", ..base }),
-            key(&KeyParts { limits: "a", ..base }),
-            key(&KeyParts { strategy: "a", ..base }),
-            key(&KeyParts { local_size: "a", ..base }),
-            key(&KeyParts { image_size: "a", ..base }),
-            key(&KeyParts { program_hash: "a", ..base }),
-            key(&KeyParts { timing: "a", ..base }),
-            key(&KeyParts { tree: "a", ..base }),
-            key(&KeyParts { scene_hash: "ab", ..base }),
-            key(&KeyParts { scene_hash: "a", device: "b", ..base }),
-        ];
-        assert_eq!(keys[0], key(&base), "a key is a pure function");
-        assert!(keys.iter().all(|key| key.len() == 32));
-        let count = keys.len();
-        keys.sort();
-        keys.dedup();
-        assert_eq!(keys.len(), count);
     }
 }

@@ -3,23 +3,23 @@
 use super::lock::Lock;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
-use crate::limits::{self, Limits};
+use crate::peak::{self, Peak};
 use crate::record::{
-    Environment, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines, summary_csv,
-    summary_markdown, sync_folder, write_whole,
+    CurrentPlan, Environment, Folder, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines,
+    summary_csv, summary_markdown, sync_folder, write_whole,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// A folder of results: `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
+/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
 /// `summary.md` and `summary.csv`. docs/format.md documents each.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,
     samples: JsonLines<Sample>,
     past: Past,
-    limits: Vec<Limits>,
+    peak: Vec<Peak>,
     _lock: Lock,
 }
 
@@ -66,7 +66,7 @@ impl Results {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
-            limits: kept_limits(folder)?,
+            peak: Peak::kept_in(folder)?,
             past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
             _lock: lock,
         };
@@ -80,14 +80,14 @@ impl Results {
     }
 
     /// What its devices can do at most, where that was measured.
-    pub fn limits(&self) -> &[Limits] {
-        &self.limits
+    pub fn peak(&self) -> &[Peak] {
+        &self.peak
     }
 
     /// Keeps what devices can do at most.
-    pub fn keep_limits(&mut self, limits: Vec<Limits>) -> Result<()> {
-        Limits::write(&limits, &self.folder.join(limits::FILE))?;
-        self.limits = limits;
+    pub fn keep_peak(&mut self, peak: Vec<Peak>) -> Result<()> {
+        Peak::write(&peak, &self.folder.join(peak::FILE))?;
+        self.peak = peak;
         Ok(())
     }
 
@@ -101,11 +101,18 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Writes the summaries.
-    pub fn summarise(&self, records: &[Record], question: &str, expectation: &str) -> Result<()> {
-        let markdown = summary_markdown(records, question, expectation);
+    /// Says which points are the current run's.
+    pub fn plan(&mut self, plan: &CurrentPlan) -> Result<()> {
+        plan.write(&self.folder)
+    }
+
+    /// Writes the summaries of what the folder shows by its plan, and returns that.
+    pub fn summarise(&self, question: &str, expectation: &str) -> Result<Vec<Record>> {
+        let shown = Folder::read(&self.folder)?;
+        let markdown = summary_markdown(&shown.records, &shown.notes, question, expectation);
         write_whole(&self.folder.join("summary.md"), markdown.as_bytes())?;
-        write_whole(&self.folder.join("summary.csv"), &summary_csv(records)?)
+        write_whole(&self.folder.join("summary.csv"), &summary_csv(&shown.records)?)?;
+        Ok(shown.records)
     }
 }
 
@@ -136,12 +143,6 @@ impl Past {
         }
         past
     }
-}
-
-/// The limits an earlier session kept here.
-fn kept_limits(folder: &Path) -> Result<Vec<Limits>> {
-    let path = folder.join(limits::FILE);
-    if path.exists() { Limits::read(&path) } else { Ok(Vec::new()) }
 }
 
 /// Writes the environment; that of the run before keeps a name of its own.

@@ -9,9 +9,10 @@ use super::supervisor::{Spawner, Supervisor};
 use super::{Fault, Observer, Plan, Results};
 use crate::config::{Experiment, SceneChoice};
 use crate::device::DeviceInfo;
+use crate::device_lock::{LockName, Locks};
 use crate::error::{Error, Result};
 use crate::program::Sources;
-use crate::record::Record;
+use crate::record::{CurrentPlan, Record};
 use crate::scene::Loaded;
 use std::collections::HashSet;
 use std::path::Path;
@@ -32,6 +33,8 @@ pub struct Run<'a> {
     pub limit: Duration,
     /// Whether failed points of an earlier run are tried again.
     pub retry_failed: bool,
+    /// The locks of devices: a group of points is timed while nobody else measures on its device.
+    pub locks: &'a Locks,
     /// Whether points are spread over the devices, which are alike, instead of each being measured on all.
     pub spread: bool,
 }
@@ -84,9 +87,14 @@ impl Run<'_> {
     ) -> Result<Vec<Record>> {
         self.measure(results, observer, |groups, keeper| {
             let mut supervisor = Supervisor::new(spawner, interrupted, self.limit);
-            let timing = &self.experiment.timing;
-            groups.into_iter().try_for_each(|group| measure_group(group, timing, &mut supervisor, keeper))
+            groups.into_iter().try_for_each(|group| measure_group(group, self, &mut supervisor, keeper))
         })
+    }
+
+    /// What a point's device is locked by.
+    pub fn lock_name(&self, open: &Open) -> LockName {
+        let device = self.devices.get(open.device).filter(|_| !open.record.is_baseline());
+        LockName::of(device.copied())
     }
 
     /// The same with groups of points spread over the devices, `spawners[i]` starting the workers of device `i`.
@@ -102,7 +110,7 @@ impl Run<'_> {
         })
     }
 
-    /// Hands the points that the results lack to `measure`, and summarises what came of all.
+    /// Hands the points that the results lack to `measure`, and summarises what the plan has by then.
     fn measure(
         &self,
         results: &mut Results,
@@ -111,21 +119,23 @@ impl Run<'_> {
     ) -> Result<Vec<Record>> {
         let plan = self.plan();
         let groups = self.open_points(&plan)?;
+        results.plan(&CurrentPlan::of(groups.iter().flatten().map(|open| &open.record)))?;
         let keys: HashSet<&str> = groups.iter().flatten().map(|open| open.record.key.as_str()).collect();
         let count = keys.len();
         let counts = |record: &&Record| keys.contains(record.key.as_str()) && self.is_done(record);
-        let done: Vec<Record> = results.past().records.iter().filter(counts).cloned().collect();
+        let taken = results.past().records.iter().filter(counts).map(|record| record.key.clone());
+        let mut missing = Missing { taken: taken.collect() };
+        let done = missing.taken.len();
         observer.begins(count);
-        observer.resumes(done.len());
-        let mut missing = Missing::without(&done);
+        observer.resumes(done);
         let mut keeper = Keeper { results, observer, done };
         let groups = groups.into_iter().map(|group| missing.of(group)).collect();
         let end = measure(groups, &mut keeper);
         keeper.observer.ends();
         let done = keeper.done;
-        let summary = results.summarise(&done, &self.experiment.question, &self.experiment.expectation);
-        end.map_err(|error| say_how_far(error, done.len(), count))?;
-        summary.map(|()| done)
+        let shown = results.summarise(&self.experiment.question, &self.experiment.expectation);
+        end.map_err(|error| say_how_far(error, done, count))?;
+        shown
     }
 
     fn is_done(&self, record: &Record) -> bool {
@@ -168,10 +178,6 @@ struct Missing {
 }
 
 impl Missing {
-    fn without(done: &[Record]) -> Self {
-        Self { taken: done.iter().map(|record| record.key.clone()).collect() }
-    }
-
     fn of(&mut self, group: Vec<Open>) -> Vec<Open> {
         group.into_iter().filter(|open| self.taken.insert(open.record.key.clone())).collect()
     }

@@ -32,7 +32,7 @@ pub fn measure_spread(
         let mut supervisor = Supervisor::new(spawner, interrupted, run.limit);
         while let Some(mut group) = next(&waiting) {
             group.iter_mut().for_each(|open| open.device = device);
-            let kept = measure_group(group, &run.experiment.timing, &mut supervisor, &mut Shared(&shared));
+            let kept = measure_group(group, run, &mut supervisor, &mut Shared(&shared));
             // Nobody takes another group after an error.
             kept.inspect_err(|_| locked(&waiting).clear())?;
         }
@@ -71,6 +71,10 @@ struct Shared<'m, 'r, 'k>(&'m Mutex<&'r mut Keeper<'k>>);
 impl Keep for Shared<'_, '_, '_> {
     fn works_on(&mut self, what: &str) {
         locked(self.0).works_on(what);
+    }
+
+    fn says(&mut self, line: &str) {
+        locked(self.0).says(line);
     }
 
     fn keep(&mut self, record: Record) -> Result<()> {

@@ -94,6 +94,11 @@ impl<'a> Supervisor<'a> {
         Self { spawner, interrupted, limit, posts: HashMap::new(), deaths: HashMap::new(), given_up: 0 }
     }
 
+    /// Set when the user wants an end.
+    pub fn interrupted(&self) -> &'a AtomicBool {
+        self.interrupted
+    }
+
     /// Casts a point once and compares its image with the reference.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, Refusal>> {
         let request = Request::Check { point: task.point, key: task.key.to_owned() };

@@ -35,11 +35,11 @@ pub fn keep(
     let path = pictures.picture(&[&name, &format!("{name}{local}")], image, scene.display)?;
     let stem = path.trim_start_matches("images/").trim_end_matches(".png").to_owned();
     record.image = Some(path);
-    let certainty = || certainty(expected, scene.display);
-    record.certainty_image = Some(pictures.picture_once(&format!("{place}-certain{sides}"), certainty)?);
+    let certainty = certainty(expected, scene.display);
+    record.certainty_image = Some(pictures.drawing(&format!("{place}-certain{sides}"), &certainty)?);
     keep_costs(pictures, record, scene, culling, [&place, sides])?;
-    let difference = || difference_image(image, &expected.radiance);
-    record.difference_image = Some(pictures.picture_once(&format!("{stem}-difference{sides}"), difference)?);
+    let difference = difference_image(image, &expected.radiance);
+    record.difference_image = Some(pictures.drawing(&format!("{stem}-difference{sides}"), &difference)?);
     Ok(())
 }
 
@@ -64,6 +64,12 @@ fn keep_costs(
     [place, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
+    // They are drawn once, for counting takes long: another scene of the same name has a picture of its own.
+    let content = record
+        .scene_hash
+        .as_deref()
+        .map_or(String::new(), |hash| format!("-{}", hash.get(..8).unwrap_or(hash)));
+    let sides = format!("{sides}{content}");
     if u64::from(size[0]) * u64::from(size[1]) > COST_PIXELS {
         return Ok(());
     }

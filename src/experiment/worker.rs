@@ -31,8 +31,8 @@ pub fn serve() -> Result<()> {
 /// Opens the job's device and answers requests.
 fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     let experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
-    let device = job.device.as_deref().map(find).transpose()?;
     let sources = job.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let device = job.device.as_deref().map(|identity| find(identity, &sources)).transpose()?;
     let drafter = Drafter { experiment: &experiment, sources: &sources };
     let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
     let plan = Plan::new(&experiment, job.device_count);
@@ -70,9 +70,9 @@ fn input_lines() -> Receiver<String> {
     lines
 }
 
-fn find(identity: &str) -> Result<Device> {
+fn find(identity: &str, sources: &Sources) -> Result<Device> {
     let gone = || Error::run("the device is gone: its driver no longer lists it");
-    discover()?.into_iter().find(|device| device.info.identity() == identity).ok_or_else(gone)
+    discover(sources)?.into_iter().find(|device| device.info.identity() == identity).ok_or_else(gone)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {

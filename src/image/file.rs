@@ -1,21 +1,12 @@
 //! Pictures as files, whole or not at all.
 
+use super::encode::{exr, hdr, jpeg, png};
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
-use crate::record::temporary_in;
+use crate::output::Target;
 use crate::scene::Display;
-use image::codecs::hdr::HdrEncoder;
-use image::codecs::jpeg::JpegEncoder;
-use image::codecs::openexr::OpenExrEncoder;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, ImageResult, RgbImage};
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use image::RgbImage;
 use std::path::Path;
-use tempfile::NamedTempFile;
-
-/// The paper's, for its figures.
-const JPEG_QUALITY: u8 = 95;
 
 /// A file format, known by its extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,27 +27,25 @@ const EXTENSIONS: [(&str, Format); 5] = [
 ];
 
 /// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
-/// EXR and HDR as linear radiance. The file is written whole or not at all.
+/// EXR and HDR as linear radiance. The file is written whole or not at all, and a file that raycl did not make stays.
 ///
 /// An extension that is none of these, or a folder that is not there, is the user's mistake; a file
 /// that cannot be written is a failed run.
-pub fn save(image: &Radiance, display: Display, path: &Path) -> Result<()> {
-    let format = format(path)?;
-    replace(path, |file| match format {
-        Format::Png => write_png(&to_rgb8(image, display), file),
-        Format::Jpeg => {
-            JpegEncoder::new_with_quality(file, JPEG_QUALITY).encode_image(&to_rgb8(image, display))
-        }
-        Format::Exr => write_linear(image, OpenExrEncoder::new(file)),
-        Format::Hdr => write_linear(image, HdrEncoder::new(file)),
+pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
+    let format = format(target.path())?;
+    target.write(|file| match format {
+        Format::Png => png(&to_rgb8(image, display), file),
+        Format::Jpeg => jpeg(&to_rgb8(image, display), file),
+        Format::Exr => exr(image, file),
+        Format::Hdr => hdr(image, file),
     })
 }
 
-/// Finds out before any work is done whether [`save`] would refuse `path`: by its extension, or for want
-/// of its folder.
-pub fn check_path(path: &Path) -> Result<()> {
-    format(path)?;
-    folder_of(path).map(|_| ())
+/// Finds out before any work is done whether [`save`] would refuse a file: by its extension, for want of its folder, or
+/// for what is there.
+pub fn check_target(target: &Target) -> Result<()> {
+    format(target.path())?;
+    target.check()
 }
 
 /// Reads a picture: 8-bit formats as parts of white (0 to 1, as displayed), EXR and HDR as linear radiance.
@@ -74,9 +63,19 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     Ok(Radiance { width, height, pixels: picture.pixels().map(|pixel| pixel.0).collect() })
 }
 
+/// The same for [`save_rgb8`], which writes PNG only.
+pub fn check_png(target: &Target) -> Result<()> {
+    if format(target.path())? != Format::Png {
+        let name = target.path().display();
+        let error = Error::input(format!("cannot write '{name}': a picture of differences is a .png"));
+        return Err(error.with_help(format!("name it '{}'", target.path().with_extension("png").display())));
+    }
+    target.check()
+}
+
 /// Writes an 8-bit picture as PNG, whole or not at all.
-pub fn save_rgb8(picture: &RgbImage, path: &Path) -> Result<()> {
-    replace(path, |file| write_png(picture, file))
+pub fn save_rgb8(picture: &RgbImage, target: &Target) -> Result<()> {
+    target.write(|file| png(picture, file))
 }
 
 fn format(path: &Path) -> Result<Format> {
@@ -98,53 +97,16 @@ fn format(path: &Path) -> Result<Format> {
     })
 }
 
-/// Fast settings, since saving counts in a render's time: 4 ms for 1920 x 1080 pixels.
-fn write_png(picture: &RgbImage, file: impl Write) -> ImageResult<()> {
-    let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
-    encoder.write_image(picture, picture.width(), picture.height(), ExtendedColorType::Rgb8)
-}
-
-fn write_linear(image: &Radiance, encoder: impl ImageEncoder) -> ImageResult<()> {
-    let bytes: Vec<u8> = image.pixels.as_flattened().iter().flat_map(|value| value.to_ne_bytes()).collect();
-    encoder.write_image(&bytes, image.width, image.height, ExtendedColorType::Rgb32F)
-}
-
-/// Writes a file beside `path`, then puts it in its place.
-fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> ImageResult<()>) -> Result<()> {
-    let failed =
-        |why: &dyn std::fmt::Display| Error::run(format!("cannot write '{}': {why}", path.display()));
-    let mut temporary = temporary_beside(path)?;
-    let mut writer = BufWriter::new(temporary.as_file_mut());
-    write(&mut writer).map_err(|error| failed(&error))?;
-    writer.flush().map_err(|error| failed(&error))?;
-    drop(writer);
-    temporary.persist(path).map_err(|error| failed(&error.error))?;
-    Ok(())
-}
-
-/// The folder a file is to lie in, which must be there.
-fn folder_of(path: &Path) -> Result<&Path> {
-    let folder = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    if folder.is_dir() {
-        return Ok(folder);
-    }
-    let message = format!("cannot write '{}': there is no folder '{}'", path.display(), folder.display());
-    Err(Error::input(message).with_help(format!("make it first: mkdir -p '{}'", folder.display())))
-}
-
-fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
-    temporary_in(folder_of(path)?)
-        .map_err(|error| Error::run(format!("cannot write '{}': {error}", path.display())))
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
+    use crate::output::Choice;
     use std::path::PathBuf;
+
+    fn target(path: &Path, force: bool) -> Target {
+        Target::new(path, Choice { force, elsewhere: "-o FILE" })
+    }
 
     fn gradient(width: u32, height: u32) -> Radiance {
         let pixel = |i| {
@@ -156,7 +118,7 @@ mod tests {
     fn saved(name: &str, image: &Radiance) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
-        save(image, Display::default(), &path).unwrap();
+        save(image, Display::default(), &target(&path, false)).unwrap();
         (folder, path)
     }
 
@@ -196,12 +158,13 @@ mod tests {
     fn an_unknown_extension_names_the_choices_and_a_missing_folder_is_named() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["picture.pnf", "picture"] {
-            let error = save(&gradient(2, 2), Display::default(), &folder.path().join(name)).unwrap_err();
+            let error = save(&gradient(2, 2), Display::default(), &target(&folder.path().join(name), false))
+                .unwrap_err();
             assert_eq!(error.exit_code(), 2);
             assert!(error.to_string().contains(".png, .jpg, .jpeg, .exr, .hdr"), "{error}");
         }
         let nowhere = folder.path().join("nowhere/picture.png");
-        let error = save(&gradient(2, 2), Display::default(), &nowhere).unwrap_err();
+        let error = save(&gradient(2, 2), Display::default(), &target(&nowhere, false)).unwrap_err();
         assert!(error.exit_code() == 2 && error.to_string().contains("no folder"), "{error}");
     }
 
@@ -210,8 +173,85 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         std::fs::create_dir(&path).unwrap(); // a folder cannot be replaced by a file
-        assert_eq!(save(&gradient(2, 2), Display::default(), &path).unwrap_err().exit_code(), 1);
+        for force in [false, true] {
+            assert_eq!(
+                save(&gradient(2, 2), Display::default(), &target(&path, force)).unwrap_err().exit_code(),
+                2
+            );
+        }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    const NAMES: [&str; 5] = ["a.png", "a.jpg", "a.jpeg", "a.exr", "a.hdr"];
+
+    /// Saves over `path` and gives what is said where it is refused.
+    fn again(path: &Path, force: bool) -> Option<String> {
+        let target = target(path, force);
+        let (checked, image) = (check_target(&target), gradient(9, 7));
+        let saved = save(&image, Display::default(), &target);
+        assert_eq!(checked.is_ok(), saved.is_ok(), "both or none");
+        saved.err().inspect(|error| assert_eq!(error.exit_code(), 2)).map(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_picture_that_raycl_made_is_replaced_and_no_other() {
+        for name in NAMES {
+            let (_folder, path) = saved(name, &gradient(61, 37));
+            assert_eq!(again(&path, false), None, "{name}");
+            assert_eq!(image::image_dimensions(&path).unwrap(), (9, 7), "{name}");
+            let mut edited = std::fs::read(&path).unwrap();
+            *edited.last_mut().unwrap() ^= 1;
+            std::fs::write(&path, &edited).unwrap();
+            assert!(again(&path, false).unwrap().contains("was changed since raycl made it"), "{name}");
+            let other = b"a photograph of somebody's";
+            std::fs::write(&path, other).unwrap();
+            assert!(again(&path, false).unwrap().contains("raycl did not make it"), "{name}");
+            assert_eq!(std::fs::read(&path).unwrap(), other, "{name}");
+            assert_eq!(again(&path, true), None, "{name}");
+            assert_eq!(again(&path, false), None, "{name}");
+        }
+    }
+
+    /// A picture as raycl makes it with the first bytes, and so the mark, of another.
+    fn with_the_mark_of_another(name: &str) -> Vec<u8> {
+        let mut pictures = [0.0, 1.0].map(|light| {
+            let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };
+            let (_folder, path) = saved(name, &image);
+            std::fs::read(path).unwrap()
+        });
+        // As far as a mark reaches in every format; these pictures differ in what comes after.
+        let mark = |bytes: &[u8]| {
+            let label = b"blake3 of the rest: ";
+            bytes.windows(label.len()).position(|found| found == label).unwrap() + label.len() + 64
+        };
+        let [one, other] = &mut pictures;
+        let end = mark(one) + if name == "a.png" { 4 } else { 0 };
+        assert_eq!(mark(one), mark(other));
+        assert_ne!(one[..end], other[..end], "their hashes differ");
+        [&one[..end], &other[end..]].concat()
+    }
+
+    #[test]
+    fn a_mark_on_other_pixels_proves_nothing() {
+        for name in NAMES {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(name);
+            std::fs::write(&path, with_the_mark_of_another(name)).unwrap();
+            assert!(image::open(&path).is_ok(), "{name} is a picture");
+            assert!(again(&path, false).unwrap().contains("was changed since"), "{name}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_what_it_points_to_is_never_written_to() {
+        let (folder, path) = saved("a.png", &gradient(61, 37));
+        let link = folder.path().join("link.png");
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        assert!(again(&link, false).unwrap().contains("is a link"));
+        assert_eq!(again(&link, true), None);
+        assert!(!link.symlink_metadata().unwrap().is_symlink());
+        assert_eq!(image::image_dimensions(&path).unwrap(), (61, 37));
     }
 
     #[cfg(unix)]

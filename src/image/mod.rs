@@ -3,12 +3,13 @@
 mod colour;
 mod compare;
 mod display;
+mod encode;
 mod file;
 
 pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::to_rgb8;
-pub use file::{check_path, read_picture, save, save_rgb8};
+pub use file::{check_png, check_target, read_picture, save, save_rgb8};
 
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -37,7 +37,7 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
 fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<Vec<i64>, String> {
     let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
     let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");
-    let spec = ProgramSpec { source, options: options.to_owned() };
+    let spec = ProgramSpec { source, options: options.to_owned(), files: Vec::new() };
     let program =
         BuiltProgram::build(&queue.context, queue.device, &spec).map_err(|error| error.to_string())?;
     let run = || -> ocl::Result<Vec<i64>> {

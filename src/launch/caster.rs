@@ -2,18 +2,21 @@
 
 use super::band::Band;
 use super::buffers::{allocate, read_with};
-use super::frame::{FrameTimes, Phase};
-use super::parts::{Parts, Working};
+use super::frame::FrameTimes;
+use super::parts::Parts;
+use super::rounds::Rounds;
 use super::scene::DeviceScene;
+use super::setup::{Setup, Working};
 use super::shared::Shared;
-use super::steps::{CameraArguments, Step, Steps};
+use super::steps::Steps;
 use super::tree::DeviceTree;
-use super::{LaunchError, Queue, ROW_FLOATS};
+use super::{LaunchError, Queue};
 use crate::image::Radiance;
+use crate::manifest::ROW_FLOATS;
 use crate::program::BuiltProgram;
 use crate::scene::Scene;
-use crate::strategy::{Passes, Requirements, Strategy, Traversal, Vectors, Workload};
-use ocl::prm::{Float4, Int2};
+use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
+use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -35,72 +38,38 @@ impl Caster {
         strategy: &Strategy,
         workload: &Workload,
         scene: &Scene,
-        device_scene: &DeviceScene,
+        uploaded: &DeviceScene,
         tree: Option<&DeviceTree>,
     ) -> Result<Self, LaunchError> {
-        Self::of_band(queue, program, strategy, workload, scene, device_scene, tree, None)
+        Self::of_band(Setup { queue, program, strategy, workload, scene, uploaded, tree }, None)
     }
 
     /// The same for some rows of work-groups only. Buffers are the whole frame's; what is prepared or rasterised
     /// before pixels are cast is so for all of it.
-    #[allow(clippy::too_many_arguments, reason = "a frame needs them all")]
-    pub fn of_band(
-        queue: &Queue,
-        program: &BuiltProgram,
-        strategy: &Strategy,
-        workload: &Workload,
-        scene: &Scene,
-        device_scene: &DeviceScene,
-        tree: Option<&DeviceTree>,
-        band: Option<Band>,
-    ) -> Result<Self, LaunchError> {
+    pub fn of_band(setup: Setup<'_>, band: Option<Band>) -> Result<Self, LaunchError> {
+        let Setup { queue, strategy, workload, .. } = setup;
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
         let image = allocate::<Float4>(queue, pixels)?;
         let working = working(queue, strategy, workload)?;
         let prepared = prepared_planes(queue, strategy, workload)?;
-        let [red, green, blue] = scene.background.to_array();
-        let parts = Parts {
-            queue,
-            program,
-            strategy,
-            workload,
-            scene: device_scene,
-            bias: scene.shadow_bias,
-            background: Float4::new(red, green, blue, 0.0),
-            camera: camera(scene, size),
-            working: &working,
-            prepared: prepared.as_ref(),
-            tree,
-            band,
-        };
-        let mut steps = Steps::new();
-        if let (Some(prepared), false) = (&prepared, strategy.shares_tiles()) {
-            steps.extend(parts.prepare_origins(prepared)?);
+        let mut arguments = working.add_to(setup.arguments());
+        if let Some(prepared) = &prepared {
+            arguments = arguments.with("prepared", prepared);
         }
-        match strategy.passes {
+        let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
+        let steps = match strategy.passes {
             _ if strategy.shares_tiles() => {
                 let nearest = allocate::<i32>(queue, pixels)?;
                 let shared = Shared::allocate(queue, pixels)?;
-                steps.extend(parts.cast_shared(&image, &nearest, &shared)?);
+                Rounds::new(&parts, &image, &nearest, &shared).cast()?
             }
-            Passes::Fused => {
-                steps.extend(parts.reset_heap(Phase::Whole));
-                steps.push((Phase::Whole, Step::Run(parts.cast_frame(&image)?)));
-            }
+            Passes::Fused => parts.cast_fused(&image)?,
             Passes::Separate => {
                 let nearest = allocate::<i32>(queue, workload.nearest_count(strategy))?;
-                match strategy.traversal {
-                    Traversal::Raster => steps.extend(parts.rasterise(&nearest, pixels)?),
-                    _ => {
-                        steps.extend(parts.reset_heap(Phase::Primary));
-                        steps.push((Phase::Primary, Step::Run(parts.cast_primary(&nearest)?)));
-                    }
-                }
-                steps.extend(parts.reset_heap(Phase::Shadow));
-                steps.push((Phase::Shadow, Step::Run(parts.shade_nearest(&image, &nearest)?)));
+                parts.cast_separate(&image, &nearest)?
             }
-        }
+        };
         Ok(Self { queue: queue.clone(), steps, image, working, size })
     }
 
@@ -154,24 +123,12 @@ impl Caster {
     }
 }
 
-fn camera(scene: &Scene, size: [u32; 2]) -> CameraArguments {
-    let frame = scene.camera.pixel_frame(size[0], size[1]);
-    let float4 = |v: glam::DVec3, w: f64| Float4::new(v.x as f32, v.y as f32, v.z as f32, w as f32);
-    CameraArguments {
-        eye: float4(frame.eye, frame.z_near),
-        corner: float4(frame.corner, 0.0),
-        step_x: float4(frame.step_x, 0.0),
-        step_y: float4(frame.step_y, 0.0),
-        image_size: Int2::new(size[0] as i32, size[1] as i32),
-    }
-}
-
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
     let bytes = Requirements::of(strategy, workload).scratch_bytes as usize;
-    Ok(match strategy.vectors {
-        Vectors::Private | Vectors::Local => Working::None,
-        Vectors::Global => Working::Scratch(allocate(queue, bytes / 4)?),
-        Vectors::Heap => {
+    Ok(match strategy.vectors.memory() {
+        WorkingMemory::Private | WorkingMemory::Local => Working::None,
+        WorkingMemory::Scratch => Working::Scratch(allocate(queue, bytes / 4)?),
+        WorkingMemory::Heap => {
             let size = (bytes / 4 / strategy.width.rays()) as u32;
             Working::Heap { pool: allocate(queue, bytes / 4)?, top: allocate(queue, 1)?, size }
         }

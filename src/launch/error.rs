@@ -18,6 +18,22 @@ pub enum LaunchError {
         /// Work-items of the local size.
         items: usize,
     },
+    /// Nothing fits a parameter that the manifest names: a mistake in the program.
+    #[error("the kernel {kernel} has no argument for its parameter {parameter}")]
+    Argument {
+        /// Its name.
+        kernel: &'static str,
+        /// The parameter, with its type.
+        parameter: String,
+    },
+    /// The program's family has no such kernel: a mistake in the program.
+    #[error("the kernels of {family} have none for {role}")]
+    Kernel {
+        /// The family.
+        family: &'static str,
+        /// What it is for.
+        role: String,
+    },
     /// The scene's tree could not be made.
     #[error("{0}")]
     Tree(String),

@@ -1,17 +1,16 @@
 //! The scene in a device's memory, in one layout.
 
+use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_with};
 use super::{LaunchError, Queue};
-use crate::scene::{Material, Mesh, Scene, Triangle};
+use crate::manifest::SOUP_FLOATS;
+use crate::scene::{Mesh, Scene, Triangle};
 use crate::strategy::{Layout, Strategy, Workload};
 use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Floats a triangle of the soup takes: corners 9, normals 9, material 8.
-const SOUP_FLOATS: usize = 18 + Material::FLOATS;
-
-/// Triangles as a layout has them. Each variant's buffers are in the order of the kernels' parameters.
+/// Triangles as a layout has them.
 #[derive(Debug)]
 pub(super) enum Geometry {
     Soup(Buffer<f32>),
@@ -28,6 +27,19 @@ pub(super) struct Sets<I: ocl::OclPrm> {
     pub normal_indices: Buffer<I>,
     pub material_indices: Buffer<I>,
     pub materials: Buffer<f32>,
+}
+
+impl<I: ocl::OclPrm> Sets<I> {
+    /// Its buffers; `of` makes an argument of indices.
+    pub fn arguments<'a>(&'a self, of: impl Fn(&'a Buffer<I>) -> Argument<'a>) -> Arguments<'a> {
+        Arguments::default()
+            .with("position_set", &self.positions)
+            .with("normal_set", &self.normals)
+            .with("position_indices", of(&self.position_indices))
+            .with("normal_indices", of(&self.normal_indices))
+            .with("material_indices", of(&self.material_indices))
+            .with("material_set", &self.materials)
+    }
 }
 
 /// A scene uploaded in one layout.

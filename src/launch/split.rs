@@ -1,7 +1,7 @@
 //! One frame on several devices: a band of its rows on each.
 
 use super::band::{Band, cut};
-use super::{Caster, DeviceScene, DeviceTree, FrameTimes, LaunchError, Queue};
+use super::{Caster, DeviceScene, DeviceTree, FrameTimes, LaunchError, Queue, Setup};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
@@ -113,8 +113,9 @@ impl Split<'_> {
         workload: &Workload,
         band: Band,
     ) -> std::result::Result<Caster, LaunchError> {
-        let Stand { queue, program, scene, tree, .. } = stand;
-        Caster::of_band(queue, program, self.strategy, workload, self.scene, scene, tree.as_ref(), Some(band))
+        let Stand { queue, program, scene: uploaded, tree, .. } = stand;
+        let (strategy, scene, tree) = (self.strategy, self.scene, tree.as_ref());
+        Caster::of_band(Setup { queue, program, strategy, workload, scene, uploaded, tree }, Some(band))
     }
 
     /// The frame in as few pixels as keep a device busy for a while, or in all of its own.

@@ -1,16 +1,7 @@
-//! What may be said of several results: who wins, and what has changed.
+//! How a result stands to an earlier one.
 
-use super::Summary;
-
-/// The places of the winners: the point of the least median first, then, by median, every
-/// point whose 95% interval overlaps its. More than one is a tie.
-pub fn winners(summaries: &[Summary]) -> Vec<usize> {
-    let mut places: Vec<usize> = (0..summaries.len()).collect();
-    places.sort_by(|&a, &b| summaries[a].median_ms.total_cmp(&summaries[b].median_ms));
-    let Some(best) = places.first().map(|&place| summaries[place].ci95_ms) else { return places };
-    places.retain(|&place| overlap(summaries[place].ci95_ms, best));
-    places
-}
+use super::ranking::overlap;
+use super::{MIN_SAMPLES, Summary};
 
 /// How a result stands to an earlier one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,9 +14,14 @@ pub enum Verdict {
     Same,
     /// The medians differ by more, but the samples overlap.
     Unclear,
+    /// One of them has too few samples to say.
+    NotEnough,
 }
 
 impl Verdict {
+    /// Every verdict.
+    pub const ALL: [Self; 5] = [Self::Faster, Self::Slower, Self::Same, Self::Unclear, Self::NotEnough];
+
     /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -33,16 +29,20 @@ impl Verdict {
             Self::Slower => "slower",
             Self::Same => "same",
             Self::Unclear => "unclear",
+            Self::NotEnough => "not enough samples",
         }
     }
 }
 
 /// How `after` stands to `before`. Medians within `threshold` of each other (0.02 is 2% of
-/// `before`'s) are the same; beyond it the intervals [min, Q3] must be disjoint to be sure.
+/// `before`'s) are the same; beyond it the intervals [min, Q3] must be disjoint to be sure. Fewer than
+/// [`MIN_SAMPLES`] of either are not enough.
 pub fn compare(before: &Summary, after: &Summary, threshold: f64) -> Verdict {
     let gap = after.median_ms - before.median_ms;
     let body = |summary: &Summary| [summary.min_ms, summary.q3_ms];
-    if gap.abs() <= threshold * before.median_ms {
+    if before.n.min(after.n) < MIN_SAMPLES {
+        Verdict::NotEnough
+    } else if gap.abs() <= threshold * before.median_ms {
         Verdict::Same
     } else if overlap(body(before), body(after)) {
         Verdict::Unclear
@@ -51,11 +51,6 @@ pub fn compare(before: &Summary, after: &Summary, threshold: f64) -> Verdict {
     } else {
         Verdict::Slower
     }
-}
-
-/// Whether two closed intervals share a value.
-fn overlap([a_low, a_high]: [f64; 2], [b_low, b_high]: [f64; 2]) -> bool {
-    a_low <= b_high && b_low <= a_high
 }
 
 #[cfg(test)]
@@ -73,14 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn ties_win_together_and_the_best_comes_first() {
-        assert_eq!(winners(&[steady(2.0), steady(1.005), steady(1.0)]), [2, 1]);
-        assert_eq!(winners(&[steady(1.0), steady(1.5)]), [0]);
-        assert!(winners(&[]).is_empty());
-    }
-
-    #[test]
-    fn four_verdicts() {
+    fn verdicts_of_enough_samples() {
         let base = steady(1.0);
         assert_eq!(compare(&base, &steady(0.8), 0.02), Verdict::Faster);
         assert_eq!(compare(&base, &steady(1.2), 0.02), Verdict::Slower);
@@ -93,18 +81,19 @@ mod tests {
         assert_eq!(compare(&steady(1.0), &steady(1.05), 0.1), Verdict::Same);
     }
 
+    #[test]
+    fn four_samples_are_not_enough_however_far_apart() {
+        let few = Summary::of(&[9.0; 4]).unwrap();
+        assert_eq!(compare(&steady(1.0), &few, 0.02), Verdict::NotEnough);
+        assert_eq!(compare(&few, &steady(1.0), 0.02), Verdict::NotEnough);
+        assert_eq!(compare(&few, &few, 0.02), Verdict::NotEnough);
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
 
         #[test]
-        fn the_best_is_a_winner(samples in prop::collection::vec(prop::collection::vec(0.1..10.0_f64, 3..8), 1..6)) {
-            let summaries: Vec<_> = samples.iter().map(|samples| Summary::of(samples).unwrap()).collect();
-            let winners = winners(&summaries);
-            prop_assert!(summaries.iter().all(|other| summaries[winners[0]].median_ms <= other.median_ms));
-        }
-
-        #[test]
-        fn nothing_differs_from_itself(samples in prop::collection::vec(0.1..10.0_f64, 1..20)) {
+        fn nothing_differs_from_itself(samples in prop::collection::vec(0.1..10.0_f64, 5..20)) {
             let summary = Summary::of(&samples).unwrap();
             prop_assert_eq!(compare(&summary, &summary, 0.0), Verdict::Same);
         }

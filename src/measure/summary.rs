@@ -5,7 +5,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::mean_and_sigma;
+use super::{MIN_SAMPLES, mean_and_sigma};
 
 /// Resamples of the bootstrap.
 const RESAMPLES: usize = 1000;
@@ -31,8 +31,8 @@ pub struct Summary {
     pub min_ms: f64,
     /// Greatest.
     pub max_ms: f64,
-    /// The median's 95% interval, by percentile bootstrap.
-    pub ci95_ms: [f64; 2],
+    /// The median's 95% interval, by percentile bootstrap; none of fewer than [`MIN_SAMPLES`].
+    pub ci95_ms: Option<[f64; 2]>,
 }
 
 impl Summary {
@@ -53,9 +53,16 @@ impl Summary {
             sigma_ms,
             min_ms: sorted[0],
             max_ms: sorted[sorted.len() - 1],
-            ci95_ms: median_interval(&sorted),
+            ci95_ms: (sorted.len() >= MIN_SAMPLES).then(|| median_interval(&sorted)),
         })
     }
+}
+
+/// The median of values in any order; none of no values.
+pub(super) fn median_of(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    (!sorted.is_empty()).then(|| quantile(&sorted, 0.5))
 }
 
 /// The quantile `q` (0 to 1) of at least one sorted value, interpolated linearly
@@ -108,9 +115,11 @@ mod tests {
     }
 
     #[test]
-    fn one_sample_is_its_own_interval_and_none_is_no_summary() {
+    fn few_samples_have_no_interval_and_none_is_no_summary() {
         let summary = Summary::of(&[2.5]).unwrap();
-        assert_eq!((summary.ci95_ms, summary.sigma_ms), ([2.5, 2.5], 0.0));
+        assert_eq!((summary.ci95_ms, summary.sigma_ms), (None, 0.0));
+        assert_eq!(Summary::of(&[2.5; 4]).unwrap().ci95_ms, None);
+        assert_eq!(Summary::of(&[2.5; 5]).unwrap().ci95_ms, Some([2.5, 2.5]));
         assert_eq!(Summary::of(&[]), None);
         assert_eq!(Summary::of(&[1.0, f64::NAN]), None);
     }
@@ -119,7 +128,7 @@ mod tests {
     fn the_interval_is_about_that_of_order_statistics() {
         // For 0..=100 the exact 95% interval of the median is the 41st to the 61st value.
         let samples: Vec<f64> = (0..=100).map(f64::from).collect();
-        let [low, high] = Summary::of(&samples).unwrap().ci95_ms;
+        let [low, high] = Summary::of(&samples).unwrap().ci95_ms.unwrap();
         assert!((low - 40.0).abs() <= 2.0 && (high - 60.0).abs() <= 2.0, "{low} {high}");
     }
 
@@ -129,7 +138,7 @@ mod tests {
         samples.push(100.0);
         let summary = Summary::of(&samples).unwrap();
         assert!(summary.mean_ms > 5.0);
-        assert_eq!(summary.ci95_ms, [1.0, 1.0]);
+        assert_eq!(summary.ci95_ms, Some([1.0, 1.0]));
     }
 
     proptest! {
@@ -140,7 +149,8 @@ mod tests {
             let s = Summary::of(&samples).unwrap();
             prop_assert!(s.min_ms <= s.q1_ms && s.q1_ms <= s.median_ms);
             prop_assert!(s.median_ms <= s.q3_ms && s.q3_ms <= s.max_ms);
-            let [low, high] = s.ci95_ms;
+            prop_assert_eq!(s.ci95_ms.is_some(), samples.len() >= MIN_SAMPLES);
+            let [low, high] = s.ci95_ms.unwrap_or([s.median_ms; 2]);
             prop_assert!(s.min_ms <= low && low <= s.median_ms && s.median_ms <= high && high <= s.max_ms);
             let rounding = 1e-9 * s.max_ms;
             prop_assert!(s.min_ms - rounding <= s.mean_ms && s.mean_ms <= s.max_ms + rounding);
@@ -158,7 +168,7 @@ mod tests {
             let doubled: Vec<f64> = samples.iter().map(|sample| 2.0 * sample).collect();
             let (one, two) = (Summary::of(&samples).unwrap(), Summary::of(&doubled).unwrap());
             prop_assert_eq!(two.median_ms, 2.0 * one.median_ms);
-            prop_assert_eq!(two.ci95_ms, one.ci95_ms.map(|end| 2.0 * end));
+            prop_assert_eq!(two.ci95_ms, one.ci95_ms.map(|ends| ends.map(|end| 2.0 * end)));
         }
     }
 }

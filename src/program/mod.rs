@@ -1,14 +1,16 @@
 //! From a strategy to a compiled program: source assembly, defines, build.
 
 mod build;
+mod defines;
 mod frame_kernels;
+mod include;
 pub mod made;
 pub mod preprocess;
 mod source;
 mod spec;
 
+pub use crate::sources::Sources;
 pub use build::{BuildError, BuiltProgram, CACHE_DISABLE};
 pub use frame_kernels::frame_kernels;
 pub use made::MadeKernel;
-pub use source::Sources;
 pub use spec::ProgramSpec;

@@ -1,11 +1,12 @@
 //! What is compiled for a point: source text and defines, and their hash.
 
-use super::Sources;
-use crate::device::{Builtins, LaneOperations};
-use crate::error::Result;
-use crate::strategy::{
-    Culling, Epsilons, Intersector, Layout, Math, Strategy, TILE_TRIANGLES, Traversal, Triangles, Workload,
-};
+use super::defines::value_of;
+use super::source::Joiner;
+use crate::device::Builtins;
+use crate::error::{Error, Result};
+use crate::manifest::{CAMERA, parameter_macro};
+use crate::sources::Sources;
+use crate::strategy::{Math, Strategy, Workload};
 
 /// Everything that decides a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -14,6 +15,8 @@ pub struct ProgramSpec {
     pub source: String,
     /// The compiler's options, defines first, in a fixed order.
     pub options: String,
+    /// The files under `cl/` that the text is made of.
+    pub files: Vec<String>,
 }
 
 impl ProgramSpec {
@@ -25,17 +28,24 @@ impl ProgramSpec {
         workload: &Workload,
         builtins: Builtins,
     ) -> Result<Self> {
-        let mut options: Vec<String> = defines(strategy, workload, builtins)
-            .into_iter()
-            .map(|(name, value)| format!("-D {name}={value}"))
-            .collect();
-        let lanes = if strategy.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers };
-        options.extend(lanes.options(builtins.opencl_3));
-        options.push("-cl-kernel-arg-info".to_owned());
-        if strategy.math == Math::Fast {
-            options.push("-cl-fast-relaxed-math".to_owned());
-        }
-        Ok(Self { source: sources.flatten(strategy)?, options: options.join(" ") })
+        let names = strategy.family().defines(|fact| strategy.holds(fact));
+        let value = |name| {
+            let value = value_of(name, strategy, workload, builtins);
+            value
+                .map(|value| (name, value))
+                .ok_or_else(|| Error::run(format!("no value for the define {name}")))
+        };
+        let defines = names.map(value).collect::<Result<Vec<_>>>()?;
+        let mut joiner = Joiner {
+            sources,
+            strategy,
+            defines: &defines,
+            text: parameter_lists(strategy),
+            files: Vec::new(),
+        };
+        joiner.add(strategy.family().entry)?;
+        let (source, files) = (joiner.text, joiner.files);
+        Ok(Self { source, options: options(strategy, builtins, &defines), files })
     }
 
     /// A hash of source and options.
@@ -46,42 +56,20 @@ impl ProgramSpec {
     }
 }
 
-/// Every define, its name and value.
-fn defines(strategy: &Strategy, workload: &Workload, builtins: Builtins) -> Vec<(&'static str, u64)> {
-    let staged =
-        matches!(strategy.triangles, Triangles::Local | Triangles::SplitVertices | Triangles::SplitNormals);
-    let if_staged = |count: usize| if staged { count as u64 } else { 0 };
-    let mut defines = vec![
-        ("WIDTH", strategy.width.rays() as u64),
-        ("BLOCK_X", strategy.block().0 as u64),
-        ("LOCAL_X", u64::from(workload.local_size[0])),
-        ("LOCAL_Y", u64::from(workload.local_size[1])),
-        ("CULL_BACK", u64::from(strategy.culling == Culling::Back)),
-        ("PAPER_EPSILONS", u64::from(strategy.epsilons == Epsilons::Paper)),
-        ("FAST_MATH", u64::from(strategy.math == Math::Fast)),
-        ("RASTER", u64::from(strategy.traversal == Traversal::Raster)),
-        ("TREE", u64::from(strategy.needs_tree())),
-        ("TILES", u64::from(strategy.traversal == Traversal::Tile)),
-        ("WATERTIGHT", u64::from(strategy.intersector == Intersector::Watertight)),
-        ("REDUCE_BUILTIN", u64::from(builtins.reduce)),
-        ("PREFETCH", u64::from(builtins.prefetch)),
-        ("TRIANGLES", if_staged(workload.triangles)),
-    ];
-    if strategy.triangles == Triangles::Tiled {
-        defines.push(("TILE_TRIANGLES", TILE_TRIANGLES));
+fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u64)]) -> String {
+    let mut options: Vec<String> = defines.iter().map(|(name, value)| format!("-D {name}={value}")).collect();
+    options.push(strategy.lane_operations(builtins).standard(builtins.opencl_3).to_owned());
+    options.push("-cl-kernel-arg-info".to_owned());
+    if strategy.math == Math::Fast {
+        options.push("-cl-fast-relaxed-math".to_owned());
     }
-    if strategy.needs_tree() {
-        let (across, down) = strategy.tile.pixels();
-        defines.push(("NODE_WIDTH", strategy.node_width.children() as u64));
-        defines.push(("STACK_SIZE", workload.stack_size as u64));
-        defines.push(("TILE_X", across as u64));
-        defines.push(("TILE_Y", down as u64));
-    }
-    if strategy.layout != Layout::Soup {
-        defines.push(("INDEX_BITS", if strategy.layout == Layout::Indexed16 { 16 } else { 32 }));
-        defines.push(("POSITIONS", if_staged(workload.positions)));
-        defines.push(("NORMALS", if_staged(workload.normals)));
-        defines.push(("MATERIALS", if_staged(workload.materials)));
-    }
-    defines
+    options.join(" ")
+}
+
+/// The parameters of the camera and of every kernel, by the manifest.
+fn parameter_lists(strategy: &Strategy) -> String {
+    let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
+    let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds(fact)));
+    let head = "#line 1 \"the manifest's parameters\"\n".to_owned();
+    [head, parameter_macro("CAMERA", CAMERA.iter())].into_iter().chain(lists).collect()
 }

@@ -17,6 +17,12 @@ pub struct Environment {
     pub raycl_version: String,
     /// The git revision it was built from, "-dirty" where the tree was changed.
     pub git_revision: Option<String>,
+    /// How it was built: profile, optimisation, target and its features, flags, compiler.
+    #[serde(default)]
+    pub build: String,
+    /// The variables of drivers and loaders that are set, each as `NAME=VALUE`, those that decide nothing among them.
+    #[serde(default)]
+    pub variables: Vec<String>,
     /// When the run began, RFC 3339.
     pub started: String,
     /// The command's arguments, the program first.
@@ -64,6 +70,9 @@ impl Source {
 /// The machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Host {
+    /// What it calls itself on its network; null where it does not tell.
+    #[serde(default)]
+    pub name: Option<String>,
     /// The operating system's name and version.
     pub os: String,
     /// The processor's model.
@@ -95,6 +104,9 @@ pub struct DeviceEnvironment {
     /// Compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
+    /// The threads it casts with, where that is known: of PoCL.
+    #[serde(default)]
+    pub threads: Option<u32>,
     /// Compute capability, where the driver tells it.
     #[serde(default)]
     pub compute_capability: Option<String>,
@@ -104,6 +116,18 @@ pub struct DeviceEnvironment {
     /// The step of the clock that profiling reads.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
+    /// Cores that it may use, where it runs on the host's.
+    #[serde(default)]
+    pub cores: Option<usize>,
+    /// The 16 bytes of its UUID in hexadecimal digits, where the driver tells it.
+    #[serde(default)]
+    pub uuid: Option<String>,
+    /// Its place on the bus, as in "0000:1b:00.0", where the driver tells it.
+    #[serde(default)]
+    pub pci_bus: Option<String>,
+    /// The variables that decide its times, each as `NAME=VALUE`.
+    #[serde(default)]
+    pub settings: Vec<String>,
 }
 
 impl DeviceEnvironment {
@@ -119,9 +143,14 @@ impl DeviceEnvironment {
             driver: info.driver,
             kind: info.kind.name().to_owned(),
             compute_units: Some(info.limits.compute_units),
+            threads: info.threads,
             compute_capability: info.hardware.compute_capability,
             max_clock_mhz: info.hardware.max_clock_mhz,
             timer_resolution_ns: info.hardware.timer_resolution_ns,
+            cores: info.cores,
+            uuid: info.hardware.uuid,
+            pci_bus: info.hardware.pci_bus,
+            settings: info.settings,
         }
     }
 }
@@ -151,12 +180,18 @@ impl Host {
     /// This machine, as far as it tells.
     pub fn read() -> Self {
         Self {
+            name: host_name(),
             os: os_name(),
             cpu: cpu_model().unwrap_or_else(|| std::env::consts::ARCH.into()),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             clocks: Clocks::read(),
         }
     }
+}
+
+fn host_name() -> Option<String> {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").ok()?;
+    Some(name.trim().to_owned()).filter(|name| !name.is_empty())
 }
 
 fn os_name() -> String {

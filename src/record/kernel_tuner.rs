@@ -10,8 +10,16 @@ use super::types::{HOST, Outcome, Record};
 /// The cache files: a name without its ending, and the text.
 pub fn kernel_tuner_caches(records: &[Record]) -> Vec<(String, String)> {
     let groups = groups(records);
-    let kernels = groups.iter().filter(|group| group.device != HOST);
-    kernels.map(|group| (file_name(group), cache(group))).collect()
+    let mut caches: Vec<(String, String)> = Vec::new();
+    for group in groups.iter().filter(|group| group.device != HOST) {
+        let mut name = file_name(group);
+        // "a/scene" and "a-scene" are two scenes.
+        while caches.iter().any(|(taken, _)| *taken == name) {
+            name.push('_');
+        }
+        caches.push((name, cache(group)));
+    }
+    caches
 }
 
 fn file_name(group: &Group<'_>) -> String {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::numbers::{align_points, by, duration, ms, significant};
-use super::summary::{Group, groups, median, scene_notes};
+use super::summary::{Group, few_names, groups, interval, median, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
 use super::types::{HOST, Record};
 
@@ -18,7 +18,7 @@ const HEADER: [&str; COLUMNS] = [
     "n",
     "Mrays/s",
     "Gtests/s",
-    "of limit",
+    "of peak",
     "outcome",
 ];
 /// Columns of words stand to the left, numbers to the right.
@@ -26,9 +26,10 @@ const LEFT: [usize; 2] = [0, 9];
 /// Columns whose points are aligned.
 const DECIMAL: [usize; 4] = [2, 3, 6, 7];
 
-/// The summary as Markdown. Everything in it comes from the records.
-pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -> String {
+/// The summary as Markdown. Everything in it comes from the records, and from the notes of who read them.
+pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {question}\n\nExpected: {expectation}\n");
+    text.extend(notes.iter().map(|note| format!("\nNote: {note}\n")));
     let groups = groups(records);
     for group in &groups {
         let size = by(group.image_size);
@@ -50,8 +51,8 @@ pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -
     text.push_str(
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
          quartiles. The interval is a 95% bootstrap interval of the median; records whose intervals overlap \
-         the best one's are a tie. Rays are primary rays; tests are primary rays x triangles over the time of the \
-         primary pass, or of the frame where passes are fused. \"of limit\" is their arithmetic as a part of the multiply-adds that \
+         the best one's are a tie. Fewer than five samples have neither interval nor rank. Rays are primary rays; tests are primary rays x triangles over the time of the \
+         primary pass, or of the frame where passes are fused. \"of peak\" is their arithmetic as a part of the multiply-adds that \
          the device was measured to do.\n",
     );
     text
@@ -59,26 +60,46 @@ pub fn summary_markdown(records: &[Record], question: &str, expectation: &str) -
 
 /// Who won, and by how much.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
-    let winners = group.winners();
-    let Some(best) = winners.first() else { return "Nothing could be measured.\n".into() };
-    let names: Vec<_> = winners.iter().map(|record| title(record)).collect();
+    let ranking = group.ranking();
+    let Some(best) = ranking.winners.first() else {
+        return match ranking.unranked.is_empty() {
+            true => "Nothing could be measured.\n".into(),
+            false => format!("No winner.{}\n", unranked(&ranking.unranked)),
+        };
+    };
+    let names: Vec<_> = ranking.winners.iter().map(|record| title(record)).collect();
     let mut text = match names.as_slice() {
         [one] => format!("Fastest: **{one}**"),
         several => format!("Fastest, a tie: **{}**", several.join("**, **")),
     };
-    let best_ms = median(best).unwrap_or_default();
-    let _ = write!(text, " at {}.", duration(best_ms));
+    let _ = write!(text, " at {}.", duration(median(best).unwrap_or_default()));
+    text + &speed_ups(group, groups, best) + &unranked(&ranking.unranked) + "\n"
+}
+
+/// How many times as fast the best is as the host's baselines and as the best naive.
+fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let host = groups.iter().find(|other| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
     });
-    let baselines = host.map(|host| host.ranked()).unwrap_or_default();
+    let baselines = host.map(|host| host.ranking().all()).unwrap_or_default();
     let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
-    for other in baselines.into_iter().chain(naive.filter(|naive| naive.key != best.key)) {
-        let factor = median(other).unwrap_or_default() / best_ms;
-        let _ = write!(text, " {} times as fast as {}.", significant(factor, 3), title(other));
+    let others = baselines.into_iter().chain(naive.filter(|naive| naive.key != best.key));
+    let than = |other: &Record| match not_enough(other) {
+        Some(why) => format!(" Against {}: {why}.", title(other)),
+        None => {
+            let factor = median(other).unwrap_or_default() / median(best).unwrap_or_default();
+            format!(" {} times as fast as {}.", significant(factor, 3), title(other))
+        }
+    };
+    others.map(than).collect()
+}
+
+/// Which points are not ranked.
+fn unranked(records: &[&Record]) -> String {
+    match records.is_empty() {
+        true => String::new(),
+        false => format!(" Not enough samples to rank: {}.", few_names(records, title)),
     }
-    text.push('\n');
-    text
 }
 
 /// "naive at 8 x 8".
@@ -89,15 +110,15 @@ fn title(record: &Record) -> String {
     }
 }
 
-/// Every record of the group, fastest first, those without a time last.
+/// Every record of the group, fastest first, then those of too few samples, those without a time last.
 fn table(group: &Group<'_>) -> String {
-    let winners = group.winners();
+    let ranking = group.ranking();
     let failed = group.failures().into_iter().map(|(record, _)| record);
-    let mut rows: Vec<_> = group
-        .ranked()
+    let mut rows: Vec<_> = ranking
+        .all()
         .into_iter()
         .chain(failed)
-        .map(|record| row(record, winners.iter().any(|winner| winner.key == record.key)))
+        .map(|record| row(record, ranking.winners.iter().any(|winner| winner.key == record.key)))
         .collect();
     for place in DECIMAL {
         align_points(rows.iter_mut().map(|row| &mut row[place]).collect());
@@ -111,13 +132,13 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
         value.filter(|_| time.is_some()).map_or("-".into(), text)
     };
     let name = if record.is_baseline() { &record.strategy } else { &record.name };
-    let interval = record.ci95_ms.filter(|_| time.is_some());
+    let interval = interval(record).map(|[low, high]| format!("{} to {}", ms(low), ms(high)));
     [
         if wins && !record.is_baseline() { format!("**{name}**") } else { name.clone() },
         record.local_size.map_or("-".into(), by),
         number(time, ms),
-        number(record.q3_ms.zip(record.q1_ms).map(|(q3, q1)| q3 - q1), |iqr| significant(iqr, 2)),
-        interval.map_or("-".into(), |[low, high]| format!("{} to {}", ms(low), ms(high))),
+        number(quartiles(record).map(|[q1, q3]| q3 - q1), |iqr| significant(iqr, 2)),
+        interval.or(not_enough(record)).unwrap_or("-".into()),
         record.samples_ms.len().to_string(),
         number(record.rays_per_s, |rays| significant(rays / 1e6, 3)),
         number(record.tests_per_s, |tests| significant(tests / 1e9, 3)),
@@ -150,7 +171,8 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
 
 /// What to mind in reading some times.
 fn warnings(group: &Group<'_>) -> String {
-    let warned = group.ranked().into_iter().filter_map(|record| Some((record, record.warning.as_ref()?)));
+    let warned =
+        group.ranking().all().into_iter().filter_map(|record| Some((record, record.warning.as_ref()?)));
     let lines: String = warned.map(|(record, warning)| format!("- {}: {warning}\n", title(record))).collect();
     if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
 }
@@ -172,7 +194,7 @@ fn failures(group: &Group<'_>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{infeasible, measured};
+    use super::super::summary::tests::{few, infeasible, measured};
     use super::*;
 
     #[test]
@@ -184,8 +206,8 @@ mod tests {
             measured("pocl", "wide", 2, [10.0, 10.2]),
             infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
         ];
-        let text = summary_markdown(&records, "Which is best?", "Wide is.");
-        assert!(text.starts_with("# Which is best?\n\nExpected: Wide is.\n"), "{text}");
+        let text = summary_markdown(&records, &["1 point.".to_owned()], "Which is best?", "Wide is.");
+        assert!(text.starts_with("# Which is best?\n\nExpected: Wide is.\n\nNote: 1 point.\n"), "{text}");
         for expected in [
             "## teapot, 800 x 500, pocl",
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
@@ -202,7 +224,27 @@ mod tests {
     }
 
     #[test]
+    fn few_samples_have_no_interval_and_no_say() {
+        let records = [
+            few("host", "serial-f32", 0, 1798.0, 1),
+            few("pocl", "naive", 8, 5.0, 3),
+            measured("pocl", "wide", 1, [9.9, 10.1]),
+        ];
+        let text = summary_markdown(&records, &[], "Which is best?", "Wide is.");
+        for expected in [
+            "Fastest: **wide at 1 x 1** at 10.00 ms. Against serial-f32: not enough samples (n = 1). Against naive at 8 x 8: \
+             not enough samples (n = 3). Not enough samples to rank: naive at 8 x 8 (n = 3).",
+            "| not enough samples (n = 1) |",
+        ] {
+            assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+        }
+        assert!(!text.contains("times as fast") && !text.contains("1798 to"), "{text}");
+        let none = summary_markdown(&records[..2], &[], "Which is best?", "Wide is.");
+        assert!(none.contains("No winner. Not enough samples to rank: naive at 8 x 8 (n = 3).\n"), "{none}");
+    }
+
+    #[test]
     fn no_records_is_no_panic() {
-        assert!(summary_markdown(&[], "Q?", "E.").contains("# Q?"));
+        assert!(summary_markdown(&[], &[], "Q?", "E.").contains("# Q?"));
     }
 }

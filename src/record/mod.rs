@@ -3,12 +3,16 @@
 
 mod clocks;
 mod environment;
+mod folder;
 mod git;
 mod journal;
 mod kernel_tuner;
 mod markdown;
 mod numbers;
 mod parameters;
+mod plan;
+mod revision;
+mod scenes;
 mod spreadsheet;
 mod summary;
 mod t4;
@@ -18,16 +22,19 @@ mod whole;
 
 pub use clocks::Clocks;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
+pub use folder::{Folder, latest, point};
 pub use git::git_state;
 pub use journal::{JsonLines, Lines, read_lines};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
 pub(crate) use numbers::{by, duration, ms, significant};
+pub use plan::{CurrentPlan, PlannedPoint};
+pub use revision::{DIRTY, dirty_program, is_dirty};
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
 pub use summary::{Group, groups, scene_notes};
-pub(crate) use summary::{interval, median};
+pub(crate) use summary::{estimate, few_names, interval, median, not_enough, quartiles, ranking};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use super::types::Record;
+use super::types::{Record, axes};
 
 /// Parameter names and values: the local size, then every axis. Commas, which separate parameters in keys, become dots.
 pub fn parameters(record: &Record) -> Map<String, Value> {
@@ -10,8 +10,7 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     let [across, down] = record.local_size.unwrap_or([1, 1]);
     parameters.insert("block_size_x".into(), across.into());
     parameters.insert("block_size_y".into(), down.into());
-    for part in record.strategy.split_whitespace() {
-        let (axis, value) = part.split_once('=').unwrap_or(("strategy", part));
+    for (axis, value) in axes(&record.strategy) {
         let value = value.parse::<u32>().map_or_else(|_| Value::from(value.replace(',', ".")), Value::from);
         parameters.insert(axis.to_owned(), value);
     }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::summary::{interval, quartiles};
 use super::types::Record;
 use crate::error::{Error, Result};
 
@@ -45,6 +46,7 @@ struct Row<'a> {
     scratch_bytes: Option<u64>,
     private_bytes: Option<u64>,
     batch: Option<u32>,
+    threads: Option<u32>,
     limit_fraction: Option<f64>,
     registers: Option<u32>,
     spill_store_bytes: Option<u64>,
@@ -72,10 +74,10 @@ impl<'a> Row<'a> {
             outcome: record.outcome.name(),
             reason: record.reason.as_deref(),
             median_ms: record.median_ms,
-            q1_ms: record.q1_ms,
-            q3_ms: record.q3_ms,
-            ci95_low_ms: record.ci95_ms.map(|interval| interval[0]),
-            ci95_high_ms: record.ci95_ms.map(|interval| interval[1]),
+            q1_ms: quartiles(record).map(|ends| ends[0]),
+            q3_ms: quartiles(record).map(|ends| ends[1]),
+            ci95_low_ms: interval(record).map(|ends| ends[0]),
+            ci95_high_ms: interval(record).map(|ends| ends[1]),
             samples: record.samples_ms.len(),
             stop_reason: record.stop_reason.as_deref(),
             primary_ms: record.primary_ms,
@@ -94,6 +96,7 @@ impl<'a> Row<'a> {
             scratch_bytes: record.scratch_bytes,
             private_bytes: record.private_bytes,
             batch: record.batch,
+            threads: record.threads,
             limit_fraction: record.limit_fraction,
             registers: record.main_kernel().and_then(|kernel| kernel.resources.registers),
             spill_store_bytes: record.main_kernel().and_then(|kernel| kernel.resources.spill_store_bytes),

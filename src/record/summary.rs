@@ -1,6 +1,7 @@
 //! What records say when they are put side by side: groups, winners, speed-ups.
 
 use super::types::{Outcome, Record};
+use crate::measure::{Estimate, Ranking};
 use crate::strategy::PRESETS;
 
 /// Records that are compared: those of one scene, image size and device.
@@ -59,26 +60,14 @@ fn place(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
 }
 
 impl<'a> Group<'a> {
-    /// Measured records, fastest first.
-    pub fn ranked(&self) -> Vec<&'a Record> {
-        let mut ranked: Vec<_> = self.records.iter().copied().filter(|one| median(one).is_some()).collect();
-        ranked.sort_by(|one, other| {
-            median(one).unwrap_or(f64::MAX).total_cmp(&median(other).unwrap_or(f64::MAX))
-        });
-        ranked
+    /// Measured records: who wins, the others, and those of too few samples.
+    pub fn ranking(&self) -> Ranking<&'a Record> {
+        ranking(self.records.iter().copied())
     }
 
-    /// The fastest record and all whose 95% intervals overlap its own, fastest first.
-    pub fn winners(&self) -> Vec<&'a Record> {
-        let ranked = self.ranked();
-        let Some([low, high]) = ranked.first().and_then(|best| interval(best)) else { return Vec::new() };
-        let overlaps = |record: &&Record| interval(record).is_some_and(|[l, h]| l <= high && low <= h);
-        ranked.into_iter().filter(overlaps).collect()
-    }
-
-    /// The fastest measured record of those that `wanted` picks.
+    /// The fastest measured record of those that `wanted` picks; one of too few samples only where there is no other.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
-        self.ranked().into_iter().find(|record| wanted(record))
+        self.ranking().all().into_iter().find(|record| wanted(record))
     }
 
     /// Records without a time, with why.
@@ -93,9 +82,37 @@ pub fn median(record: &Record) -> Option<f64> {
     record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
 
-/// The 95% interval; a record without one has the median alone.
+/// The measured ones of some records by their medians: the rule of [`Ranking`].
+pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
+    Ranking::of(records.into_iter().filter_map(|record| Some((record, estimate(record)?))))
+}
+
+/// What may be said of a measured record. Records of earlier versions have intervals of too few samples, which do not count.
+pub(crate) fn estimate(record: &Record) -> Option<Estimate> {
+    Some(Estimate::new(median(record)?, record.samples_ms.len(), record.ci95_ms))
+}
+
+/// The median's 95% interval; none of too few samples.
 pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
-    record.ci95_ms.or(record.median_ms.map(|median| [median; 2]))
+    estimate(record)?.interval_ms()
+}
+
+/// First and third quartile; none of too few samples.
+pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
+    interval(record)?;
+    Some([record.q1_ms?, record.q3_ms?])
+}
+
+/// "not enough samples (n = 3)", where a measured record has no interval.
+pub(crate) fn not_enough(record: &Record) -> Option<String> {
+    estimate(record)?.not_enough()
+}
+
+/// The names of points that are not ranked: "naive at 8 x 8 (n = 3), ... and 9 more".
+pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
+    let name = |record: &&Record| format!("{} (n = {})", title(record), record.samples_ms.len());
+    let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
+    records.iter().take(4).map(name).chain(more).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -141,16 +158,31 @@ pub mod tests {
         }
     }
 
+    /// A measured record of so few samples, with the interval that earlier versions gave it.
+    pub fn few(device: &str, name: &str, side: u32, ms: f64, n: usize) -> Record {
+        Record { samples_ms: vec![ms; n], ..measured(device, name, side, [ms, ms]) }
+    }
+
     #[test]
-    fn winners_overlap_the_best_interval_and_not_each_other_in_a_chain() {
+    fn an_interval_of_few_samples_in_a_file_does_not_count() {
+        let of = |n| few("gpu", "naive", 8, 1798.0, n);
+        assert_eq!((interval(&of(4)), quartiles(&of(4))), (None, None));
+        assert_eq!((interval(&of(5)), quartiles(&of(5))), (Some([1798.0; 2]), Some([1798.0; 2])));
+        assert_eq!(not_enough(&of(1)).as_deref(), Some("not enough samples (n = 1)"));
+        assert_eq!(not_enough(&infeasible("gpu", "naive", 8, "no")), None);
+    }
+
+    #[test]
+    fn the_best_of_some_has_few_samples_only_where_all_have() {
         let records = [
-            measured("gpu", "naive", 8, [10.0, 12.0]),
-            measured("gpu", "private", 8, [11.5, 14.0]),
-            measured("gpu", "deferred", 8, [13.0, 15.0]),
+            few("gpu", "naive", 4, 1.0, 1),
+            measured("gpu", "naive", 8, [2.0, 2.1]),
+            few("gpu", "wide", 1, 0.1, 2),
         ];
         let groups = groups(&records);
-        let names: Vec<_> = groups[0].winners().iter().map(|record| record.name.as_str()).collect();
-        assert_eq!(names, ["naive", "private"]);
+        let best = |name: &str| groups[0].best_where(|record| record.name == name).and_then(median);
+        assert_eq!((best("naive"), best("wide")), (Some(2.05), Some(0.1)));
+        assert_eq!(groups[0].ranking().winners.len(), 1);
     }
 
     #[test]
@@ -161,7 +193,7 @@ pub mod tests {
             [measured("gpu", "naive", 8, [10.0, 12.0]), wrong, measured("gpu", "naive", 8, [20.0, 22.0])];
         let groups = groups(&records);
         assert_eq!(groups[0].records.len(), 2);
-        assert_eq!(groups[0].winners()[0].median_ms, Some(21.0));
+        assert_eq!(groups[0].ranking().winners[0].median_ms, Some(21.0));
         assert_eq!(groups[0].failures().len(), 1);
     }
 

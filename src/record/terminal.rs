@@ -3,8 +3,9 @@
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
 use super::numbers::{by, duration, ms, significant};
-use super::summary::{Group, groups, median, scene_notes};
+use super::summary::{Group, groups, median, not_enough, scene_notes};
 use super::types::{HOST, Outcome, Record};
+use crate::measure::Ranking;
 
 /// A matrix of medians for every scene, image size and device. The fastest are starred, points
 /// without a time say why in a word; the legend below has a full reason for each strategy's words. Where `coloured`,
@@ -20,14 +21,17 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     text
 }
 
-/// "teapot, 800 x 500, host: serial-f32 410.0 ms, parallel-f32 210.0 ms".
+/// "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n = 1); parallel-f32 210.0 ms".
 fn host_line(group: &Group<'_>) -> String {
     let cell = |record: &&Record| match median(record) {
-        Some(time) => format!("{} {}", record.strategy, duration(time)),
+        Some(time) => {
+            let few = not_enough(record).map_or(String::new(), |why| format!(", {why}"));
+            format!("{} {}{few}", record.strategy, duration(time))
+        }
         None => format!("{} {}", record.strategy, record.outcome.name()),
     };
     let cells: Vec<_> = group.records.iter().map(cell).collect();
-    format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join(", "))
+    format!("{}, {}, host: {}\n", group.scene, by(group.image_size), cells.join("; "))
 }
 
 fn matrix(group: &Group<'_>, coloured: bool) -> String {
@@ -40,7 +44,7 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
     }
     sizes.sort_by_key(|size| size.map(|[across, down]| (across * down, across)));
     sizes.dedup();
-    let winners = group.winners();
+    let winners = group.ranking().winners;
     let mut table = Table::new();
     table.load_style(presets::UTF8_BORDERS_ONLY);
     if coloured {
@@ -60,14 +64,14 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
         });
         table.add_row(std::iter::once(Cell::new(name)).chain(cells));
     }
-    let limit = limit_line(group);
-    format!("{}, {}, {}: median ms\n{table}\n{limit}", group.scene, by(group.image_size), group.device)
+    let peak = peak_line(group);
+    format!("{}, {}, {}: median ms\n{table}\n{peak}", group.scene, by(group.image_size), group.device)
 }
 
-/// The largest part of the device's arithmetic limit that each strategy reaches; nothing where no limit is known.
-fn limit_line(group: &Group<'_>) -> String {
+/// The largest part of the device's multiply-adds that each strategy reaches; nothing where they were not measured.
+fn peak_line(group: &Group<'_>) -> String {
     let mut parts: Vec<(&str, f64)> = Vec::new();
-    for record in group.ranked() {
+    for record in group.ranking().ranked {
         let Some(fraction) = record.limit_fraction else { continue };
         match parts.iter_mut().find(|(name, _)| *name == record.name) {
             Some((_, most)) => *most = most.max(fraction),
@@ -78,7 +82,7 @@ fn limit_line(group: &Group<'_>) -> String {
         return String::new();
     }
     let parts: Vec<_> = parts.iter().map(|(name, part)| format!("{name} {}", percent(*part))).collect();
-    format!("of the device's arithmetic limit: {}\n", parts.join(", "))
+    format!("of the device's peak multiply-adds: {}\n", parts.join(", "))
 }
 
 /// "2.4%".
@@ -95,9 +99,14 @@ fn cell(record: &Record, wins: bool) -> Cell {
         Some(time) if wins => {
             number(format!("*{}{}", ms(time), mark(record))).fg(Color::Green).add_attribute(Attribute::Bold)
         }
-        Some(time) => number(format!("{}{}", ms(time), mark(record))),
+        Some(time) => number(format!("{}{}{}", ms(time), mark(record), few(record))),
         None => number(word(record)).fg(Color::Yellow),
     }
+}
+
+/// Marks a time of too few samples: " n=3".
+fn few(record: &Record) -> String {
+    not_enough(record).map_or(String::new(), |_| format!(" n={}", record.samples_ms.len()))
 }
 
 /// Marks a time that comes with a warning.
@@ -123,11 +132,14 @@ pub(crate) fn word(record: &Record) -> String {
 fn legend(groups: &[Group<'_>]) -> String {
     let kernels = || groups.iter().filter(|group| group.device != HOST);
     let mut text = String::new();
-    if kernels().any(|group| !group.winners().is_empty()) {
+    let rankings: Vec<_> = kernels().map(Group::ranking).collect();
+    if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
         text.push_str("* fastest; several: their 95% intervals overlap, which is a tie\n");
     }
-    let warned =
-        kernels().flat_map(|group| group.ranked()).filter_map(|one| Some((one, one.warning.as_ref()?)));
+    if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
+        text.push_str("n=... not enough samples: fewer than five have no rank, however fast they look\n");
+    }
+    let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, one.warning.as_ref()?)));
     if let Some((record, warning)) = warned.clone().next() {
         let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
         let count = warned.count();
@@ -167,7 +179,7 @@ fn meaning(outcome: Outcome) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{infeasible, measured};
+    use super::super::summary::tests::{few, infeasible, measured};
     use super::*;
 
     #[test]
@@ -189,6 +201,21 @@ mod tests {
         assert_eq!(cells, ["local-vectors", "*80.50", "local"], "{text}");
         assert!(line("local:").contains("110592 B > 49152 B"), "{text}");
         assert!(line("* fastest").contains("tie"), "{text}");
+    }
+
+    #[test]
+    fn few_samples_are_said_and_never_starred() {
+        let records = [
+            few("host", "serial-f32", 0, 1798.0, 1),
+            few("pocl", "naive", 8, 5.0, 3),
+            measured("pocl", "wide", 1, [9.9, 10.1]),
+        ];
+        let text = summary_terminal(&records, false);
+        for expected in ["not enough samples (n = 1)", "5.000 n=3", "*10.00", "n=... not enough samples"] {
+            assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+        }
+        let none = summary_terminal(&records[..2], false);
+        assert!(!none.contains('*'), "{none}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! One point's record and one sample's line. `docs/format.md` documents every field.
 
+use crate::manifest;
 use crate::program::MadeKernel;
 use crate::sensor::Sensed;
 use serde::{Deserialize, Serialize};
@@ -57,6 +58,15 @@ pub struct Record {
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
+    /// A hash of all in the scene that decides the picture: what tells scenes apart.
+    #[serde(default)]
+    pub scene_hash: Option<String>,
+    /// The scene's file, as the config's folder leads to it.
+    #[serde(default)]
+    pub scene_file: Option<String>,
+    /// The values set in it, each as a line of TOML.
+    #[serde(default)]
+    pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
     /// Which of several devices of this kind it was measured on, where points were spread over them.
@@ -91,7 +101,7 @@ pub struct Record {
     pub q1_ms: Option<f64>,
     /// Their third quartile.
     pub q3_ms: Option<f64>,
-    /// The 95% bootstrap interval of the median: low, high.
+    /// The 95% bootstrap interval of the median: low, high. Files of earlier versions have one of few samples too.
     pub ci95_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order taken.
     #[serde(default)]
@@ -148,6 +158,9 @@ pub struct Record {
     /// Frames of each timed sample, where one alone is too short for the device's timer.
     #[serde(default)]
     pub batch: Option<u32>,
+    /// The threads that the device cast with, where that is known: of PoCL.
+    #[serde(default)]
+    pub threads: Option<u32>,
     /// What the compiler made of the frame's kernels, in their order.
     #[serde(default)]
     pub kernels: Vec<MadeKernel>,
@@ -170,28 +183,41 @@ pub struct Record {
     pub program_hash: Option<String>,
     /// The seed of the order of rounds.
     pub seed: Option<u64>,
+    /// The git revision that raycl was built from, "-dirty" where the tree was changed.
+    #[serde(default)]
+    pub revision: Option<String>,
 }
 
 impl Record {
+    /// Its strategy's value of an axis: the one reader of what `strategy` spells out.
+    pub fn axis(&self, axis: &str) -> Option<&str> {
+        axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
+    }
+
     /// Whether each of its rays is tested against every triangle, so that tests can be counted.
     pub fn tests_every_triangle(&self) -> bool {
-        self.is_baseline() || self.strategy.contains("traversal=exhaustive")
+        self.is_baseline() || self.axis("traversal") == Some("exhaustive")
     }
 
     /// Whether its rays walk a tree, each by itself or a tile of them together.
     pub fn walks_tree(&self) -> bool {
-        ["traversal=bvh", "traversal=tile"].iter().any(|way| self.strategy.contains(way))
+        matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
 
-    /// The kernel that casts primary rays, alone or with the rest of the frame: the first but preparations.
+    /// The kernel that casts primary rays, alone or with the rest of the frame, by the manifest.
     pub fn main_kernel(&self) -> Option<&MadeKernel> {
-        self.kernels.iter().find(|kernel| kernel.name != "prepare_origins")
+        self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
     /// Whether it is a caster on the host.
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }
+}
+
+/// The axes that a strategy's text spells out, and their values; none of a baseline's.
+pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
+    strategy.split_whitespace().filter_map(|part| part.split_once('='))
 }
 
 /// One timed frame: a line of `samples.jsonl`.
@@ -218,4 +244,24 @@ pub struct Sample {
     /// What the device's sensors showed meanwhile.
     #[serde(default)]
     pub sensed: Option<Sensed>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_prepares_triangles_is_not_the_main_kernel() {
+        let kernel = |name: &str| MadeKernel { name: name.to_owned(), ..MadeKernel::default() };
+        for (names, main) in [
+            (&["tile_prepare", "tile_cast", "tile_shade"][..], Some("tile_cast")),
+            (&["prepare_origins", "cast_primary", "shade_nearest"], Some("cast_primary")),
+            (&["raster_depth", "raster_nearest", "shade_nearest"], Some("raster_depth")),
+            (&[], None),
+        ] {
+            let record =
+                Record { kernels: names.iter().map(|name| kernel(name)).collect(), ..Record::default() };
+            assert_eq!(record.main_kernel().map(|kernel| kernel.name.as_str()), main);
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! The ray-triangle test: the twin of `cl/intersect/moller_trumbore`.
+//! The ray-triangle test: the twin of `cl/cast/intersect/moller_trumbore`.
 
 use super::ray::Ray;
 use super::real::{Real, Vector};

@@ -7,6 +7,7 @@
 pub mod cast;
 pub mod certainty;
 pub mod cost;
+mod fingerprint;
 pub mod intersect;
 pub mod ray;
 pub mod real;
@@ -18,6 +19,7 @@ pub mod tree;
 pub(crate) mod fixtures;
 
 pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
+pub use fingerprint::fingerprint;
 
 use crate::image::{Radiance, dark_floor};
 use crate::scene::Scene;

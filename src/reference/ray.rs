@@ -1,4 +1,4 @@
-//! Rays, and the one through each pixel: the twin of `cl/shared/camera`.
+//! Rays, and the one through each pixel: the twin of `cl/common/camera`.
 
 use super::real::{Real, Vector};
 use crate::scene::PixelFrame;

@@ -1,4 +1,4 @@
-//! How a hit is shaded: the twin of `cl/shared/shade`. Hughes et al., section 15.4:
+//! How a hit is shaded: the twin of `cl/cast/shade`. Hughes et al., section 15.4:
 //! direct light only, no ambient, no emission.
 
 use super::intersect::Hit;

@@ -1,7 +1,10 @@
 //! The first screen: who won, by how much, how sure that is, and what could not run.
 
-use super::words::{first_line, ratio_interval, series_name, title};
-use crate::record::{Group, HOST, Record, duration, interval, median, ms, significant, word};
+use super::words::{first_line, interval_text, series_name, title};
+use crate::measure::Ranking;
+use crate::record::{
+    Group, HOST, Record, duration, estimate, few_names, interval, median, not_enough, significant, word,
+};
 
 /// What was found in one group: a scene at a size on a device.
 #[derive(Clone, Debug)]
@@ -14,6 +17,8 @@ pub struct Answer {
     pub device: String,
     /// The winning set, fastest first: strategy and local size.
     pub winners: Vec<Winner>,
+    /// What is said where there is no winner.
+    pub nobody: &'static str,
     /// The best median as text, and its interval.
     pub time: String,
     /// The interval of the best median as text.
@@ -46,11 +51,11 @@ pub struct Winner {
 pub struct Speedup {
     /// Than what.
     pub over: String,
-    /// How many times.
-    pub ratio: f64,
-    /// "4.4×".
+    /// How many times; none where one has too few samples.
+    pub ratio: Option<f64>,
+    /// "4.4×", or "?".
     pub factor: String,
-    /// "4.2 to 4.6".
+    /// "4.2 to 4.6", or "not enough samples (n = 3)".
     pub range: String,
 }
 
@@ -71,9 +76,9 @@ pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
 }
 
 fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
-    let winners = group.winners();
-    let best = winners.first().copied();
-    let (sureness, sure) = sure(group, &winners);
+    let ranking = group.ranking();
+    let best = ranking.winners.first().copied();
+    let (sureness, sure) = sure(&ranking);
     Answer {
         scene: group.scene.to_owned(),
         image_size: group.image_size,
@@ -81,13 +86,14 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
         time: best.and_then(median).map_or("-".into(), duration),
         interval: best
             .and_then(interval)
-            .map_or(String::new(), |[low, high]| format!("{} to {} ms", ms(low), ms(high))),
+            .map_or(String::new(), |interval| format!("{} ms", interval_text(interval))),
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, groups)),
         sureness,
         sure,
         refused: refused(group),
         image: best.and_then(|record| record.image.clone()),
-        winners: winners.iter().map(|record| winner(record)).collect(),
+        nobody: if ranking.unranked.is_empty() { NOTHING } else { "no winner: not enough samples" },
+        winners: ranking.winners.iter().map(|record| winner(record)).collect(),
     }
 }
 
@@ -101,53 +107,64 @@ pub fn baselines<'a>(group: &Group<'_>, groups: &'a [Group<'a>]) -> Vec<&'a Reco
     let of_host = |other: &&Group<'_>| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
     };
-    groups.iter().find(of_host).map(Group::ranked).unwrap_or_default()
+    groups.iter().find(of_host).map(|host| host.ranking().all()).unwrap_or_default()
 }
 
 fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speedup> {
     let serial = baselines(group, groups).into_iter().filter(|record| record.strategy.starts_with("serial"));
     let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
     let over = serial.chain(naive.filter(|naive| naive.key != best.key));
-    over.filter_map(|other| {
-        let factor = median(other)? / median(best)?;
-        let [low, high] = ratio_interval(other, best)?;
-        Some(Speedup {
-            over: if other.is_baseline() {
-                other.strategy.clone()
-            } else {
-                format!("the best {}", series_name(other))
-            },
-            ratio: factor,
-            factor: format!("{}×", significant(factor, 3)),
-            range: format!("{} to {}", significant(low, 3), significant(high, 3)),
-        })
-    })
-    .collect()
+    over.filter_map(|other| speedup(best, other)).collect()
 }
 
+fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
+    let over =
+        if other.is_baseline() { other.strategy.clone() } else { format!("the best {}", series_name(other)) };
+    let Some([low, high]) = estimate(other)?.ratio_interval(&estimate(best)?) else {
+        return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
+    };
+    let ratio = median(other)? / median(best)?;
+    let range = format!("{} to {}", significant(low, 3), significant(high, 3));
+    Some(Speedup { over, ratio: Some(ratio), factor: format!("{}×", significant(ratio, 3)), range })
+}
+
+/// What is said where there is no time at all.
+const NOTHING: &str = "nothing measured";
 /// Fewer samples than these say little.
 const FEW: usize = 10;
 
-fn sure(group: &Group<'_>, winners: &[&Record]) -> (&'static str, String) {
-    let Some(best) = winners.first() else {
-        return ("unsure", "Nothing could be measured.".to_owned());
+fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
+    let unranked = match ranking.unranked.is_empty() {
+        true => String::new(),
+        false => format!(" Not enough samples to rank: {}.", few_names(&ranking.unranked, title)),
+    };
+    let Some(best) = ranking.winners.first() else {
+        let nothing = if unranked.is_empty() { "Nothing could be measured." } else { "No winner." };
+        return ("unsure", format!("{nothing}{unranked}"));
     };
     let n = best.samples_ms.len();
-    let few = if n < FEW { format!(" Only {n} samples: look, do not conclude.") } else { String::new() };
-    let next =
-        group.ranked().into_iter().find(|record| !winners.iter().any(|winner| winner.key == record.key));
+    let beaten = |record: &&&Record| !ranking.winners.iter().any(|winner| winner.key == record.key);
+    let next = ranking.ranked.iter().find(beaten);
     let gap = next.and_then(|next| Some((next, median(next)? / median(best)?)));
     let behind = gap.map_or(String::new(), |(next, factor)| {
         format!(" The next, {}, takes {} times as long.", title(next), significant(factor, 3))
     });
-    match winners.len() {
-        1 if n < FEW => ("unsure", format!("Its interval touches no other, but n = {n}.{behind}")),
-        1 => ("clear", format!("Its 95% interval touches no other; n = {n}.{behind}")),
-        several => (
-            "tie",
-            format!("A tie of {several}: their 95% intervals overlap the fastest one's.{few}{behind}"),
-        ),
-    }
+    let few = if n < FEW { format!(" Only {n} samples: look, do not conclude.") } else { String::new() };
+    let (sureness, said) = match ranking.winners.len() {
+        1 if n < FEW => ("unsure", format!("Its interval touches no other, but n = {n}.")),
+        1 if may_be_faster(ranking) => ("unsure", "A point of too few samples may be as fast.".to_owned()),
+        1 => ("clear", format!("Its 95% interval touches no other; n = {n}.")),
+        several => {
+            ("tie", format!("A tie of {several}: their 95% intervals overlap the fastest one's.{few}"))
+        }
+    };
+    (sureness, format!("{said}{behind}{unranked}"))
+}
+
+/// Whether a point that is not ranked has a median that is not above the best one's interval.
+fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
+    let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
+    ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
 }
 
 fn refused(group: &Group<'_>) -> Vec<Refused> {
@@ -174,9 +191,10 @@ pub fn headline(answers: &[Answer]) -> String {
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, f64, f64)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
+        let Some(ratio) = speedup.ratio else { continue };
         match over.iter_mut().find(|(name, ..)| *name == speedup.over) {
-            Some((_, low, high)) => (*low, *high) = (low.min(speedup.ratio), high.max(speedup.ratio)),
-            None => over.push((&speedup.over, speedup.ratio, speedup.ratio)),
+            Some((_, low, high)) => (*low, *high) = (low.min(ratio), high.max(ratio)),
+            None => over.push((&speedup.over, ratio, ratio)),
         }
     }
     let text = |(name, low, high): &(&str, f64, f64)| {
@@ -199,7 +217,8 @@ fn who_wins(answers: &[Answer]) -> String {
     }
     let measured = answers.iter().filter(|one| !one.winners.is_empty()).count();
     let Some(most) = names.iter().map(|(_, count)| *count).max() else {
-        return "Nothing could be measured.".to_owned();
+        let few = answers.iter().any(|one| one.nobody != NOTHING);
+        return if few { "No winner: not enough samples" } else { "Nothing could be measured" }.to_owned();
     };
     let best: Vec<_> = names.iter().filter(|(_, count)| *count == most).map(|(name, _)| *name).collect();
     let whom = match best.as_slice() {
@@ -219,7 +238,7 @@ fn who_wins(answers: &[Answer]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{infeasible, measured};
+    use crate::record::fixtures::{few, infeasible, measured};
     use crate::record::groups;
 
     #[test]
@@ -243,10 +262,30 @@ mod tests {
     }
 
     #[test]
+    fn few_samples_are_no_speed_up_no_winner_and_leave_the_best_unsure() {
+        let slow = few("gpu", "naive", 8, 20.0, 3);
+        let records =
+            [few("host", "serial-f32", 0, 1798.0, 1), slow.clone(), measured("gpu", "wide", 4, [10.0, 12.0])];
+        let of = |records: &[Record]| answers(&groups(records)).remove(0);
+        let one = of(&records);
+        assert_eq!(one.sureness, "clear");
+        assert!(one.sure.ends_with("Not enough samples to rank: naive at 8 x 8 (n = 3)."), "{}", one.sure);
+        let told: Vec<_> =
+            one.speedups.iter().map(|told| (told.factor.as_str(), told.range.as_str())).collect();
+        assert_eq!(told, [("?", "not enough samples (n = 1)"), ("?", "not enough samples (n = 3)")]);
+        assert_eq!(headline(&[one]), "wide is the fastest");
+        let faster = Record { median_ms: Some(9.0), ..slow.clone() };
+        assert_eq!(of(&[faster, records[2].clone()]).sureness, "unsure");
+        let none = of(&[slow]);
+        assert_eq!((none.nobody, none.time.as_str()), ("no winner: not enough samples", "-"));
+        assert_eq!(headline(&[none]), "No winner: not enough samples");
+    }
+
+    #[test]
     fn nothing_measured_is_said() {
         let records = [infeasible("gpu", "naive", 32, "work-group: too large")];
         let answers = answers(&groups(&records));
-        assert_eq!(headline(&answers), "Nothing could be measured.");
+        assert_eq!(headline(&answers), "Nothing could be measured");
         assert_eq!(answers[0].sureness, "unsure");
     }
 }

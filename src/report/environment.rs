@@ -1,7 +1,6 @@
 //! Where and how the runs were made: enough for someone else to make them again.
 
-use super::folder::Folder;
-use crate::record::Record;
+use crate::record::{Folder, Record};
 use serde_json::Value;
 
 /// What a page says of one folder.
@@ -17,8 +16,6 @@ pub struct EnvironmentView {
     pub config: String,
     /// The rest, under headings.
     pub sections: Vec<(String, Vec<(String, String)>)>,
-    /// What is to be said of the reading.
-    pub notes: Vec<String>,
 }
 
 /// A program that was measured: the strategy's name, its axes, its hash.
@@ -40,7 +37,6 @@ pub fn view(folder: &Folder) -> EnvironmentView {
         command: command(environment),
         program: program(environment),
         config: environment["config"].as_str().unwrap_or_default().to_owned(),
-        notes: folder.notes.clone(),
         ..EnvironmentView::default()
     };
     let mut run = Vec::new();

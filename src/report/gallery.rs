@@ -1,7 +1,6 @@
 //! Pictures, read from the results' folders and put into the page itself.
 
-use super::folder::Folder;
-use crate::record::{Record, by};
+use crate::record::{Folder, Record, by};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use std::collections::HashMap;

@@ -132,14 +132,11 @@ struct Fit {
 }
 
 impl Fit {
-    /// The fit to marks at three places or more.
+    /// The fit to marks at three places or more. Those without an interval have too few samples to be fitted.
     fn of(marks: &[Mark]) -> Option<Self> {
-        let points: Vec<[f64; 2]> = marks
-            .iter()
-            .filter(|mark| mark.x > 0.0 && mark.y > 0.0)
-            .map(|mark| [mark.x.ln(), mark.y.ln()])
-            .collect();
-        if distinct(marks.iter()) < 3 || points.len() < 3 {
+        let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
+        let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();
+        if distinct(sure()) < 3 || points.len() < 3 {
             return None;
         }
         let n = points.len() as f64;
@@ -185,7 +182,8 @@ mod tests {
     use crate::record::groups;
 
     fn marks(points: &[[f64; 2]]) -> Vec<Mark> {
-        points.iter().map(|[x, y]| Mark { x: *x, y: *y, interval: None, tip: String::new() }).collect()
+        let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
+        points.iter().map(mark).collect()
     }
 
     #[test]
@@ -199,6 +197,9 @@ mod tests {
         assert!((bent.error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");
         assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0]])), None);
         assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0], [2.0, 3.0]])), None, "two places");
+        let mut few = marks(&exact);
+        few[2].interval = None;
+        assert_eq!(Fit::of(&few), None, "two places of enough samples");
     }
 
     /// A scene of so many triangles at a size, cast by a strategy.

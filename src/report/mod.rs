@@ -4,9 +4,9 @@ mod answer;
 mod claims;
 mod compare;
 mod environment;
-mod folder;
 mod gallery;
 mod growth;
+mod merged;
 mod occupancy;
 mod overview;
 mod page;
@@ -19,15 +19,15 @@ mod words;
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Comparison, Pair};
 pub use environment::quote;
-pub use folder::Folder;
 pub use page::Page;
 pub use reproduction::Reproduction;
 
-use crate::error::{Error, Result};
-use crate::record::{Record, kernel_tuner_caches, own_folder, summary_csv, t4_results, write_page};
+use crate::error::Result;
+use crate::output::OutFolder;
+use crate::record::{Folder, Record, kernel_tuner_caches, summary_csv, t4_results};
 use plot::Plot;
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What was written.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,63 +40,63 @@ pub struct Written {
     pub exports: PathBuf,
 }
 
+/// A report's page.
+pub const PAGE: &str = "report.html";
+/// The pages of a comparison.
+pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
+/// The page of a reproduction.
+pub const REPRODUCTION: &str = "reproduction.html";
+
+/// Names of files in a folder, and what they hold.
+type Files = Vec<(String, Vec<u8>)>;
+
 /// Writes `report.html`, `plots/` and `exports/` of the folders' records into `out`.
-pub fn write(folders: &[Folder], out: &Path) -> Result<Written> {
-    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     let page = Page::of(folders);
-    let path = out.join("report.html");
-    put(&path, page.html()?.as_bytes())?;
-    let plots = write_plots(&page.plots(), out)?;
-    let exports = write_exports(&folder::merged(folders), out)?;
-    Ok(Written { page: path, plots, exports })
+    let mut files = vec![(PAGE.to_owned(), page.html()?.into_bytes())];
+    let plots = page.plots();
+    files.extend(plot_files(&plots)?);
+    files.extend(exports(&merged::merged(folders))?);
+    out.write(&files)?;
+    out.remove_stale(&files)?;
+    let at = |name: &str| out.path().join(name);
+    Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }
 
-/// Writes what other tools read under `out/exports`: T4 results, a Kernel Tuner cache a group, CSV.
-fn write_exports(records: &[Record], out: &Path) -> Result<PathBuf> {
-    let folder = out.join("exports");
-    own_folder(&folder).map_err(|error| cannot("make", &folder, &error))?;
-    put(&folder.join("t4-results.json"), t4_results(records).as_bytes())?;
-    for (name, text) in kernel_tuner_caches(records) {
-        put(&folder.join(format!("kernel-tuner-{name}.json")), text.as_bytes())?;
-    }
-    put(&folder.join("points.csv"), &summary_csv(records)?)?;
-    Ok(folder)
+/// What other tools read: T4 results, a Kernel Tuner cache a group, CSV.
+fn exports(records: &[Record]) -> Result<Files> {
+    let mut files = vec![
+        ("exports/t4-results.json".to_owned(), t4_results(records).into_bytes()),
+        ("exports/points.csv".to_owned(), summary_csv(records)?),
+    ];
+    let caches = kernel_tuner_caches(records).into_iter();
+    files.extend(caches.map(|(name, text)| (format!("exports/kernel-tuner-{name}.json"), text.into_bytes())));
+    Ok(files)
 }
 
 /// Writes `reproduction.html` and its plots of folders made with the paper's configs into `out`; returns the page's path.
-pub fn write_reproduction(folders: &[Folder], out: &Path) -> Result<PathBuf> {
-    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
+pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders);
-    let path = out.join("reproduction.html");
-    put(&path, page.html()?.as_bytes())?;
-    write_plots(&page.plots(), out)?;
-    Ok(path)
+    let mut files = vec![(REPRODUCTION.to_owned(), page.html()?.into_bytes())];
+    files.extend(plot_files(&page.plots())?);
+    out.write(&files)?;
+    Ok(out.path().join(REPRODUCTION))
 }
 
 /// Writes `compare.html`, `compare.md` and the plot into `out`.
-pub fn write_comparison(comparison: &Comparison, out: &Path) -> Result<()> {
-    std::fs::create_dir_all(out).map_err(|error| cannot("make", out, &error))?;
-    put(&out.join("compare.html"), comparison.html()?.as_bytes())?;
-    put(&out.join("compare.md"), comparison.markdown().as_bytes())?;
-    write_plots(&[&comparison.plot()], out).map(|_| ())
+pub fn write_comparison(comparison: &Comparison, out: &mut OutFolder) -> Result<()> {
+    let [html, markdown] = COMPARISON.map(str::to_owned);
+    let mut files =
+        vec![(html, comparison.html()?.into_bytes()), (markdown, comparison.markdown().into_bytes())];
+    files.extend(plot_files(&[&comparison.plot()])?);
+    out.write(&files)
 }
 
-/// Writes every plot as SVG and PNG under `out/plots`.
-pub fn write_plots(plots: &[&Plot], out: &Path) -> Result<(PathBuf, usize)> {
-    let folder = out.join("plots");
-    own_folder(&folder).map_err(|error| cannot("make", &folder, &error))?;
-    plots.par_iter().try_for_each(|plot| {
-        put(&folder.join(format!("{}.svg", plot.name)), plot.svg.as_bytes())?;
-        put(&folder.join(format!("{}.png", plot.name)), &plot::png::png(&plot.svg)?)
-    })?;
-    Ok((folder, plots.len()))
-}
-
-/// Writes a file, or says which one could not be written.
-pub fn put(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_page(path, bytes)
-}
-
-fn cannot(what: &str, path: &Path, error: &std::io::Error) -> Error {
-    Error::run(format!("cannot {what} {}: {error}", path.display()))
+/// Every plot as SVG and PNG under `plots`.
+fn plot_files(plots: &[&Plot]) -> Result<Files> {
+    let drawn = plots.par_iter().map(|plot| {
+        let file = |ending: &str, bytes: Vec<u8>| (format!("plots/{}.{ending}", plot.name), bytes);
+        Ok([file("svg", plot.svg.clone().into_bytes()), file("png", plot::png::png(&plot.svg)?)])
+    });
+    Ok(drawn.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
 }

@@ -9,14 +9,14 @@ use super::plot::scale::Kind;
 use super::view::names;
 use super::words::{Looks, group_title, tip};
 use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
-use crate::record::{Group, Record, median};
+use crate::record::{Group, Record, interval, median};
 
 /// The paper's registers a thread.
 const REGISTERS: u32 = 63;
 /// The paper's device.
 const PAPER: &str = "2.0";
 
-/// Predicted threads in flight against measured speed, a mark a point; none where nothing differs.
+/// Predicted threads in flight against measured speed, a mark a point of enough samples; none where nothing differs.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -26,7 +26,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
             .records
             .iter()
             .copied()
-            .filter(|record| record.name == strategy && median(record).is_some())
+            .filter(|record| record.name == strategy && interval(record).is_some())
             .collect();
         let best = of_strategy.iter().filter_map(|record| median(record)).fold(f64::INFINITY, f64::min);
         let marks: Vec<Mark> = of_strategy.iter().filter_map(|record| mark(record, sm, best)).collect();

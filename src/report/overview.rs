@@ -71,8 +71,8 @@ pub(super) fn best_of_each(
             continue;
         };
         let mut seen: Vec<String> = Vec::new();
-        // Fastest first: the first of a name is its best.
-        for record in group.ranked() {
+        // Fastest first: the first of a name is its best. Points of few samples come last.
+        for record in group.ranking().all() {
             let name = series_name(record);
             if seen.contains(&name) {
                 continue;
@@ -116,7 +116,7 @@ pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
 
 fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usize) -> Option<Plot> {
     let of = |device: &str| -> Vec<&Record> {
-        groups.iter().filter(|group| group.device == device).flat_map(Group::ranked).collect()
+        groups.iter().filter(|group| group.device == device).flat_map(|group| group.ranking().all()).collect()
     };
     let point =
         |record: &Record| (record.scene.clone(), record.image_size, record.name.clone(), record.local_size);

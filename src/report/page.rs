@@ -2,14 +2,16 @@
 
 use super::answer::{self, Answer, answers, headline};
 use super::environment::{self, EnvironmentView, Program};
-use super::folder::{Folder, merged};
 use super::gallery::{self, Pictures};
+use super::merged::{labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
-use super::words::{Looks, first_line, group_title, series_name, size_name, times};
+use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name, times};
 use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
-use crate::record::{Group, HOST, Outcome, Record, by, groups, interval, median, ms, percent, significant};
+use crate::record::{
+    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, not_enough, percent, significant,
+};
 use askama::Template;
 
 /// The style sheet every page carries.
@@ -27,6 +29,7 @@ pub struct Page {
     title: String,
     questions: Vec<(String, String)>,
     headline: String,
+    notes: Vec<String>,
     counts: Vec<(String, String)>,
     answers: Vec<(Answer, Option<String>)>,
     overview: Vec<Plot>,
@@ -64,7 +67,7 @@ pub struct Row {
     rays: String,
     tests: String,
     made: String,
-    limit: String,
+    peak: String,
     outcome: &'static str,
     why: String,
     wins: bool,
@@ -94,6 +97,7 @@ impl Page {
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
+            notes: notes(folders),
             counts: counts(&records, &groups),
             answers,
             overview,
@@ -129,6 +133,15 @@ pub fn nonce(records: &[Record]) -> String {
         hasher.update(record.scene.as_bytes());
     }
     hasher.finalize().to_hex().chars().take(24).collect()
+}
+
+/// What is to be said of the folders, under their names where there are several.
+pub fn notes(folders: &[Folder]) -> Vec<String> {
+    let of = |(folder, label): (&Folder, String)| -> Vec<String> {
+        let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
+        folder.notes.iter().map(said).collect()
+    };
+    folders.iter().zip(labels(folders)).flat_map(of).collect()
 }
 
 /// What the folders' configs asked and expected.
@@ -199,11 +212,11 @@ fn one_view(
     others.extend(view::strip(group, &file("samples")));
     let capability = compute_capability(folders, group.device);
     others.extend(occupancy::plot(group, looks, capability.as_deref(), &file("occupancy")));
-    let winners = group.winners();
-    let best = winners.first().and_then(|record| median(record));
+    let ranking = group.ranking();
+    let best = ranking.winners.first().and_then(|record| median(record));
     let failed = group.failures().into_iter().map(|(record, _)| record);
-    let kernels = group.ranked().into_iter().chain(failed);
-    let wins = |record: &Record| winners.iter().any(|winner| winner.key == record.key);
+    let kernels = ranking.all().into_iter().chain(failed);
+    let wins = |record: &Record| ranking.winners.iter().any(|winner| winner.key == record.key);
     let rows = kernels.map(|record| row(record, best, wins(record)));
     let host = answer::baselines(group, groups).into_iter().map(|record| row(record, best, false));
     View {
@@ -254,16 +267,17 @@ fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
         size: size_name(record),
         items: record.local_size.map_or(0, |[across, down]| across * down),
         median: number(time, &ms),
-        interval: interval(record)
-            .filter(|_| time.is_some())
-            .map_or(String::new(), |[low, high]| format!("{} to {}", ms(low), ms(high))),
+        interval: interval(record).map(interval_text).or(not_enough(record)).unwrap_or_default(),
         n: record.samples_ms.len(),
-        slower: time.zip(best).map_or(String::new(), |(time, best)| times(time, best)),
+        slower: time
+            .filter(|_| interval(record).is_some())
+            .zip(best)
+            .map_or(String::new(), |(time, best)| times(time, best)),
         rays: number(record.rays_per_s, &|rays| significant(rays / 1e6, 3)),
         tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
         outcome: record.outcome.name(),
         made: super::words::made(record).unwrap_or_default(),
-        limit: number(record.limit_fraction, &percent),
+        peak: number(record.limit_fraction, &percent),
         why: match time {
             Some(_) => record.warning.clone().unwrap_or_default(),
             None => first_line(record).to_owned(),

@@ -1,16 +1,16 @@
 //! The paper beside the measurement: its figures redrawn, its claims tested, its contradictions said.
 
 use super::claims::{Claim, Verdict, claims};
-use super::folder::{Folder, merged};
-use super::page::{SCRIPT, STYLE, nonce};
+use super::merged::merged;
+use super::page::{SCRIPT, STYLE, nonce, notes};
 use super::paper::{self, CURVES};
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::palette::Look;
 use super::plot::scale::Kind;
-use super::words::tip;
+use super::words::{times, tip};
 use crate::error::{Error, Result};
-use crate::record::{Group, HOST, by, duration, groups, median};
+use crate::record::{Folder, Group, HOST, by, duration, groups, interval, median, not_enough};
 use askama::Template;
 
 /// The page of the reproduction.
@@ -22,6 +22,7 @@ pub struct Reproduction {
     nonce: String,
     version: &'static str,
     devices: Vec<Device>,
+    notes: Vec<String>,
     commands: Vec<String>,
     /// Names of the folders that have reports of their own, which lie beside the page.
     reports: Vec<String>,
@@ -79,6 +80,7 @@ impl Reproduction {
             nonce: nonce(&records.concat()),
             version: env!("CARGO_PKG_VERSION"),
             devices: names.iter().enumerate().map(|(place, name)| device(place, name, &runs)).collect(),
+            notes: notes(folders),
             commands,
             reports: reports.map(|folder| folder.label.clone()).collect(),
         }
@@ -171,7 +173,7 @@ fn figure(
         },
         shapes: Plot {
             name: format!("figure-{number}-shapes{suffix}"),
-            caption: "Each curve divided by its own least value: the shapes compare even though the devices do not.".into(),
+            caption: "Each curve divided by its own least value: the shapes compare even though the devices do not. Points of fewer than five samples are left out.".into(),
             svg: shapes.svg(),
         },
         rows: curves.iter().flat_map(rows).collect(),
@@ -215,13 +217,15 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
         if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
     };
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
-    let own = least(&mut curve.ours.iter().filter_map(|record| median(record)));
+    // A shape is made of ratios, which few samples have no part in.
+    let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
+    let own = least(&mut ours().filter_map(median));
     let published = curve.published.iter().filter_map(|(block, ms)| {
         let tip = format!("{} at {block} x {block}\npublished {}", curve.name, duration(*ms));
         Some(Mark { x: place(*block)?, y: ms / theirs, interval: None, tip })
     });
-    let ours = curve.ours.iter().filter_map(|record| {
-        let interval = record.ci95_ms.map(|ends| ends.map(|end| end / own));
+    let ours = ours().filter_map(|record| {
+        let interval = interval(record).map(|ends| ends.map(|end| end / own));
         Some(Mark { x: place(record.local_size?[0])?, y: median(record)? / own, interval, tip: tip(record) })
     });
     let series = |name: String, dashed, marks| Series {
@@ -242,12 +246,13 @@ fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {
         let time = ours(*block).and_then(|record| median(record));
+        let few = ours(*block).and_then(|record| not_enough(record));
         [
             curve.name.to_owned(),
             format!("{block} x {block}"),
             crate::record::ms(*ms),
             time.map_or("-".into(), crate::record::ms),
-            time.map_or("-".into(), |time| format!("{}×", crate::record::significant(ms / time, 3))),
+            few.or(time.map(|time| times(*ms, time))).unwrap_or("-".into()),
         ]
     };
     curve.published.iter().map(row).collect()

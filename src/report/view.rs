@@ -8,7 +8,7 @@ use super::plot::palette::Look;
 use super::plot::scale::Kind;
 use super::plot::strip::{Row, Strip};
 use super::words::{Looks, group_title, size_name, tip, title};
-use crate::record::{Group, Outcome, Record, duration, interval, median, ms, word};
+use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, word};
 
 /// The image size of the paper's figures: only there can its times be laid over ours.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
@@ -80,7 +80,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option
         series,
     };
     let caption = format!(
-        "Bars are 95% intervals of the median; where there is none, it is smaller than its marker.{beside}"
+        "Bars are 95% intervals of the median; where there is none, it is smaller than its marker or there are fewer than five samples.{beside}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
 }
@@ -105,8 +105,8 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
 /// Strategies by local sizes, coloured by time; cells without a time say why.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
-    let winners = group.winners();
-    let best = winners.first().and_then(|record| median(record)).unwrap_or(1.0);
+    let winners = group.ranking().winners;
+    let best = group.records.iter().filter_map(|record| median(record)).fold(f64::INFINITY, f64::min);
     let mut codes: Vec<(String, String)> = Vec::new();
     let mut rows = Vec::new();
     for strategy in names(group) {
@@ -178,19 +178,19 @@ fn meaning(record: &Record) -> String {
 
 /// The samples of the fastest points, so that their noise can be seen.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
-    let rows: Vec<_> = group.ranked().into_iter().take(STRIPS).filter_map(strip_row).collect();
+    let all = group.ranking().all();
+    let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();
     if rows.is_empty() {
         return None;
     }
-    let all = group.ranked().len();
-    let shown = if all > rows.len() {
-        format!(" The {} fastest of {all} points are shown.", rows.len())
+    let shown = if all.len() > rows.len() {
+        format!(" The {} fastest of {} points are shown.", rows.len(), all.len())
     } else {
         String::new()
     };
     let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
     let caption = format!(
-        "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it.{shown}"
+        "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it. Fewer than five samples have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg() })
 }
@@ -198,13 +198,12 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
 fn strip_row(record: &Record) -> Option<Row> {
     let middle = median(record).filter(|middle| *middle > 0.0)?;
     let percent = |value: f64| 100.0 * (value / middle - 1.0);
-    let [low, high] = interval(record)?;
     Some(Row {
         name: format!("{} {}", record.name, size_name(record)),
         value: duration(middle),
         deviations: record.samples_ms.iter().copied().map(percent).collect(),
-        interval: [percent(low), percent(high)],
-        quartiles: [percent(record.q1_ms.unwrap_or(middle)), percent(record.q3_ms.unwrap_or(middle))],
+        interval: interval(record).map(|ends| ends.map(percent)),
+        quartiles: quartiles(record).map(|ends| ends.map(percent)),
         tip: tip(record),
     })
 }

@@ -1,7 +1,9 @@
 //! What the report's parts say of a record in the same words.
 
 use super::plot::palette::Look;
-use crate::record::{Group, HOST, Record, by, duration, interval, median, ms, percent, significant};
+use crate::record::{
+    Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant,
+};
 
 /// Series names and their looks: a strategy looks the same wherever it is shown.
 #[derive(Clone, Debug, Default)]
@@ -53,16 +55,17 @@ pub fn group_title(group: &Group<'_>) -> String {
 /// What is said of a record that is pointed at: strategy, local size, median, interval, n, and what to mind.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
-    match (median(record), interval(record)) {
-        (Some(time), Some([low, high])) => {
+    match median(record) {
+        Some(time) => {
             lines.push(format!("median {}", duration(time)));
-            lines.push(format!("95% interval {} to {} ms", ms(low), ms(high)));
+            lines.extend(sureness(record));
             lines.push(format!("n = {}{}", record.samples_ms.len(), stopped(record)));
         }
-        _ => lines.push(format!("{}: {}", record.outcome.name(), first_line(record))),
+        None => lines.push(format!("{}: {}", record.outcome.name(), first_line(record))),
     }
     lines.extend(made(record));
-    lines.extend(record.limit_fraction.map(|part| format!("{} of the arithmetic limit", percent(part))));
+    lines
+        .extend(record.limit_fraction.map(|part| format!("{} of the device's multiply-adds", percent(part))));
     lines.extend(record.warning.clone());
     lines.join("\n")
 }
@@ -83,6 +86,16 @@ fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }
 
+/// "95% interval 1.2 to 1.4 ms", or that there are not enough samples for one; nothing where there is no time.
+fn sureness(record: &Record) -> Option<String> {
+    not_enough(record).or_else(|| Some(format!("95% interval {} ms", interval_text(interval(record)?))))
+}
+
+/// "1.2 to 1.4", in milliseconds.
+pub fn interval_text([low, high]: [f64; 2]) -> String {
+    format!("{} to {}", ms(low), ms(high))
+}
+
 /// Why there is no time, in a line.
 pub fn first_line(record: &Record) -> &str {
     let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
@@ -92,10 +105,4 @@ pub fn first_line(record: &Record) -> &str {
 /// "4.35 times": how many times as long `slow` takes.
 pub fn times(slow: f64, fast: f64) -> String {
     format!("{}×", significant(slow / fast, 3))
-}
-
-/// The least and the greatest that a ratio of two medians may surely be.
-pub fn ratio_interval(slow: &Record, fast: &Record) -> Option<[f64; 2]> {
-    let ([slow_low, slow_high], [fast_low, fast_high]) = (interval(slow)?, interval(fast)?);
-    (fast_low > 0.0).then(|| [slow_low / fast_high, slow_high / fast_low])
 }

@@ -5,9 +5,11 @@ use super::overrides;
 use super::toml_error::toml_error;
 use super::wire::SceneWire;
 use super::{Scene, framing};
-use crate::error::{Error, Result, nearest_file};
+use crate::error::{Error, Result, line_of, nearest_file, shortened};
+use crate::filetype::{FileType, Opened, Wanted, experiment_instead};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use toml::de::DeTable;
 use toml::{Table, Value};
 
 /// A scene, and what a user may want to know about how it was read.
@@ -19,7 +21,7 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
-/// Loads a scene file (TOML) or a bare mesh (`.obj`). A bare mesh is seen whole from
+/// Loads a scene file (TOML) or a bare mesh (OBJ), told apart by what they hold. A bare mesh is seen whole from
 /// three quarters, lit by a key and a fill light, its normals turned to the viewer.
 ///
 /// # Errors
@@ -37,12 +39,15 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 /// As [`load_scene`], and for a path that leads nowhere.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     let document = Document::read(path, overrides)?;
-    let wire: SceneWire =
-        toml::from_str(&document.text).map_err(|e| toml_error(&document.name, &document.text, &e))?;
-    let mut notes = Vec::new();
+    let wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
+        experiment_instead(path, &document.text)
+            .or_else(|| document.not_toml(path, &error))
+            .unwrap_or_else(|| toml_error(&document.name, &document.text, &error))
+    })?;
+    let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
     let scene = assemble(&document, wire, &mut notes)?;
     scene.validate()?;
-    Ok(Loaded { scene, notes })
+    Ok(Loaded { scene, notes: notes.into_iter().map(shortened).collect() })
 }
 
 /// A scene file's text, ready to be read.
@@ -61,8 +66,16 @@ pub(super) struct Document {
 
 impl Document {
     fn read(path: &Path, overrides: &[(String, Value)]) -> Result<Self> {
-        let bare = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
-        let text = if bare { bare_text(path)? } else { read_text(path)? };
+        let opened = Opened::at(path).map_err(|error| unreadable("scene", path, &error))?;
+        if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
+            return Err(refusal);
+        }
+        let bare = match opened.filetype {
+            FileType::Obj => true,
+            FileType::Toml => false,
+            _ => is_named_obj(path),
+        };
+        let text = if bare { bare_text(path)? } else { read_text(path, opened)? };
         let mut document = Self {
             name: path.display().to_string(),
             text,
@@ -74,6 +87,24 @@ impl Document {
             document.set(overrides)?;
         }
         Ok(document)
+    }
+
+    /// A remark for a file that holds something else than its name says.
+    fn unexpected_ending(&self, path: &Path) -> Option<String> {
+        let held = if self.bare { "an OBJ mesh" } else { "a scene (TOML)" };
+        let usual = self.bare == is_named_obj(path) || path.extension().is_none();
+        (!usual).then(|| format!("{}: read as {held}, which it holds whatever its name says", path.display()))
+    }
+
+    /// The mistake of a file that does not say it is TOML and is not: it is likely none of what raycl reads.
+    fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
+        if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
+            return None;
+        }
+        let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
+        let reason = error.message().trim_end();
+        let message = format!("{}:{line}: neither a scene (TOML) nor an OBJ mesh: {reason}", self.name);
+        Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
     /// Sets values and writes the text anew, so that a message shows what was read.
@@ -97,6 +128,10 @@ impl Document {
     }
 }
 
+fn is_named_obj(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"))
+}
+
 /// The scene file that a bare mesh stands for.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
@@ -104,8 +139,12 @@ fn bare_text(path: &Path) -> Result<String> {
     Ok(format!("[[object]]\nobj = {}\n", Value::from(file)))
 }
 
-fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|error| unreadable("scene", path, &error))?;
+fn read_text(path: &Path, opened: Opened) -> Result<String> {
+    let bytes = opened.bytes().map_err(|error| unreadable("scene", path, &error))?;
+    if bytes.trim_ascii().is_empty() {
+        return Err(Error::input(format!("{} is empty", path.display()))
+            .with_help("a scene has at least an [[object]]; docs/scenes.md has an example"));
+    }
     String::from_utf8(bytes).map_err(|error| {
         let line =
             1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();

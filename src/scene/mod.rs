@@ -75,7 +75,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A hash of everything that decides the picture's radiance.
+    /// A hash of everything that decides the picture, its name aside.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mesh = &self.mesh;
@@ -90,8 +90,9 @@ impl Scene {
         let view = [camera.position, camera.right, camera.up, camera.forward, self.background];
         hash_words(&mut hasher, lights.chain(view).flat_map(|vector| vector.to_array()).map(f32::to_bits));
         let vertical = f32::from(camera.fov_is_vertical);
+        let display = [self.display.exposure, self.display.gamma];
         let numbers = [camera.tan_half_fov, vertical, camera.z_near, self.shadow_bias];
-        hash_words(&mut hasher, numbers.into_iter().map(f32::to_bits));
+        hash_words(&mut hasher, numbers.into_iter().chain(display).map(f32::to_bits));
         let indices = mesh.triangles.iter().flat_map(|t| {
             let ([a, b, c], [d, e, f]) = (t.positions, t.normals);
             [a, b, c, d, e, f, t.material]

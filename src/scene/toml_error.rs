@@ -15,6 +15,7 @@ pub(super) fn toml_error(name: &str, text: &str, error: &toml::de::Error) -> Err
             Error::in_file(name, text, span, format!("unknown key `{key}`{suggestion}"), "not a key here")
                 .with_help(format!("the keys here are {}", known.join(", ")))
         }
-        _ => Error::in_file(name, text, span, message.replace("invalid type: ", "wrong type: "), "here"),
+        _ => Error::in_file(name, text, span, message.replace("invalid type: ", "wrong type: "), "here")
+            .with_help("docs/scenes.md has every key of a scene, with its type"),
     }
 }

@@ -1,5 +1,5 @@
 //! The axes: each value has a name, a line that explains it, and (where it is
-//! code) one file under `cl/`. This is the only list of them.
+//! code) one file under `cl/` in each family that takes it. This is the only list of them.
 
 use crate::error::{Error, Result, nearest};
 
@@ -122,6 +122,7 @@ axis! {
         Watertight "watertight" "Woop, Benthin and Wald 2013: no leaks at edges and vertices",
         CommonOrigin "common-origin" "edge planes through the eye or the light, prepared once a frame",
         PixelLinear "pixel-linear" "common-origin, with the camera's planes as linear functions of the pixel",
+        EdgePlanes "edge-planes" "planes through edges and a tile's origin, prepared for all its rays where a tile meets a leaf",
     }
 }
 axis! {
@@ -182,13 +183,6 @@ axis! {
     Math "math" "what the compiler may do to arithmetic" {
         Strict "strict" "IEEE single precision as OpenCL C defines it",
         Fast "fast" "-cl-fast-relaxed-math",
-    }
-}
-
-impl Intersector {
-    /// Whether a row a triangle is prepared for the eye and each light.
-    pub fn prepares_planes(self) -> bool {
-        matches!(self, Self::CommonOrigin | Self::PixelLinear)
     }
 }
 

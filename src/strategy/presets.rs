@@ -51,6 +51,7 @@ const TILE: Strategy = Strategy {
     width: Width::W16,
     node_width: NodeWidth::N16,
     leaf_size: LeafSize::L8,
+    intersector: Intersector::EdgePlanes,
     ..MODERN
 };
 

@@ -2,30 +2,27 @@
 
 use super::sum::Sum;
 use super::workload::Workload;
-use super::{Layout, Strategy, Traversal, Triangles, Vectors};
+use super::{Layout, Strategy, Traversal, Triangles, WorkingMemory};
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
+use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES, WORKING_VECTORS};
+use crate::scene::Material;
 
-/// Nine working vectors of three floats.
-const WORKING_BYTES: u64 = 9 * 3 * 4;
-/// A triangle of the soup: 26 floats. Its corners, or its normals: 9. Its material: 8.
-const SOUP_BYTES: u64 = 26 * 4;
+/// Working vectors of three floats.
+const WORKING_BYTES: u64 = WORKING_VECTORS as u64 * 3 * 4;
+/// A triangle of the soup. Its corners, or its normals: 9 floats. Its material.
+const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
 /// What a test reads of a triangle: three float4.
-const ROW_BYTES: u64 = 12 * 4;
-const MATERIAL_BYTES: u64 = 8 * 4;
+const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
+const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
-
-/// Triangles of a tile where triangles are streamed through `__local` memory.
-pub const TILE_TRIANGLES: u64 = 256;
 
 /// A ray of a tile: direction, nearness, place, the direction's reciprocals, what the watertight test has of it; and while
 /// it is shaded the surface it hit, what arrives and the sum so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
-/// Work-items that share a tile: GROUP_LANES in the kernels.
-pub const GROUP_LANES: u32 = 32;
-/// An entry of their stack: a child's word and where it is entered.
+/// An entry of the stack of work-items that share a tile: a child's word and where it is entered.
 const STACK_ENTRY_BYTES: u64 = 8;
 /// A word a lane, by which they tell each other things where they have no other way.
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
@@ -149,7 +146,7 @@ fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
 }
 
 fn index_bytes(layout: Layout) -> u64 {
-    if layout == Layout::Indexed16 { 2 } else { 4 }
+    u64::from(layout.index_bits().unwrap_or(0)) / 8
 }
 
 fn add_vertices(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
@@ -186,7 +183,7 @@ fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 
 fn local(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
-    if strategy.vectors == Vectors::Local {
+    if strategy.vectors.memory() == WorkingMemory::Local {
         let [x, y] = w.local_size;
         let mut factors = vec![(WORKING_BYTES, " B")];
         if strategy.width.rays() > 1 {
@@ -227,10 +224,10 @@ fn add_working(sum: &mut Sum, what: &str, strategy: &Strategy, items: [u64; 2]) 
 pub(super) fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     let items = w.global_size(strategy).map(|n| n as u64);
-    match strategy.vectors {
-        Vectors::Private | Vectors::Local => {}
-        Vectors::Global => add_working(&mut sum, "vectors", strategy, items),
-        Vectors::Heap => add_working(&mut sum, "heap", strategy, items),
+    match strategy.vectors.memory() {
+        WorkingMemory::Private | WorkingMemory::Local => {}
+        WorkingMemory::Scratch => add_working(&mut sum, "vectors", strategy, items),
+        WorkingMemory::Heap => add_working(&mut sum, "heap", strategy, items),
     }
     sum
 }
@@ -245,8 +242,8 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
-    let barriers = !matches!(strategy.triangles, Triangles::Global | Triangles::Constant);
-    if strategy.vectors == Vectors::Private && barriers {
+    let barriers = !strategy.triangles.are_in_place();
+    if strategy.vectors.memory() == WorkingMemory::Private && barriers {
         add_working(&mut sum, "vectors", strategy, w.local_size.map(u64::from));
     }
     sum
@@ -291,8 +288,7 @@ pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;
     let nodes = (w.triangles as u64).saturating_mul(3) / (leaf * (children - 1)) + 1;
-    let rows = if children <= 8 { 8 } else { 7 };
-    (rows * children * 4, nodes)
+    (4 * WideBvh::stride(strategy.node_width.children()) as u64, nodes)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The sizes of what is cast.
 
-use super::requirements::GROUP_LANES;
 use super::{Strategy, Traversal};
+use crate::manifest::GROUP_LANES;
 
 /// The sizes a strategy's needs depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,8 +62,8 @@ impl Workload {
         if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }
     }
 
-    /// Tiles across and down of a work-group whose tiles are shared: TILES_ACROSS and TILES_DOWN in the kernels.
-    fn tiles_of_group(&self) -> [usize; 2] {
+    /// Tiles across and down of a work-group whose tiles are shared.
+    pub fn tiles_of_group(&self) -> [usize; 2] {
         let tiles = self.local_size[1] as usize;
         let across = if tiles.is_multiple_of(2) { 2 } else { 1 };
         [across, tiles / across]

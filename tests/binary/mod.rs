@@ -1,8 +1,63 @@
 //! What tests of the binary share: running it, in a folder of its own, on the test device.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
+use std::process::{Child, Output, Stdio};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
+
+/// Only a hang takes as long, also beside other work on a slow machine.
+pub const LIMIT: Duration = Duration::from_secs(600);
+
+/// Waits until something is so; fails at the limit.
+#[track_caller]
+pub fn until(what: &str, so: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !so() {
+        assert!(start.elapsed() < LIMIT, "waited {} s in vain until {what}", LIMIT.as_secs());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// What a process said until it ended. One that hangs is killed and fails the test.
+#[track_caller]
+pub fn finish(child: Child) -> Output {
+    let process = child.id();
+    let (sender, ended) = channel();
+    std::thread::spawn(move || sender.send(child.wait_with_output()));
+    match ended.recv_timeout(LIMIT) {
+        Ok(output) => output.expect("the output of a process"),
+        Err(_) => {
+            kill(process);
+            panic!("process {process} has not ended in {} s", LIMIT.as_secs())
+        }
+    }
+}
+
+/// Runs a program to its end and keeps what it says.
+#[track_caller]
+pub fn run(command: &mut std::process::Command) -> Output {
+    let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    finish(command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}")))
+}
+
+/// What Ctrl-C sends.
+#[cfg(unix)]
+pub fn send_interrupt(process: u32) {
+    use rustix::process::{Pid, Signal, kill_process};
+    let process = Pid::from_raw(process as i32).expect("a process has a number");
+    kill_process(process, Signal::INT).expect("the process lives");
+}
+
+#[cfg(unix)]
+fn kill(process: u32) {
+    use rustix::process::{Pid, Signal, kill_process};
+    // A process that has ended meanwhile needs no signal.
+    let _ = Pid::from_raw(process as i32).map(|process| kill_process(process, Signal::KILL));
+}
+
+#[cfg(not(unix))]
+fn kill(_: u32) {}
 
 /// One triangle before the camera, under one light.
 pub const TRIANGLE: &str = r#"name = "little"
@@ -76,7 +131,9 @@ impl Place {
     /// The binary, to be run in this folder.
     pub fn raycl(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
-        command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1");
+        command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
+        // Tests that do not test the lock of devices do not wait for each other.
+        command.env("RAYCL_LOCK_DIR", self.path(".locks"));
         command
     }
 

@@ -1,5 +1,4 @@
 //! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
 pub mod cover;
 pub mod edges;
@@ -19,7 +18,7 @@ use std::path::Path;
 pub fn device() -> Device {
     let pattern =
         std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
-    let devices = discover().expect("an OpenCL platform; `make setup` installs PoCL");
+    let devices = discover(&Sources::Embedded).expect("an OpenCL platform; `make setup` installs PoCL");
     let chosen = select(&devices, &[pattern]).expect("the test device");
     (*chosen.first().expect("a usable test device")).clone()
 }

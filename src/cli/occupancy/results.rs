@@ -3,7 +3,7 @@
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
 use crate::program::MadeKernel;
-use crate::record::{Record, by, median, ms, read_lines};
+use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
@@ -13,14 +13,12 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
     }
-    let path = if path.is_dir() { path.join("records.jsonl") } else { path.to_owned() };
-    if !path.exists() {
-        return Err(Error::input(format!("there is no {}", path.display()))
-            .with_help("--results takes a folder that `raycl run` wrote, or its records.jsonl"));
-    }
-    let records: Vec<Record> = read_lines(&path)?.lines;
-    let points: Vec<(&Record, MadeKernel)> =
-        records.iter().filter_map(|record| Some((record, predicted(record, compute_capability)?))).collect();
+    let folder = Folder::read(path)?;
+    let points: Vec<(&Record, MadeKernel)> = folder
+        .records
+        .iter()
+        .filter_map(|record| Some((record, predicted(record, compute_capability)?)))
+        .collect();
     if points.is_empty() {
         return Err(Error::run(format!("{} has no point whose registers are known", path.display())).with_help(
             "OpenCL does not tell a kernel's registers: only a compiler that prints them into its build log does",
@@ -31,6 +29,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
             .iter()
             .try_for_each(|(record, kernel)| super::super::print_json(&object(record, kernel)));
     }
+    folder.notes.iter().try_for_each(|note| super::super::print(format!("note: {note}")))?;
     super::super::print(text(&points))
 }
 
@@ -60,6 +59,7 @@ fn object(record: &Record, kernel: &MadeKernel) -> serde_json::Value {
         "occupancy": kernel.occupancy,
         "limited_by": kernel.occupancy_limited_by,
         "median_ms": median(record),
+        "samples": record.samples_ms.len(),
     })
 }
 
@@ -76,10 +76,16 @@ fn text(points: &[(&Record, MadeKernel)]) -> String {
             kernel.resident_groups.map_or(String::new(), |groups| groups.to_string()),
             kernel.occupancy.map_or(String::new(), |part| format!("{:.0}%", 100.0 * part)),
             kernel.occupancy_limited_by.clone().unwrap_or_default(),
-            median(record).map_or("-".to_owned(), ms),
+            time(record),
         ]);
     }
     table.to_string()
+}
+
+/// "12.30", or "12.30, not enough samples (n = 3)".
+fn time(record: &Record) -> String {
+    let few = not_enough(record).map_or(String::new(), |why| format!(", {why}"));
+    median(record).map_or("-".to_owned(), |time| ms(time) + &few)
 }
 
 #[cfg(test)]

@@ -18,6 +18,8 @@ pub struct Report {
     pub lights: usize,
     /// The device's name.
     pub device: String,
+    /// The threads that the device cast with, where that is known: of PoCL.
+    pub threads: Option<u32>,
     /// The preset, where the strategy is one unchanged.
     pub preset: Option<&'static str>,
     /// Every axis of the strategy.
@@ -68,7 +70,7 @@ pub struct Report {
     pub verified: Option<Verified>,
     /// The picture.
     pub output: String,
-    /// What was passed over or made up in reading the scene.
+    /// What was passed over or made up in reading the scene, and whether raycl was built from a tree with changes.
     pub notes: Vec<String>,
 }
 
@@ -104,6 +106,7 @@ impl Report {
             triangles,
             lights: scene.lights.len(),
             device: device.info.label.clone(),
+            threads: device.info.threads,
             preset: PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name),
             strategy: strategy.to_string(),
             local_size: workload.local_size,

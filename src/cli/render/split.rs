@@ -1,10 +1,11 @@
 //! `raycl render --devices`: one frame on several devices.
 
 use super::report::Verified;
-use super::{Args, check, default_output, medians, ms_since, scene_overrides, strategy, timed};
+use super::{Args, check, medians, ms_since, scene_overrides, strategy, target, timed};
+use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
-use crate::image::{check_path, save};
+use crate::image::{check_target, save};
 use crate::launch::{Share, Split};
 use crate::program::Sources;
 use crate::scene::load_scene_with;
@@ -35,6 +36,8 @@ struct Report {
     total_ms: f64,
     verified: Option<Verified>,
     output: String,
+    /// What was passed over or made up in reading the scene.
+    notes: Vec<String>,
 }
 
 /// One device's part.
@@ -72,21 +75,24 @@ impl From<Share> for Row {
 /// Renders one picture on every device that `pattern` means.
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
-    let output = args.output.clone().unwrap_or_else(|| default_output(args));
-    check_path(&output)?;
+    let target = target(args);
+    check_target(&target)?;
     let loaded = load_scene_with(&args.scene, &scene_overrides(args)?)?;
     let scene = &loaded.scene;
-    let found = discover()?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
     // One strategy for all, as the pixels are to be the same.
     let (strategy, local_size) = strategy(args, &devices[0], scene.mesh.triangles.len())?;
     let workload = Workload::of(scene, [args.width, args.height], local_size);
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
+    let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
+    let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
     let (image, _, shares) = split.cast(&devices)?;
-    let (saved, _) = timed(|| save(&image, scene.display, &output));
+    drop(held);
+    let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(scene, &image, &strategy, &output)).transpose()?;
+    let verified = args.verify.then(|| check(scene, &image, &strategy, target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let pixels = f64::from(args.width) * f64::from(args.height);
@@ -105,7 +111,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         frames: args.repeat,
         total_ms: ms_since(start),
         verified,
-        output: output.display().to_string(),
+        output: target.path().display().to_string(),
+        notes: loaded.notes.clone(),
     };
     match (args.json, args.quiet) {
         (true, _) => super::super::print_json(&report),
@@ -132,7 +139,7 @@ fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     format!(
         "scene     {}: {} triangles\nstrategy  {}\nsize      {width} x {height} pixels\n{table}\nframe     {:.2} ms, the \
-         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\n{}picture   {}",
+         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\n{}{}picture   {}",
         report.scene,
         report.triangles,
         report.strategy,
@@ -141,6 +148,7 @@ fn text(report: &Report) -> String {
         report.upload_ms,
         report.read_ms,
         report.verified.as_ref().map(|verified| verified.text() + "\n").unwrap_or_default(),
+        report.notes.iter().map(|note| format!("note      {note}\n")).collect::<String>(),
         report.output
     )
 }

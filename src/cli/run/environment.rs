@@ -1,15 +1,17 @@
 //! What a run writes down of where and how it is made.
 
 use crate::config::Experiment;
-use crate::device::DeviceInfo;
+use crate::device::{DeviceInfo, variables};
 use crate::program::Sources;
-use crate::record::{DeviceEnvironment, Environment, Host, Source};
+use crate::record::{DeviceEnvironment, Environment, Host, Source, git_state};
 
 /// The machine, the devices, the program and the files of a run that begins now.
 pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &Sources) -> Environment {
     Environment {
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
         git_revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
+        build: env!("RAYCL_BUILD").to_owned(),
+        variables: variables::all(),
         started: jiff::Timestamp::now().to_string(),
         // Lossy: an argument need not be UTF-8, and `args` panics where one is not.
         command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
@@ -20,7 +22,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &S
         config: experiment.source.clone(),
         config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
         overrides: experiment.overrides.clone(),
-        sources: files(experiment).chain([kernels.describe()]).collect(),
+        sources: files(experiment).chain([of_kernels(kernels)]).collect(),
     }
 }
 
@@ -28,4 +30,13 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &S
 fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
     let scenes = experiment.scenes.iter().map(|scene| Source::file("scene", &scene.path));
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
+}
+
+/// The kernels: those built in, or a folder's.
+fn of_kernels(kernels: &Sources) -> Source {
+    let (path, git) = match kernels {
+        Sources::Embedded => ("built in".to_owned(), None),
+        Sources::Folder(folder) => (folder.display().to_string(), git_state(folder)),
+    };
+    Source { what: "kernels".to_owned(), path, hash: kernels.hash(), git }
 }

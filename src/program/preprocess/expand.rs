@@ -62,7 +62,7 @@ impl Expander<'_> {
         arguments: &[Vec<Token>],
     ) -> Result<(), Misuse> {
         let made = |kind, text: &str| Token { made: true, ..Token::new(kind, text, call.line) };
-        let hidden = [&call.hidden[..], &[call.text.clone()]].concat();
+        let hidden = [&call.hidden[..], std::slice::from_ref(&call.text)].concat();
         if let Some(constant) = self.constant(called, &hidden) {
             constant.iter().for_each(|token| self.push(made(token.kind, &token.text)));
             self.push(made(Kind::Space, " "));

@@ -1,8 +1,8 @@
 //! What the claims are tested on, and the tests.
 
 use super::Verdict;
-use super::sure::{Ratio, fastest};
-use crate::record::{Group, Outcome, Record, by, duration, median};
+use super::sure::{Fastest, Ratio};
+use crate::record::{Group, Outcome, Record, by, duration, median, not_enough};
 
 /// What was measured on one device, and how to find it.
 pub(super) struct Found<'a> {
@@ -76,7 +76,7 @@ impl<'a> Found<'a> {
             "{} to {} on the {scene}: {}; the claim asks for {factor} times",
             time(slow),
             time(fast),
-            ratio.text()
+            ratio.text("")
         );
         (text, ratio.verdict(factor..=f64::INFINITY))
     }
@@ -113,29 +113,16 @@ fn outcome(record: &Record) -> String {
 fn compare(fast: &Record, slow: &Record) -> Finding {
     let Some(ratio) = Ratio::of(slow, fast) else { return nothing() };
     let times = format!("{} {}, {} {}", what(fast), time(fast), what(slow), time(slow));
-    (format!("{times}: {} as fast", ratio.text()), ratio.verdict_slower())
+    (format!("{times}: {}", ratio.text(" as fast")), ratio.verdict_slower())
 }
 
-/// What is claimed of the fastest: it holds where all that may be the fastest are so, and not where none is.
-fn of_all(level: &[&Record], claimed: impl Fn(&Record) -> bool) -> Verdict {
-    match level.iter().filter(|record| claimed(record)).count() {
-        0 => Verdict::DidNotHold,
-        some if some == level.len() => Verdict::Held,
-        _ => Verdict::Unclear,
-    }
+/// ", 12.3 ms": the best one's time.
+fn best_time(fastest: &Fastest<'_>) -> String {
+    fastest.level.first().map_or(String::new(), |best| format!(", {}", time(best)))
 }
 
-/// "8 x 8, n = 12", or the first few of a tie.
-fn sizes(level: &[&Record]) -> String {
-    let shown = level.iter().take(4).map(|record| record.local_size.map_or(String::new(), by));
-    let more = level.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
-    let names: Vec<_> = shown.chain(more).collect();
-    let n = level.iter().map(|record| record.samples_ms.len()).min().unwrap_or(0);
-    format!("{}{}, n = {n}", names.join(", "), tie(level))
-}
-
-fn tie(level: &[&Record]) -> &'static str {
-    if level.len() > 1 { " (a tie: their intervals overlap)" } else { "" }
+fn size(record: &Record) -> String {
+    record.local_size.map_or(String::new(), by)
 }
 
 /// Whether a scene's best naive block is this one: among the square ones, and up to ties.
@@ -143,10 +130,9 @@ pub(super) fn best_block(found: &Found<'_>, scene: &str, block: u32) -> Finding 
     let square =
         |record: &&Record| record.local_size.is_some_and(|[x, y]| x == y) && median(record).is_some();
     let records: Vec<_> = found.records(scene, "naive").into_iter().filter(square).collect();
-    let level = fastest(&records);
-    let Some(best) = level.first().filter(|_| records.len() > 2) else { return nothing() };
-    let verdict = of_all(&level, |record| record.local_size == Some([block; 2]));
-    (format!("{scene}: {}, {}", sizes(&level), time(best)), verdict)
+    let Some(fastest) = Fastest::of(&records).filter(|_| records.len() > 2) else { return nothing() };
+    let verdict = fastest.verdict(|record| record.local_size == Some([block; 2]));
+    (format!("{scene}: {}{}", fastest.text(size), best_time(&fastest)), verdict)
 }
 
 pub(super) fn small_scenes(found: &Found<'_>) -> Finding {
@@ -159,7 +145,7 @@ pub(super) fn small_scenes(found: &Found<'_>) -> Finding {
         "triangle {}, pyramid {}: {}; the claim allows 0.8 to 1.25 times",
         time(one),
         time(six),
-        ratio.text()
+        ratio.text("")
     );
     (text, ratio.verdict(0.8..=1.25))
 }
@@ -167,18 +153,13 @@ pub(super) fn small_scenes(found: &Found<'_>) -> Finding {
 pub(super) fn fastest_of_figure_8(found: &Found<'_>) -> Finding {
     let presets = ["naive", "local-vectors", "local-triangles"];
     let records: Vec<_> = presets.iter().flat_map(|preset| found.records("still-life", preset)).collect();
-    let level = fastest(&records);
     let tried = presets.iter().filter(|preset| found.best("still-life", preset).is_some()).count();
-    let Some(best) = level.first().filter(|_| tried > 1) else { return nothing() };
+    let Some(fastest) = Fastest::of(&records).filter(|_| tried > 1) else { return nothing() };
     let claimed = |record: &Record| {
         record.preset.as_deref() == Some("local-vectors") && record.local_size == Some([8, 8])
     };
-    let names: Vec<_> = level.iter().take(4).map(|record| what(record)).collect();
-    let tie = tie(&level);
-    let names = names.join(", ");
-    let text =
-        format!("of the paper's three kernels {names}{tie}, {}, n = {}", time(best), best.samples_ms.len());
-    (text, of_all(&level, claimed))
+    let text = format!("of the paper's three kernels {}{}", fastest.text(what), best_time(&fastest));
+    (text, fastest.verdict(claimed))
 }
 
 /// What became of the points that `wanted` picks: the first that was measured, else the first that was refused.
@@ -203,7 +184,7 @@ pub(super) fn compounded(found: &Found<'_>) -> Finding {
 }
 
 pub(super) fn private_vectors(found: &Found<'_>) -> Finding {
-    let private = |record: &Record| record.strategy.contains("vectors=private");
+    let private = |record: &Record| record.axis("vectors") == Some("private");
     let whole = ran(found, &|record| record.preset.as_deref() == Some("private"));
     whole.or_else(|| ran(found, &private)).unwrap_or_else(nothing)
 }
@@ -225,9 +206,12 @@ fn shapes_on(found: &Found<'_>, scene: &str) -> Option<Finding> {
     let each = records
         .iter()
         .map(|record| format!("{} {}", record.local_size.map_or(String::new(), by), time(record)));
-    let text =
-        format!("{scene}: {}; the slowest takes {}", each.collect::<Vec<_>>().join(", "), ratio.text());
-    Some((text, ratio.verdict(0.0..=1.05)))
+    let each = each.collect::<Vec<_>>().join(", ");
+    // The one between them might be slower or faster than both.
+    if let Some(few) = records.iter().find_map(|record| not_enough(record)) {
+        return Some((format!("{scene}: {each}: {few}"), Verdict::Unclear));
+    }
+    Some((format!("{scene}: {each}; the slowest takes {}", ratio.text("")), ratio.verdict(0.0..=1.05)))
 }
 
 /// Whether the block for which Figure 5's caps predict most threads is the fastest.
@@ -240,16 +224,21 @@ pub(super) fn occupancy_ranks(found: &Found<'_>) -> Finding {
     let records: Vec<_> = found.records("teapot", "naive").into_iter().filter(square).collect();
     let items = |record: &Record| record.local_size.map_or(0, |[x, y]| x * y);
     let most = records.iter().map(|record| predicted(items(record))).max().unwrap_or(0);
-    let level = fastest(&records);
-    if records.len() <= 3 || level.is_empty() {
-        return nothing();
+    let Some(fastest) = Fastest::of(&records).filter(|_| records.len() > 3) else { return nothing() };
+    if fastest.level.is_empty() {
+        return (format!("on the teapot {}", fastest.text(size)), Verdict::Unclear);
     }
-    let own = level.iter().map(|record| predicted(items(record)).to_string()).collect::<Vec<_>>().join(", ");
+    let own = fastest
+        .level
+        .iter()
+        .map(|record| predicted(items(record)).to_string())
+        .collect::<Vec<_>>()
+        .join(", ");
     let text = format!(
         "fastest on the teapot: {}, for which it predicts {own} threads; the most it predicts is {most}",
-        sizes(&level)
+        fastest.text(size)
     );
-    (text, of_all(&level, |record| predicted(items(record)) == most))
+    (text, fastest.verdict(|record| predicted(items(record)) == most))
 }
 
 pub(super) fn serial(found: &Found<'_>) -> Finding {
@@ -260,10 +249,10 @@ pub(super) fn serial(found: &Found<'_>) -> Finding {
         (Some(serial), Some(naive)) => {
             let Some(ratio) = Ratio::of(serial, naive) else { return nothing() };
             let text = format!(
-                "teapot, one core: {}; naive at its best {}: {} as fast; the claim asks for twice",
+                "teapot, one core: {}; naive at its best {}: {}; the claim asks for twice",
                 time(serial),
                 time(naive),
-                ratio.text()
+                ratio.text(" as fast")
             );
             (text, ratio.verdict(2.0..=f64::INFINITY))
         }

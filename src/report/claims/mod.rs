@@ -19,7 +19,7 @@ pub enum Verdict {
     Held,
     /// What was measured disagrees.
     DidNotHold,
-    /// The intervals overlap, or there are too few samples for so small a difference.
+    /// The intervals overlap, or there are not enough samples.
     Unclear,
     /// Nothing was measured that could tell.
     Untested,
@@ -75,6 +75,7 @@ type Test<'t> = (&'static str, &'static str, &'static str, &'t dyn Fn(&Found<'_>
 
 /// Every claim, tested on `device`, on the first of some runs that can tell: times of two runs are not compared, for
 /// their rounds were not interleaved.
+#[allow(clippy::too_many_lines, reason = "a list: one entry for each claim of the paper")]
 pub fn claims(runs: &[Vec<Group<'_>>], device: &str) -> Vec<Claim> {
     let tests: [Test<'_>; 16] = [
         (
@@ -192,7 +193,7 @@ pub const OTHER_CONTRADICTIONS: [&str; 4] = [
 mod tests {
     use super::*;
     use crate::record::Record;
-    use crate::record::fixtures::{infeasible, measured};
+    use crate::record::fixtures::{few, infeasible, measured};
     use crate::record::groups;
 
     fn verdict(records: &[Record], claim: &str) -> Verdict {
@@ -226,6 +227,21 @@ mod tests {
         assert_eq!(told(&[groups(&fast), groups(&slow)]), Some(Verdict::Untested));
         let both = [fast, slow].concat();
         assert_eq!(told(&[groups(&[]), groups(&both)]), Some(Verdict::Held));
+    }
+
+    #[test]
+    fn few_samples_are_no_verdict() {
+        let slow = few("gpu", "naive", 1, 100.0, 4);
+        let records =
+            [slow.clone(), measured("gpu", "naive", 4, [9.0, 11.0]), measured("gpu", "naive", 8, [5.0, 6.0])];
+        for claim in ["1 x 1 to 4 x 4", "one best block size"] {
+            assert_eq!(verdict(&records, claim), Verdict::Unclear, "{claim}");
+        }
+        let claims = claims(&[groups(&records)], "gpu");
+        assert!(claims[0].ours.contains("not enough samples: 1 x 1 (n = 4)"), "{}", claims[0].ours);
+        let baseline = Record { strategy: "serial-f32".into(), ..few("host", "serial", 0, 1798.0, 1) };
+        let with = [baseline, records[2].clone()];
+        assert_eq!(verdict(&with, "serial baseline"), Verdict::Unclear);
     }
 
     #[test]

@@ -25,6 +25,9 @@ impl Comparison {
             let cells = cells.map(|cell| cell.replace('|', "\\|"));
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
+        self.notes.iter().for_each(|note| {
+            let _ = writeln!(text, "\nNote: {note}");
+        });
         if !self.others.is_empty() {
             text.push_str("\nNot compared:\n\n");
             self.others.iter().for_each(|line| {
@@ -34,7 +37,7 @@ impl Comparison {
         let _ = writeln!(
             text,
             "\nSame: medians within {}%. Faster and slower: farther apart than that, and the intervals from the least sample to \
-             the third quartile do not touch; else unclear.",
+             the third quartile do not touch; else unclear. Fewer than five samples are not enough.",
             self.threshold_percent()
         );
         text
@@ -49,7 +52,8 @@ impl Comparison {
     fn rows(&self) -> Vec<Row> {
         let several = self.has_several_devices();
         let mut pairs: Vec<_> = self.pairs.iter().collect();
-        pairs.sort_by(|a, b| b.change_percent.abs().total_cmp(&a.change_percent.abs()));
+        let size = |pair: &Pair| pair.change_percent.map_or(-1.0, f64::abs);
+        pairs.sort_by(|a, b| size(b).total_cmp(&size(a)));
         let row = |pair: &&Pair| Row {
             point: pair.point(several),
             before: median(&pair.before).map_or("-".into(), ms),
@@ -63,8 +67,7 @@ impl Comparison {
     /// The second folder's times against the first's.
     pub fn plot(&self) -> Plot {
         let [a, b] = &self.labels;
-        let verdicts = [Verdict::Faster, Verdict::Slower, Verdict::Same, Verdict::Unclear];
-        let series = verdicts.into_iter().enumerate().filter_map(|(place, verdict)| {
+        let series = Verdict::ALL.into_iter().enumerate().filter_map(|(place, verdict)| {
             let pairs: Vec<_> = self.pairs.iter().filter(|pair| pair.verdict == verdict).collect();
             let marks = pairs.iter().filter_map(|pair| {
                 let tip = format!(
@@ -82,8 +85,8 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green, vermilion, blue and grey, as the words in the table.
-            let look = Look::of([2, 1, 0, 6][place]);
+            // Green, vermilion, blue, grey and another, as the words in the table.
+            let look = Look::of([2, 1, 0, 6, 5][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
         });
@@ -99,7 +102,7 @@ impl Comparison {
         Plot {
             name: "compare".into(),
             caption: format!(
-                "Below the line {b} is faster, above it {a}; bars are 95% intervals of {b}'s medians."
+                "Below the line {b} is faster, above it {a}; bars are 95% intervals of {b}'s medians, which five samples or more have."
             ),
             svg: chart.svg(),
         }
@@ -118,6 +121,7 @@ impl Comparison {
             plot: self.plot(),
             rows: self.rows(),
             others: &self.others,
+            notes: &self.notes,
             threshold: self.threshold_percent(),
         };
         page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
@@ -136,6 +140,7 @@ struct Page<'a> {
     plot: Plot,
     rows: Vec<Row>,
     others: &'a [String],
+    notes: &'a [String],
     threshold: String,
 }
 

@@ -14,10 +14,10 @@ pub struct Row {
     pub value: String,
     /// Every sample in the order taken, as percent above or below the median.
     pub deviations: Vec<f64>,
-    /// The 95% interval of the median and the quartiles, likewise.
-    pub interval: [f64; 2],
+    /// The 95% interval of the median, likewise; none of too few samples.
+    pub interval: Option<[f64; 2]>,
     /// First and third quartile, likewise.
-    pub quartiles: [f64; 2],
+    pub quartiles: Option<[f64; 2]>,
     /// What is said of it.
     pub tip: String,
 }
@@ -83,8 +83,13 @@ fn draw_row(svg: &mut Svg, row: &Row, top: f64, across: &Scale, reach: f64) {
     );
     svg.text("label", [LEFT - 92.0, middle + 4.0], Anchor::End, &shorten(&row.name, 26));
     svg.text_in("faint", FAINT, [LEFT - 10.0, middle + 4.0], Anchor::End, &row.value);
-    bar(svg, "quartiles", row.quartiles.map(x), [top + 5.0, ROW - 10.0]);
-    bar(svg, "sure", row.interval.map(x), [top + 3.0, ROW - 6.0]);
+    let bars = [
+        ("quartiles", row.quartiles, [top + 5.0, ROW - 10.0]),
+        ("sure", row.interval, [top + 3.0, ROW - 6.0]),
+    ];
+    for (class, ends, place) in bars {
+        ends.iter().for_each(|ends| bar(svg, class, ends.map(x), place));
+    }
     let every = row.deviations.len().div_ceil(DOTS).max(1);
     let last = row.deviations.len().saturating_sub(1).max(1) as f64;
     let dots = row.deviations.iter().enumerate().step_by(every).map(|(place, deviation)| {

@@ -1,6 +1,7 @@
 //! One `[[object]]`: a file, a shape or triangles of its own, placed and painted.
 
-use crate::error::{Error, Result, nearest, nearest_file};
+use crate::error::{Error, Result, line_of, nearest, nearest_file};
+use crate::filetype::{Opened, Wanted};
 use crate::memory::Available;
 use crate::scene::load::Document;
 use crate::scene::normals::{self, MISSING};
@@ -10,6 +11,7 @@ use crate::scene::wire::{MaterialWire, ObjectWire};
 use crate::scene::{Material, Mesh, PAPER_GLOSSY, PAPER_SHININESS, Triangle, obj};
 use glam::Vec3;
 use std::ops::Range;
+use std::path::Path;
 use toml::Spanned;
 
 /// The object's triangles in the scene's space.
@@ -79,9 +81,25 @@ fn read_obj(
             meant.unwrap_or_default()
         )));
     }
+    if !document.bare {
+        refuse_foreign(document, file, &path)?;
+    }
     let read = obj::read(&path, beyond)?;
-    notes.extend(read.notes.into_iter().map(|note| format!("{}: {note}", path.display())));
+    for note in read.notes.into_iter().map(|note| format!("{}: {note}", path.display())) {
+        // A mesh in several objects is told of once.
+        if !notes.contains(&note) {
+            notes.push(note);
+        }
+    }
     Ok(read.mesh)
+}
+
+/// Refuses a file that is no mesh, naming the line that asks for it in the fewest words.
+fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path) -> Result<()> {
+    let Ok(opened) = Opened::at(path) else { return Ok(()) };
+    let line = line_of(&document.text, file.span().start);
+    let name = format!("{}:{line}: {}", document.name, path.display());
+    opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
 }
 
 /// Refuses keys that belong to another kind of object: they would do nothing.

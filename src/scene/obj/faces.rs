@@ -1,8 +1,10 @@
 //! The second pass: faces, cut into triangles, with every index checked.
 
+use super::asked::counted;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
 use super::text::{Chunk, Mistake, Source, keyword, quoted, tokens, words};
+use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
 use glam::Vec3;
@@ -211,17 +213,13 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
     }
 }
 
-/// Says which materials no MTL file defines.
+/// Says how many materials no MTL file defines.
 pub(super) fn note_unknown_materials(faces: &[FaceChunk], notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
-    let others = match names.len() {
-        1 => String::new(),
-        count => format!(" and {} more", count - 1),
-    };
-    notes.push(format!("material `{first}`{others} is not defined: k_L {} is used", mtl_default()));
-}
-
-fn mtl_default() -> f32 {
-    crate::scene::material::DEFAULT_LAMBERTIAN
+    let (are, such_as) = if names.len() == 1 { ("is", "") } else { ("are", "such as ") };
+    let (count, first) = (counted(names.len(), "material"), quoted(first.as_bytes()));
+    notes.push(format!(
+        "{count} named by `usemtl` {are} in no material file ({such_as}{first}): k_L {DEFAULT_LAMBERTIAN} is used"
+    ));
 }

@@ -9,11 +9,14 @@
 //! Two passes over the text, both in parallel over pieces of whole lines: the first
 //! reads vertices and normals, the second faces, when every index can be checked.
 
+mod asked;
 mod faces;
 mod mtl;
+mod notes;
 mod points;
 mod polygon;
 mod text;
+mod wishes;
 
 use super::mesh::{Mesh, Triangle};
 use super::normals;
@@ -59,9 +62,6 @@ pub(super) fn read(path: &Path, beyond: bool) -> Result<ObjFile> {
 fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
     let text = text::normalise(bytes);
     let source = Source { name, text: &text };
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(source.error(Mistake::new(0, "UTF-16 text; expected UTF-8, ASCII or Latin-1")));
-    }
     let chunks = text::chunks(&text);
     let points: Vec<PointChunk> = in_order(&source, chunks.par_iter().map(points::read).collect())?;
     let mut notes = Vec::new();
@@ -86,13 +86,18 @@ fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
     let faces: Vec<FaceChunk> = in_order(&source, read.collect())?;
     mesh.triangles = concatenate(&faces);
     if mesh.triangles.is_empty() {
-        let what = format!("no triangles: {} vertices and no face (`f`)", total.positions);
+        let what = match bytes.trim_ascii() {
+            [] => "no triangles: the file is empty".to_owned(),
+            _ => format!("no triangles: {} vertices and no face (`f`)", total.positions),
+        };
         return Err(source
             .error(Mistake::new(text.len(), what))
             .with_help("a mesh needs vertices, `v x y z`, and faces of them, `f 1 2 3`"));
     }
     faces::note_partial_normals(&faces, &source, &mut notes);
     faces::note_unknown_materials(&faces, &mut notes);
+    notes::of_statements(&points, &mesh, &mut notes);
+    notes::of_materials(&materials.asked, &mesh, &mut notes);
     normals::complete(&mut mesh);
     Ok(ObjFile { mesh, notes })
 }

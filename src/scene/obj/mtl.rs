@@ -1,7 +1,10 @@
 //! MTL files, through `tobj`, after a look at each line so that a mistake has a place.
 
+use super::asked::Asked;
 use super::text::{Mistake, Source, keyword, number, quoted, tokens, words};
+use super::wishes;
 use crate::error::Result;
+use crate::filetype::{FileType, Foreign, MTL};
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -10,6 +13,8 @@ use std::path::{Path, PathBuf};
 /// Materials with their names; number 0 is the default one.
 pub(super) struct Materials {
     pub list: Vec<Material>,
+    /// What each asks for and raycl does not do.
+    pub asked: Vec<Asked>,
     pub by_name: HashMap<String, u32>,
 }
 
@@ -28,13 +33,17 @@ pub(super) fn load_all<'a>(
     libraries: impl Iterator<Item = &'a String>,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
-    let mut materials = Materials { list: vec![Material::default()], by_name: HashMap::new() };
+    let mut materials =
+        Materials { list: vec![Material::default()], asked: vec![Asked::default()], by_name: HashMap::new() };
     for library in libraries {
         for name in reach.file_names(library) {
             match reach.open(name) {
                 Ok(bytes) => materials.add(&reach.folder.join(name).display().to_string(), &bytes)?,
                 Err(reason) => {
-                    let note = format!("material file `{name}` {reason}: k_L {DEFAULT_LAMBERTIAN} is used");
+                    let name = quoted(name.as_bytes());
+                    let note = format!(
+                        "material file {name} {reason}: k_L {DEFAULT_LAMBERTIAN} is used for its materials"
+                    );
                     if !notes.contains(&note) {
                         notes.push(note);
                     }
@@ -70,7 +79,13 @@ impl Reach<'_> {
     }
 
     fn open(&self, name: &str) -> std::result::Result<Vec<u8>, String> {
-        std::fs::read(self.locate(name)?).map_err(|error| format!("cannot be read ({error})"))
+        let bytes = std::fs::read(self.locate(name)?).map_err(|error| format!("cannot be read ({error})"))?;
+        match FileType::of(&bytes, bytes.len() as u64) {
+            FileType::Foreign(Foreign { name, .. }) if name != MTL => {
+                Err(format!("is {name} and is not read"))
+            }
+            _ => Ok(bytes),
+        }
     }
 }
 
@@ -81,26 +96,56 @@ impl Materials {
     fn add(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         let text = super::text::normalise(bytes);
         let source = Source { name, text: &text };
-        let plain = check(&text).map_err(|mistake| source.error(mistake))?;
-        let (list, _) = tobj::load_mtl_buf(&mut plain.as_bytes())
+        let checked = check(&text).map_err(|mistake| source.error(mistake))?;
+        let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
-        for material in list {
+        for (material, Extras { mut asked, model }) in list.iter().zip(checked.extras) {
             self.by_name.insert(material.name.clone(), self.list.len() as u32);
-            self.list.push(convert(&material));
+            let material = convert(material);
+            wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
+            self.list.push(material);
+            self.asked.push(asked);
         }
         Ok(())
     }
 }
 
+/// A material file after a look at each line.
+#[derive(Default)]
+struct Checked {
+    /// The lines that `tobj` is to read.
+    plain: String,
+    /// What the others say of each material.
+    extras: Vec<Extras>,
+}
+
+/// What a material says that `tobj` is not asked about.
+#[derive(Default)]
+struct Extras {
+    asked: Asked,
+    /// What `illum` says.
+    model: Option<Vec<u8>>,
+}
+
+impl Extras {
+    fn read(&mut self, keyword: &[u8], rest: &[u8]) {
+        match keyword {
+            b"illum" => self.model = tokens(rest).next().map(<[u8]>::to_vec),
+            _ => wishes::of_material(&mut self.asked, keyword, rest),
+        }
+    }
+}
+
 /// The lines that matter here, checked and in the form `tobj` takes: it stops at an
 /// empty `map_Kd`, a single grey value, an inline comment or Latin-1 text.
-fn check(text: &[u8]) -> std::result::Result<String, Mistake> {
-    let mut plain = String::new();
+fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
+    let Checked { mut plain, mut extras } = Checked::default();
     for chunk in super::text::chunks(text) {
         for (offset, line) in chunk.lines() {
             match keyword(line) {
                 (b"newmtl", rest) if !rest.trim_ascii().is_empty() => {
                     plain.push_str(&format!("newmtl {}\n", words(rest)));
+                    extras.push(Extras::default());
                 }
                 (b"newmtl", _) => return Err(Mistake::new(offset, "`newmtl` without a name")),
                 (name @ (b"Kd" | b"Ks"), rest) => {
@@ -112,11 +157,11 @@ fn check(text: &[u8]) -> std::result::Result<String, Mistake> {
                     let value = value(b"Ns", token).map_err(|message| Mistake::new(offset, message))?;
                     plain.push_str(&format!("Ns {value}\n"));
                 }
-                _ => {}
+                (name, rest) => extras.iter_mut().last().into_iter().for_each(|last| last.read(name, rest)),
             }
         }
     }
-    Ok(plain)
+    Ok(Checked { plain, extras })
 }
 
 /// Three values, or one for all three, as MTL allows.

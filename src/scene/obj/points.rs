@@ -1,8 +1,11 @@
-//! The first pass: vertices, normals, and which materials are spoken of.
+//! The first pass: vertices, normals, which materials are spoken of, and what is asked for that is not done.
 
+use super::asked::Asked;
 use super::text::{Chunk, Mistake, keyword, number, quoted, tokens, words};
+use super::wishes;
 use crate::scene::MAX_COORDINATE;
 use glam::Vec3;
+use std::collections::BTreeSet;
 
 /// What a piece of the file says before its faces are read.
 #[derive(Default)]
@@ -13,24 +16,47 @@ pub(super) struct PointChunk {
     pub libraries: Vec<String>,
     /// The material that holds after the piece, if it changed.
     pub last_material: Option<String>,
+    /// Vertices with a colour.
+    pub colours: usize,
+    /// The smoothing groups that `s` lines name; `off` is one.
+    pub smoothing: BTreeSet<String>,
+    /// What other statements ask for.
+    pub asked: Asked,
 }
 
 pub(super) fn read(chunk: &Chunk) -> Result<PointChunk, Mistake> {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
-            (b"v", rest) => points.positions.push(position(offset, rest)?),
-            (b"vn", rest) => points.normals.push(vector(offset, "normal", rest)?),
+            (b"v", rest) => {
+                let mut tokens = tokens(rest);
+                points.positions.push(position(offset, &mut tokens)?);
+                // One more number is a weight; three are a colour.
+                points.colours += usize::from(tokens.nth(2).is_some());
+            }
+            (b"vn", rest) => points.normals.push(vector(offset, "normal", &mut tokens(rest))?),
+            (b"f" | b"vt" | b"", _) => {}
             (b"mtllib", rest) => points.libraries.push(words(rest)),
             (b"usemtl", rest) => points.last_material = Some(words(rest)),
-            _ => {}
+            (b"s", rest) => {
+                points.smoothing.insert(smoothing_group(rest));
+            }
+            (word, rest) => wishes::of_line(&mut points.asked, word, rest),
         }
     }
     Ok(points)
 }
 
-fn position(offset: usize, rest: &[u8]) -> Result<Vec3, Mistake> {
-    let position = vector(offset, "vertex", rest)?;
+/// A group's number; none is as good as `off`.
+fn smoothing_group(rest: &[u8]) -> String {
+    match tokens(rest).next() {
+        None | Some(b"0" | b"off") => "off".to_owned(),
+        Some(group) => words(group),
+    }
+}
+
+fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<Vec3, Mistake> {
+    let position = vector(offset, "vertex", tokens)?;
     if position.abs().max_element() <= MAX_COORDINATE {
         return Ok(position);
     }
@@ -42,9 +68,12 @@ fn position(offset: usize, rest: &[u8]) -> Result<Vec3, Mistake> {
     Err(Mistake::new(offset, message))
 }
 
-/// The first three numbers; a weight or a colour may follow and is passed over.
-fn vector(offset: usize, what: &str, rest: &[u8]) -> Result<Vec3, Mistake> {
-    let mut tokens = tokens(rest);
+/// The first three numbers; a weight or a colour may follow.
+fn vector<'a>(
+    offset: usize,
+    what: &str,
+    tokens: &mut impl Iterator<Item = &'a [u8]>,
+) -> Result<Vec3, Mistake> {
     let mut values = [0.0; 3];
     for (count, value) in values.iter_mut().enumerate() {
         let token = tokens.next().ok_or_else(|| {

@@ -110,6 +110,109 @@ fn a_material_file_outside_the_folder_or_missing_is_a_note() {
     }
 }
 
+/// The notes of one triangle with this text before it, beside a material file with that text.
+fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+    let reach = Reach { folder: folder.path(), beyond: false };
+    let text = format!("mtllib m.mtl\n{CORNERS}{obj}\nf 1 2 3\n");
+    parse("test.obj", reach, text.as_bytes()).unwrap().notes
+}
+
+#[test]
+fn what_a_material_asks_for_is_told_by_name_and_count() {
+    let cases = [
+        ("map_Kd -s 2 2 2 a.png", "1 material asks for textures (map_Kd)"),
+        ("map_Kd a.png\nbump b.png\nnorm c.png", "asks for textures (bump 1, map_Kd 1, norm 1)"),
+        ("d 0.5", "asks for transparency (d)"),
+        ("d -halo 0.5", "asks for transparency (d)"),
+        ("Tr 0.1", "asks for transparency (Tr)"),
+        ("Tf 0.5 1 1", "asks for transparency (Tf)"),
+        ("Ke 0 0 2", "asks for emitted light (Ke)"),
+        ("Ka 0.2 0.2 0.2", "asks for ambient light (Ka)"),
+        ("Pr 0.5\nPm 1", "asks for physically based shading (Pm 1, Pr 1)"),
+        ("illum 0", "asks for a colour without light (illum 0)"),
+        ("illum 1\nKs 1 1 1", "asks for no highlight (illum 1)"),
+        ("illum 3", "asks for mirror reflections (illum 3)"),
+        ("illum 7\nNi 1.5", "asks for refraction (illum 7)"),
+        ("illum 10", "asks for an invisible surface for shadows (illum 10)"),
+        ("illum 42", "asks for a model of light unknown here (illum 42)"),
+        ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are passed over (`kd`)"),
+    ];
+    for (lines, expected) in cases {
+        let notes = notes_of("usemtl a", &format!("newmtl a\n{lines}\n"));
+        assert!(notes.len() == 1 && notes[0].contains(expected), "{lines}: {notes:?}");
+    }
+}
+
+#[test]
+fn what_a_material_has_and_needs_not_be_done_is_not_told() {
+    let mtl = "# map_Kd\nnewmtl a\nmap_Kd\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
+               illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
+    assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
+    // Nor what a material asks for that no triangle has.
+    assert_eq!(notes_of("usemtl a", "newmtl a\nnewmtl b\nmap_Kd b.png\n"), Vec::<String>::new());
+}
+
+#[test]
+fn materials_that_ask_for_the_same_are_counted() {
+    let mtl: String = (0..3).map(|i| format!("newmtl m{i}\nmap_Kd {i}.png\nmap_Kd {i}.png\n")).collect();
+    let notes = notes_of("usemtl m0\nf 1 2 3\nusemtl m1\nf 1 2 3\nusemtl m2", &mtl);
+    assert_eq!(notes.len(), 1);
+    assert!(notes[0].starts_with("3 materials ask for textures (map_Kd), which"), "{notes:?}");
+}
+
+#[test]
+fn what_a_mesh_asks_for_is_told_by_name_and_count() {
+    let cases = [
+        ("l 1 2\nl 2 3", "2 statements ask for lines (l)"),
+        ("p 1", "1 statement asks for points (p)"),
+        ("cstype bezier\ndeg 3\ncurv 0 1 1 2\nsurf 0 1 0 1 1\nend", "curves and surfaces (curv 1, surf 1)"),
+        ("usemap wood", "asks for textures (usemap)"),
+        ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
+        ("call other.obj", "asks for another file or command (call)"),
+        ("foo\nbar", "unknown keywords of 2 statements are passed over (`bar` 1, `foo` 1)"),
+        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "2 vertices have a colour"),
+        ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
+        ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
+        ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): k_L 0.8"),
+        ("usemtl b\nusemtl a\nusemtl", "2 materials named by `usemtl` are in no material file (such as `a`)"),
+    ];
+    for (lines, expected) in cases {
+        let notes = notes_of(lines, "");
+        assert!(notes.len() == 1 && notes[0].contains(expected), "{lines}: {notes:?}");
+    }
+    let without =
+        "o a\ng b c\ns 1\nmg off\nvt 0 0\nv 0 0 0 1\nvp 1\nbevel off\nusemap off\n# l 1 2\n\nf 1/1 2/1 3/1";
+    assert_eq!(notes_of(without, ""), Vec::<String>::new());
+    assert_eq!(
+        notes_of("s off\nvn 0 0 1\nf 1//1 2//1 3//1", "").len(),
+        1,
+        "only the last face lacks normals"
+    );
+}
+
+#[test]
+fn notes_stay_short_and_counts_are_readable() {
+    let words: String = (0..1_000).map(|i| format!("word{i}{}\n", "x".repeat(100))).collect();
+    let notes = notes_of(&words, "");
+    assert!(notes.len() == 1 && notes[0].len() < 600, "{notes:?}");
+    let coloured = "v 0 0 0 1 1 1\n".repeat(40_000);
+    assert!(notes_of(&coloured, "")[0].starts_with("40,000 vertices have a colour"));
+}
+
+#[test]
+fn a_material_file_that_is_something_else_is_named() {
+    let notes = notes_of("usemtl a", "\u{89}not a PNG");
+    assert!(!notes.is_empty());
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("m.mtl"), b"\x89PNG\r\n\x1a\n").unwrap();
+    let text = format!("mtllib m.mtl\n{CORNERS}f 1 2 3\n");
+    let notes =
+        parse("test.obj", Reach { folder: folder.path(), beyond: false }, text.as_bytes()).unwrap().notes;
+    assert!(notes[0].contains("`m.mtl` is a PNG picture and is not read"), "{notes:?}");
+}
+
 #[test]
 fn many_chunks_read_as_one() {
     let mut text = String::new();

@@ -11,7 +11,7 @@ fuzz_target!(|bytes: &[u8]| {
     let _ = read_lines::<Sample>(&path);
     if let Ok(read) = read_lines::<Record>(&path) {
         let _ = summary_csv(&read.lines);
-        summary_markdown(&read.lines, "?", "!");
+        summary_markdown(&read.lines, &[], "?", "!");
         let _ = summary_terminal(&read.lines, false);
         let mut journal = JsonLines::append_to(&path).expect("a journal");
         journal.append(&Record::default()).expect("a line");

@@ -1,0 +1,66 @@
+// Each work-item's rays walk the tree together: one ray, or a packet of WIDTH. Included twice: with ANY_HIT 1 it
+// defines any_hit, with ANY_HIT 0 closest_hit, as exhaustive.cl does.
+
+#if ANY_HIT
+// Lanes of `wanted` that hit anything nearer than t_max, from `bias` along w_i off the working vector P.
+Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
+    const Vec3 along_ray = working_get(working, TO_LIGHT);
+    const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
+    const Probe probe = prepare_probe((varying)(0.0f), along_ray);
+    Mask open = wanted;
+#define REACH SELECT(open, t_max, (varying)(-1.0f))
+#else
+// Finds the nearest hit at t_min < t of the rays in the working vectors.
+void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
+    const Vec3 from = working_get(working, RAY_ORIGIN);
+    const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
+    const Vec3 along_ray = working_get(working, RAY_DIRECTION);
+    nearest->t = (varying)(FAR);
+    nearest->triangle = (varying_int)(NO_HIT);
+#define REACH SELECT(wanted, nearest->t, (varying)(-1.0f))
+#endif
+    const BoxProbe box_probe = prepare_box_probe(from, along_ray);
+    Waiting stack[STACK_SIZE];
+    int waiting = 0;
+    uint word = 0;
+    for (;;) {
+        if (IS_LEAF(word)) {
+            const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
+            for (int place = first; place < end; place++) {
+                const Row row = row_of(leaf_corners(&scene->tree, place));
+                Hit hit;
+#if ANY_HIT
+                const Vec3 to_light = working_get(working, TO_LIGHT);
+                const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
+                if (intersect(&probe, start, to_light, row, t_max, &hit)) open &= !hit.lanes;
+#else
+                if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
+                               nearest->t, &hit))
+                    continue;
+                const Mask nearer = wanted & hit.lanes;
+                if (!ANY(nearer)) continue;
+                const int triangle = leaf_triangle(&scene->tree, place);
+                nearest->t = SELECT(nearer, hit.t, nearest->t);
+                nearest->triangle = SELECT(nearer, (varying_int)(triangle), nearest->triangle);
+                on_nearer_hit(working, scene, triangle, &hit, nearer);
+#endif
+            }
+#if ANY_HIT
+            if (!ANY(open)) break;
+#endif
+        } else {
+            waiting = push_met_children(&box_probe, scene->tree.nodes + NODE_STRIDE * (size_t)word, REACH, stack, waiting);
+        }
+        // The nearest child that can still hold a nearer hit.
+#if !ANY_HIT
+        const varying reach = REACH;
+        while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
+#endif
+        if (!waiting) break;
+        word = stack[--waiting].word;
+    }
+#undef REACH
+#if ANY_HIT
+    return wanted & !open;
+#endif
+}

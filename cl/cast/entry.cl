@@ -1,0 +1,72 @@
+// The kernels of rays that are cast one by one or side by side. They declare what lies in __local memory, and call what the
+// axes provide.
+
+#include "cast/parts.cl"
+
+// A whole frame: primary rays, shading, shadow rays.
+__kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const Pixels pixels = own_pixels(image_size);
+    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
+    Nearest nearest;
+    closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+#if LINEAR_IN_PIXEL
+    begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
+#endif
+    const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
+    after_closest_hit(&working, &scene, &nearest, hits);
+    store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
+}
+
+// The nearest triangle of every pixel, or NO_HIT.
+__kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const Pixels pixels = own_pixels(image_size);
+    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
+    Nearest nearest;
+    closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+    store_nearest(nearest_triangle, image_size, pixels, nearest.triangle);
+}
+
+#include "cast/shade_nearest.cl"
+
+// Casts any rays, for tests and for who wants more than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
+__kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
+    Lanes ray[7];
+    IntLanes triangle;
+    for (int lane = 0; lane < WIDTH; lane++) {
+        const int at = min(first + lane, ray_count - 1);
+        const float4 from = rays[2 * at], to = rays[2 * at + 1];
+        ray[0].each[lane] = from.x, ray[1].each[lane] = from.y, ray[2].each[lane] = from.z;
+        ray[3].each[lane] = to.x, ray[4].each[lane] = to.y, ray[5].each[lane] = to.z;
+        ray[6].each[lane] = from.w;
+    }
+    working_set(&working, RAY_ORIGIN, vec3(ray[0].all, ray[1].all, ray[2].all));
+    working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
+    Nearest nearest;
+    closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
+    triangle.all = nearest.triangle;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (first + lane < ray_count) nearest_triangle[first + lane] = triangle.each[lane];
+}
+
+#if PLANES_OF_ORIGIN
+#include "cast/prepare_origins.cl"
+#endif

@@ -1,0 +1,35 @@
+// Lanes' own triangles, gathered one lane after another.
+
+// The surface of each lane's triangle; lanes without a hit read nothing and hold zeros.
+Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
+    Lanes column[FLOATS_OF_SURFACE];
+    IntLanes id;
+    id.all = triangle;
+    for (int i = 0; i < FLOATS_OF_SURFACE; i++) column[i].all = (varying)(0.0f);
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (id.each[lane] != NO_HIT) gather_surface(geometry, id.each[lane], lane, column);
+    return surface_of(column);
+}
+
+#include "common/meet_plane.cl"
+
+// Where rays meet each lane's own triangle.
+Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
+    Lanes column[9];
+    IntLanes id;
+    id.all = triangle;
+    for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (id.each[lane] == NO_HIT) continue;
+        const Corners own = corners(geometry, id.each[lane]);
+        const Uniform3 e1 = uniform_difference(own.b, own.a);
+        const Uniform3 e2 = uniform_difference(own.c, own.a);
+        column[0].each[lane] = own.a.x, column[1].each[lane] = own.a.y, column[2].each[lane] = own.a.z;
+        column[3].each[lane] = e1.x, column[4].each[lane] = e1.y, column[5].each[lane] = e1.z;
+        column[6].each[lane] = e2.x, column[7].each[lane] = e2.y, column[8].each[lane] = e2.z;
+    }
+    const Vec3 v0 = vec3(column[0].all, column[1].all, column[2].all);
+    const Vec3 e1 = vec3(column[3].all, column[4].all, column[5].all);
+    const Vec3 e2 = vec3(column[6].all, column[7].all, column[8].all);
+    return meet_plane(v0, e1, e2, origin, direction);
+}

@@ -1,0 +1,81 @@
+// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997.
+// Weights stay multiplied by |a| until a ray is known to hit, so that a miss costs no division.
+
+#ifndef PAPER_EPSILONS
+#error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
+#endif
+
+// Of a ray whose test prepares nothing, all there is to know.
+typedef struct {
+    varying t_min;
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    Probe probe;
+    probe.t_min = t_min;
+    return probe;
+}
+
+// A row holds a corner, two edges, and three numbers:
+#define SLACK1(row) (row).u  // what w1 may lack, times a distance
+#define SLACK2(row) (row).v  // what w2 may lack, times a distance
+#define EDGE_ON(row) (row).w // an |a| that is not more sees the triangle edge-on: it is not hit
+
+#if PAPER_EPSILONS
+#define DISTANCE(size, s) (size)
+#else
+#define DISTANCE(size, s) (fabs((s).x) + fabs((s).y) + fabs((s).z))
+#endif
+
+// Weights are allowed their rounding error, which grows with the distance to the corner and the edge that it is crossed
+// with, so that a ray along an edge falls through between no two triangles. (From anywhere at all, only the watertight test
+// promises that.) A triangle nearly edge-on has an a of which rounding left nothing.
+Row row_of(Corners corners) {
+    Row row;
+    row.a = corners.a;
+    row.b = uniform_difference(corners.b, corners.a);
+    row.c = uniform_difference(corners.c, corners.a);
+#if PAPER_EPSILONS
+    SLACK1(row) = SLACK2(row) = 1e-10f;
+    EDGE_ON(row) = 1e-7f;
+#else
+    const float size1 = uniform_size(row.b), size2 = uniform_size(row.c);
+    SLACK1(row) = ROUNDING * size2;
+    SLACK2(row) = ROUNDING * size1;
+    EDGE_ON(row) = 1e-5f * size1 * size2;
+#endif
+    return row;
+}
+
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
+// there may be some.
+int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    const Vec3 e1 = splat(row.b), e2 = splat(row.c);
+    const Vec3 q = cross3(direction, e2);
+    const varying a = dot3(e1, q);
+    const varying_int sign = sign_bit(a);
+    const varying size = fabs(a);
+    const Vec3 s = subtract(origin, splat(row.a));
+    const varying distance = DISTANCE(size, s);
+    const varying w1 = flip_sign(dot3(s, q), sign);
+    const varying slack1 = SLACK1(row) * distance;
+    const varying reach1 = size + slack1;
+    const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
+    if (!ANY(inside1)) return 0;
+
+    const Vec3 r = cross3(s, e1);
+    const varying w2 = flip_sign(dot3(direction, r), sign);
+    const varying slack2 = SLACK2(row) * distance;
+    const Mask inside = inside1 & (w2 >= -slack2) & (w1 + w2 <= reach1 + slack2);
+    if (!ANY(inside)) return 0;
+
+    const varying per_size = 1.0f / size;
+    hit->t = flip_sign(dot3(e2, r), sign) * per_size;
+    hit->w1 = w1 * per_size;
+    hit->w2 = w2 * per_size;
+    hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
+#if CULL_BACK
+    hit->lanes &= a > 0.0f;
+#endif
+    return 1;
+}

@@ -1,0 +1,21 @@
+// The same with planes of primary rays as functions of the pixel: a ray through pixel (x, y) is (x, y, 1), so that neighbours
+// in a row or a column share terms.
+
+#include "cast/planes_of_origin.cl"
+
+// A plane as a function of the pixel: its dot product with corner + x step_x + y step_y.
+Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
+    return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
+                    uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
+                    uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
+}
+
+Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
+    const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);
+    row.a = along_pixels(row.a, corner, step_x, step_y);
+    row.b = along_pixels(row.b, corner, step_x, step_y);
+    row.c = along_pixels(row.c, corner, step_x, step_y);
+    row.a.z += 1.0f, row.b.z += 1.0f, row.c.z += 1.0f; // the overlap
+    row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
+    return row;
+}

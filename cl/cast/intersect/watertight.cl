@@ -1,0 +1,78 @@
+// Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013.
+// Corners are sheared so that the ray runs along +z from the origin; an edge function is then the difference
+// of two products, each rounded on its own, so that its sign is exactly opposite in the triangle next door and
+// no ray passes between the two. That holds only without contraction to fma.
+
+#include "common/exact_signs.cl"
+
+// The rows of the shear. Any fixed function of ray and corner keeps the test watertight; as rows, lanes whose
+// dominant axes differ need no permutation.
+typedef struct {
+    varying t_min;
+    Vec3 x, y, z;
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
+    const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
+    const Mask along_y = !along_x & (size.y >= size.z);
+    const varying zero = (varying)(0.0f);
+    const varying one = (varying)(1.0f);
+    const Vec3 per = vec3(1.0f / direction.x, 1.0f / direction.y, 1.0f / direction.z);
+
+    // With dominant axis k, and the others cyclically after it: rows e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., e_k / d_k.
+    Probe probe;
+    probe.t_min = t_min;
+    const Vec3 x_for_z = vec3(one, zero, -direction.x * per.z);
+    const Vec3 y_for_z = vec3(zero, one, -direction.y * per.z);
+    const Vec3 x_for_x = vec3(-direction.y * per.x, one, zero);
+    const Vec3 y_for_x = vec3(-direction.z * per.x, zero, one);
+    const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
+    const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
+    const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
+    // A ray against its axis would mirror triangles, and take front faces for back faces.
+    const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
+    probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
+    probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));
+    probe.z = select3(along_x, vec3(per.x, zero, zero),
+                      select3(along_y, vec3(zero, per.y, zero), vec3(zero, zero, per.z)));
+    return probe;
+}
+
+// Corners are tested as they are.
+Row row_of(Corners corners) {
+    Row row;
+    row.a = corners.a, row.b = corners.b, row.c = corners.c;
+    row.u = row.v = row.w = 0.0f;
+    return row;
+}
+
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
+// there may be some.
+int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    const Vec3 a = subtract(splat(row.a), origin);
+    const Vec3 b = subtract(splat(row.b), origin);
+    const Vec3 c = subtract(splat(row.c), origin);
+    const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
+    const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
+    const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
+    const varying u = cx * by - cy * bx;
+    const varying v = ax * cy - ay * cx;
+    const varying w = bx * ay - by * ax;
+    const varying least = min(min(u, v), w);
+    const varying most = max(max(u, v), w);
+    const varying det = u + v + w;
+#if CULL_BACK
+    Mask inside = (least >= 0.0f) & (det > 0.0f);
+#else
+    Mask inside = ((least >= 0.0f) | (most <= 0.0f)) & (det != 0.0f);
+#endif
+    if (!ANY(inside)) return 0;
+
+    const varying per_det = 1.0f / det;
+    hit->t = (u * dot3(probe->z, a) + v * dot3(probe->z, b) + w * dot3(probe->z, c)) * per_det;
+    hit->w1 = v * per_det;
+    hit->w2 = w * per_det;
+    hit->lanes = inside & (hit->t > probe->t_min) & (hit->t < t_max);
+    return 1;
+}

@@ -1,0 +1,122 @@
+// What kernels that cast rays are made of: what is common to all, a file of each axis, and what binds them to arguments.
+// {braces} name an axis: the host puts the file of the strategy's value there. It follows an include under `#if NAME` where
+// that define holds, and no other.
+
+#ifndef CULL_BACK
+#error "CULL_BACK: 0 or 1: whether culling = back"
+#endif
+#ifndef TREE
+#error "TREE: 0 or 1: whether rays walk a tree"
+#endif
+#if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
+#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row a triangle is prepared for the eye and each light, and the eye's for pixels"
+#endif
+#ifndef TRIANGLES
+#error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
+#endif
+#if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
+#error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
+#endif
+
+#include "common/work_group.cl"
+#include "common/width.cl"
+#include "common/vec3.cl"
+#include "common/camera.cl"
+#include "common/hit.cl"
+#include "cast/working.cl"
+#include "cast/vectors/{vectors}.cl"
+#include "cast/triangles/{triangles}.cl"
+#include "cast/staging.cl"
+#include "common/rows.cl"
+#include "cast/layout/{layout}.cl"
+#include "cast/intersect/{intersector}.cl"
+#if TREE
+#include "common/tree.cl"
+#endif
+#include "cast/scene.cl"
+#include "cast/gather.cl"
+#include "common/reflectance.cl"
+#if TREE
+#include "cast/bvh_node.cl"
+#endif
+#define ANY_HIT 1
+#if TREE
+#include "cast/bvh.cl"
+#else
+#include "cast/exhaustive.cl"
+#endif
+#undef ANY_HIT
+#include "cast/shade.cl"
+#include "cast/shading/{shading}.cl"
+#define ANY_HIT 0
+#if TREE
+#include "cast/bvh.cl"
+#else
+#include "cast/exhaustive.cl"
+#endif
+#undef ANY_HIT
+
+#if PLANES_OF_ORIGIN
+#define BIND_PREPARED(scene) scene.prepared = prepared;
+#else
+#define BIND_PREPARED(scene)
+#endif
+
+#if TREE
+#define BIND_TREE(scene)     \
+    scene.tree.nodes = nodes;  \
+    scene.tree.leaves = leaves;
+#else
+#define BIND_TREE(scene)
+#endif
+
+#define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
+#define BIND_SCENE(scene)            \
+    BIND_GEOMETRY(scene.geometry)    \
+    scene.lights = lights;           \
+    scene.light_count = light_count; \
+    scene.bias = bias;               \
+    BIND_PREPARED(scene)             \
+    BIND_TREE(scene)                 \
+    BIND_TILE(scene)                 \
+    if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
+
+#if LINEAR_IN_PIXEL
+#define search_ray ray_in_pixels
+#else
+#define search_ray camera_ray
+#endif
+
+// Puts rays into the working vectors and says from where their hits count.
+varying begin_rays(Working *working, Ray ray) {
+    const varying zero = (varying)(0.0f);
+    working_set(working, RAY_ORIGIN, ray.origin);
+    working_set(working, RAY_DIRECTION, ray.direction);
+    working_set(working, WEIGHTS, vec3(zero, zero, zero));
+    working_set(working, RADIANCE, vec3(zero, zero, zero));
+    return ray.t_min;
+}
+
+#include "common/store_radiance.cl"
+
+// What a pass leaves for the next: a number a pixel, its nearest triangle or that one's place in leaf order.
+void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
+    IntLanes x, y, inside, number;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    number.all = numbers;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = number.each[lane];
+}
+
+varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pixels) {
+    IntLanes x, y, inside, number;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++)
+        number.each[lane] =
+            inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
+    return number.all;
+}

@@ -1,0 +1,66 @@
+// Rays that share an origin: primary rays the eye, shadow rays a light. Corners P and Q seen from there span the plane
+// (P - Q) x (P + Q) = 2 P x Q, and a ray lies inside the edge PQ where its direction's dot product with that plane is
+// positive; the triangle next door has the same plane with all signs turned. 1 / t is the dot product with N / N.A, where
+// N = (B - A) x (C - A). prepare_origins makes a row a triangle once a frame, for the eye and for each light.
+
+#ifndef LINEAR_IN_PIXEL
+#error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
+#endif
+
+// Whether to ask after each edge if all rays are outside. Where vectors are made of scalars that saves what is left of most
+// tests (43% faster on a GPU, 28% with planes that are linear in the pixel); where they are registers, a question costs more
+// than an edge (10% slower on a CPU).
+#if defined(HAS_REDUCE_OR)
+#define ASK_EDGE_BY_EDGE 0
+#else
+#define ASK_EDGE_BY_EDGE 1
+#endif
+
+typedef struct {
+    varying t_min;
+    float overlap; // where the multiply-adds of edges begin
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    Probe probe;
+    probe.t_min = t_min;
+    probe.overlap = 1.0f;
+    return probe;
+}
+
+// Planes are scaled so that triangles overlap by 1, which costs nothing: it is where the multiply-adds begin. A ray counted
+// in pixels has a z of 1, so that its planes hold the overlap themselves; what is added then is nothing (-0 + z is z).
+float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
+
+// What pixels share comes first: depth, then down.
+varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
+    return begin + direction.z * z + direction.y * y + direction.x * x;
+}
+
+// How far inside an edge a direction is.
+varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
+    return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
+}
+
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
+// there may be some.
+int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    const varying w0 = inside_edge(probe, row.a, direction);
+    if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w0))) return 0;
+    const varying w1 = inside_edge(probe, row.b, direction);
+    if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w1))) return 0;
+    const varying w2 = inside_edge(probe, row.c, direction);
+    // What is not negative has no sign bit: one test for three.
+    const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
+    if (ALL_NEGATIVE(outside)) return 0;
+
+    const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
+    const varying per_sum = 1.0f / (w0 + w1 + w2);
+    hit->t = 1.0f / per_t;
+    hit->w1 = w1 * per_sum;
+    hit->w2 = w2 * per_sum;
+    hit->lanes = (outside >= 0) & (per_t * t_max > 1.0f) & (hit->t > probe->t_min);
+    return 1;
+}
+
+#include "common/planes_of_origin.cl"

@@ -1,0 +1,17 @@
+// Shades the nearest triangle of every pixel, whoever found it.
+__kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
+    SCENE_LOCALS
+    WORKING_LOCALS
+    Scene scene;
+    BIND_SCENE(scene)
+    Working working;
+    BIND_WORKING(working)
+    const Pixels pixels = own_pixels(image_size);
+    begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
+    Nearest nearest;
+    nearest.t = (varying)(FAR);
+    nearest.triangle = load_nearest(nearest_triangle, image_size, pixels);
+    const Mask hits = nearest.triangle != NO_HIT;
+    after_closest_hit(&working, &scene, &nearest, hits);
+    store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
+}

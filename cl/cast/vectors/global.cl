@@ -1,0 +1,9 @@
+// Working vectors in a scratch buffer that the host allocated for all work-items.
+
+#define WORKING_SPACE __global
+#include "cast/working_in_memory.cl"
+
+#define WORKING_LOCALS
+#define BIND_WORKING(working)                                                                   \
+    working.first = (__global varying *)scratch + 3 * ((get_global_id(1) - get_global_offset(1)) * get_global_size(0) + get_global_id(0)); \
+    working.stride = 3 * get_global_size(0) * get_global_size(1);

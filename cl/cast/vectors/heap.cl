@@ -1,0 +1,31 @@
+// Working vectors taken from a global pool inside the kernel, one allocation a vector: the paper's malloc,
+// which OpenCL C does not have. heap_top counts the varyings taken; the host zeroes it before a launch and
+// compares it with the pool's size after: an allocation beyond the pool lands on its start, so that nothing
+// is written outside, and the host refuses the image.
+
+typedef struct {
+    volatile __global varying *vector[WORKING_VECTORS];
+} Working;
+
+#define WORKING_LOCALS
+#define BIND_WORKING(working)                           \
+    for (int v = 0; v < WORKING_VECTORS; v++)           \
+        working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
+
+uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
+    const uint at = atomic_add(heap_top, count);
+    return at + count <= heap_size ? at : 0;
+}
+
+// Volatile: as in in_memory.cl, so that the memory is really used.
+Vec3 working_get(const Working *working, int which) {
+    volatile __global varying *at = working->vector[which];
+    return vec3(at[0], at[1], at[2]);
+}
+
+void working_set(Working *working, int which, Vec3 value) {
+    volatile __global varying *at = working->vector[which];
+    at[0] = value.x;
+    at[1] = value.y;
+    at[2] = value.z;
+}

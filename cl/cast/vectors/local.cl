@@ -1,0 +1,9 @@
+// Working vectors in __local memory: the paper's optimisation 1.
+
+#define WORKING_SPACE __local
+#include "cast/working_in_memory.cl"
+
+#define WORKING_LOCALS __local varying working_store[WORKING_VECTORS * LOCAL_X * LOCAL_Y * 3];
+#define BIND_WORKING(working)                                                        \
+    working.first = working_store + 3 * (get_local_id(1) * LOCAL_X + get_local_id(0)); \
+    working.stride = 3 * LOCAL_X * LOCAL_Y;

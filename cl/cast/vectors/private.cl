@@ -1,0 +1,18 @@
+// Working vectors in private arrays, indexed by constants only: compilers keep them in registers.
+
+typedef struct {
+    varying vector[WORKING_VECTORS][3];
+} Working;
+
+#define WORKING_LOCALS
+#define BIND_WORKING(working)
+
+Vec3 working_get(const Working *working, int which) {
+    return vec3(working->vector[which][0], working->vector[which][1], working->vector[which][2]);
+}
+
+void working_set(Working *working, int which, Vec3 value) {
+    working->vector[which][0] = value.x;
+    working->vector[which][1] = value.y;
+    working->vector[which][2] = value.z;
+}

@@ -1,0 +1,61 @@
+// Which rays belong to a work-item, and which pixels.
+// The ray through pixel coordinates (x, y) leaves eye.xyz along corner + x * step_x + y * step_y, a direction
+// of depth 1; pixel centres lie at half-integers. eye.w is z_near: nearer depths are not seen.
+
+#ifndef CAMERA_PARAMETERS
+#error "CAMERA_PARAMETERS: eye, corner, step_x and step_y, as kernels take them"
+#endif
+
+typedef struct {
+    varying_int x, y;
+    Mask inside; // the image: the last work-items of a row may hang over its edge
+} Pixels;
+
+Pixels own_pixels(int2 image_size) {
+    Pixels pixels;
+    pixels.x = (int)get_global_id(0) * BLOCK_X + LANE_X;
+    pixels.y = (int)get_global_id(1) * BLOCK_Y + LANE_Y;
+    pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
+    return pixels;
+}
+
+typedef struct {
+    Vec3 origin;
+    Vec3 direction; // of unit length
+    varying t_min;  // hits at or before it are not seen
+} Ray;
+
+#if WIDTH == 1
+#define TO_FLOAT(i) convert_float(i)
+#elif WIDTH == 2
+#define TO_FLOAT(i) convert_float2(i)
+#elif WIDTH == 4
+#define TO_FLOAT(i) convert_float4(i)
+#elif WIDTH == 8
+#define TO_FLOAT(i) convert_float8(i)
+#else
+#define TO_FLOAT(i) convert_float16(i)
+#endif
+
+Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
+    const varying x = TO_FLOAT(pixels.x) + 0.5f;
+    const varying y = TO_FLOAT(pixels.y) + 0.5f;
+    const Vec3 d = vec3(corner.x + x * step_x.x + y * step_y.x,
+                        corner.y + x * step_x.y + y * step_y.y,
+                        corner.z + x * step_x.z + y * step_y.z);
+    const varying length = sqrt(dot3(d, d));
+    Ray ray;
+    ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
+    ray.direction = scale(d, 1.0f / length);
+    ray.t_min = eye.w * length;
+    return ray;
+}
+
+// The same ray counted in pixels: its direction is (x, y, 1), and t is depth.
+Ray ray_in_pixels(CAMERA_PARAMETERS, Pixels pixels) {
+    Ray ray;
+    ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
+    ray.direction = vec3(TO_FLOAT(pixels.x) + 0.5f, TO_FLOAT(pixels.y) + 0.5f, (varying)(1.0f));
+    ray.t_min = (varying)(eye.w);
+    return ray;
+}

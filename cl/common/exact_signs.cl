@@ -1,0 +1,9 @@
+// Before what tells inside from outside by exact signs: nothing after this is contracted to fma.
+
+#ifndef FAST_MATH
+#error "FAST_MATH: 0 or 1: whether math = fast"
+#endif
+#if FAST_MATH
+#error "the watertight test needs exact signs: not with fast math"
+#endif
+#pragma OPENCL FP_CONTRACT OFF

@@ -1,0 +1,209 @@
+// What the 32 lanes (work-items) of a group that shares a tile tell each other. A group's lanes take the same way
+// through every loop and branch that holds one of these calls.
+
+#ifndef GROUP_LANES
+#error "GROUP_LANES: work-items of a group"
+#endif
+
+// How they tell it; src/device/lanes.rs finds out which of these a device has.
+#define LANES_BY_BARRIERS 0     // __local memory and barriers; a work-group is one group
+#define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
+#define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
+#define LANES_BY_PTX 3          // inline PTX: reductions too
+#ifndef LANE_OPERATIONS
+#error "LANE_OPERATIONS: one of LANES_BY_*"
+#endif
+
+// What is passed by pointer has to stay in registers. Where there are only barriers that is left to the compiler:
+// Oclgrind's cannot inline at all.
+#if LANE_OPERATIONS == LANES_BY_BARRIERS
+#define INLINED
+#else
+#define INLINED static __attribute__((always_inline))
+#endif
+
+typedef struct {
+    int lane;   // 0 to 31
+    int number; // of the group in its work-group
+    __local uint *board; // a word a lane, where lanes have no other way to tell
+} Group;
+
+#define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))
+#define HIGHEST_BIT(bits) (31 - clz(bits))
+// How many of `bits` belong to lanes before this one.
+#define BITS_BEFORE(group, bits) popcount((bits) & ((1u << (group)->lane) - 1u))
+
+#if LANE_OPERATIONS == LANES_BY_BARRIERS
+#if LOCAL_X * LOCAL_Y != GROUP_LANES
+#error "lanes that share barriers need a work-group of their own: 32 work-items"
+#endif
+#define GROUP_ATTRIBUTE
+#define GROUP_LOCALS __local uint board[GROUP_LANES];
+#define BIND_GROUP(group)                                               \
+    group.lane = (int)(get_local_id(1) * LOCAL_X + get_local_id(0)); \
+    group.number = 0;                                                   \
+    group.board = board;
+
+// Not unrolled: there are many of these loops, and compilers of barriers are slow.
+#define EACH_LANE(lane) _Pragma("unroll 1") for (int lane = 0; lane < GROUP_LANES; lane++)
+
+INLINED void lane_sync(const Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
+
+INLINED void write_board(const Group *group, uint value) {
+    group->board[group->lane] = value;
+    barrier(CLK_LOCAL_MEM_FENCE);
+}
+
+INLINED uint lane_get(const Group *group, uint value, int from) {
+    write_board(group, value);
+    const uint result = group->board[from];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return result;
+}
+
+INLINED uint lane_ballot(const Group *group, int yes) {
+    write_board(group, yes ? 1u << group->lane : 0u);
+    uint bits = 0;
+    EACH_LANE(lane) bits |= group->board[lane];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return bits;
+}
+
+INLINED uint lane_least(const Group *group, uint value) {
+    write_board(group, value);
+    uint least = value;
+    EACH_LANE(lane) least = min(least, group->board[lane]);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return least;
+}
+
+INLINED int lane_rank(const Group *group, uint key, uint among) {
+    write_board(group, key);
+    int rank = 0;
+    for (uint left = among; left; left &= left - 1) rank += group->board[LOWEST_BIT(left)] < key;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return rank;
+}
+
+#else
+#define GROUP_LOCALS
+
+#if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
+#ifdef cl_khr_subgroups
+#pragma OPENCL EXTENSION cl_khr_subgroups : enable
+#endif
+#ifdef cl_khr_subgroup_ballot
+#pragma OPENCL EXTENSION cl_khr_subgroup_ballot : enable
+#endif
+#ifdef cl_intel_required_subgroup_size
+#pragma OPENCL EXTENSION cl_intel_required_subgroup_size : enable
+#define GROUP_ATTRIBUTE __attribute__((intel_reqd_sub_group_size(GROUP_LANES)))
+#else
+#define GROUP_ATTRIBUTE
+#endif
+#define BIND_GROUP(group)                         \
+    group.lane = (int)get_sub_group_local_id(); \
+    group.number = (int)get_sub_group_id();     \
+    group.board = 0;
+
+INLINED void lane_sync(const Group *group) { sub_group_barrier(CLK_LOCAL_MEM_FENCE); }
+
+INLINED uint lane_get(const Group *group, uint value, int from) { return sub_group_broadcast(value, (uint)from); }
+
+INLINED uint lane_ballot(const Group *group, int yes) {
+#ifdef cl_khr_subgroup_ballot
+    return sub_group_ballot(yes).x;
+#else
+    return sub_group_reduce_add(yes ? 1u << group->lane : 0u);
+#endif
+}
+
+INLINED uint lane_least(const Group *group, uint value) { return sub_group_reduce_min(value); }
+
+#else // inline PTX
+#define GROUP_ATTRIBUTE
+#define BIND_GROUP(group)                   \
+    group.lane = (int)get_local_id(0);   \
+    group.number = (int)get_local_id(1); \
+    group.board = 0;
+#if LOCAL_X != GROUP_LANES
+#error "a group is a row of the work-group: 32 work-items across"
+#endif
+
+INLINED void lane_sync(const Group *group) { asm volatile("bar.warp.sync 0xffffffff;" ::: "memory"); }
+
+INLINED uint lane_get(const Group *group, uint value, int from) {
+    uint result;
+    asm volatile("shfl.sync.idx.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(result) : "r"(value), "r"(from));
+    return result;
+}
+
+INLINED uint lane_ballot(const Group *group, int yes) {
+    uint bits;
+    asm volatile("{ .reg .pred yes; setp.ne.s32 yes, %1, 0; vote.sync.ballot.b32 %0, yes, 0xffffffff; }"
+                 : "=r"(bits)
+                 : "r"(yes));
+    return bits;
+}
+
+INLINED uint lane_least(const Group *group, uint value) {
+    uint least;
+#if LANE_OPERATIONS == LANES_BY_PTX
+    asm volatile("redux.sync.min.u32 %0, %1, 0xffffffff;" : "=r"(least) : "r"(value));
+#else
+    least = value;
+    for (int distance = 16; distance; distance >>= 1) {
+        uint other;
+        asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(other) : "r"(least), "r"(distance));
+        least = min(least, other);
+    }
+#endif
+    return least;
+}
+#endif
+
+// How many of the lanes `among` have a smaller key.
+INLINED int lane_rank(const Group *group, uint key, uint among) {
+    int rank = 0;
+    for (uint left = among; left; left &= left - 1) rank += lane_get(group, key, LOWEST_BIT(left)) < key;
+    return rank;
+}
+#endif
+
+// The same number, though the compiler cannot know: what follows from it is computed again where it is needed instead of
+// being kept in registers meanwhile.
+INLINED int forgotten(int value) {
+#if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
+    asm volatile("" : "+r"(value));
+#endif
+    return value;
+}
+
+// 1 / a, to the last bit or so: nothing that asks for it here asks for more, and some compilers' takes five instructions.
+INLINED float reciprocal(float a) {
+#if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
+    float result;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(a));
+    return result;
+#else
+    return 1.0f / a;
+#endif
+}
+
+INLINED int lane_any(const Group *group, int yes) { return lane_ballot(group, yes) != 0; }
+
+INLINED float lane_get_float(const Group *group, float value, int from) {
+    return as_float(lane_get(group, as_uint(value), from));
+}
+
+// The least of non-negative numbers: their bits are ordered as they are.
+INLINED float lane_least_positive(const Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
+
+// The least of any numbers: bits turned so that they are ordered, and back.
+INLINED float lane_min(const Group *group, float value) {
+    const uint bits = as_uint(value);
+    const uint least = lane_least(group, bits ^ ((uint)(as_int(value) >> 31) | 0x80000000u));
+    return as_float(least & 0x80000000u ? least ^ 0x80000000u : ~least);
+}
+
+INLINED float lane_max(const Group *group, float value) { return -lane_min(group, -value); }

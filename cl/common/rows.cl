@@ -1,0 +1,49 @@
+// What a layout hands out, whatever it is made of.
+
+typedef struct {
+    Uniform3 a, b, c;
+} Corners;
+
+// What a ray-triangle test reads: what its intersector makes of the corners, or of planes prepared for a common origin.
+typedef struct {
+    Uniform3 a, b, c;
+    float u, v, w;
+} Row;
+
+// A row in memory: four floats each of a and u, b and v, c and w. Rows start at 16 bytes.
+#if !defined(ROW_FLOATS) || ROW_FLOATS != 12
+#error "ROW_FLOATS: floats of a row, of which these macros load and store 12"
+#endif
+#define LOAD_ROW(row, quads)                                     \
+    {                                                              \
+        const float4 a = (quads)[0], b = (quads)[1], c = (quads)[2]; \
+        row.a = uniform3(a.x, a.y, a.z), row.u = a.w;                \
+        row.b = uniform3(b.x, b.y, b.z), row.v = b.w;                \
+        row.c = uniform3(c.x, c.y, c.z), row.w = c.w;                \
+    }
+#define STORE_ROW(row, quads)                                       \
+    (quads)[0] = (float4)((row).a.x, (row).a.y, (row).a.z, (row).u); \
+    (quads)[1] = (float4)((row).b.x, (row).b.y, (row).b.z, (row).v); \
+    (quads)[2] = (float4)((row).c.x, (row).c.y, (row).c.z, (row).w);
+
+// What shading reads, for the triangle of each lane.
+typedef struct {
+    Vec3 n0, n1, n2;
+    Vec3 lambertian, glossy;
+    varying shininess, kind;
+} Surface;
+
+#define FLOATS_OF_SURFACE 17
+
+// A Surface from one lane's numbers a column: normals (9), k_L (3), k_G (3), s, kind.
+Surface surface_of(const Lanes *column) {
+    Surface s;
+    s.n0 = vec3(column[0].all, column[1].all, column[2].all);
+    s.n1 = vec3(column[3].all, column[4].all, column[5].all);
+    s.n2 = vec3(column[6].all, column[7].all, column[8].all);
+    s.lambertian = vec3(column[9].all, column[10].all, column[11].all);
+    s.glossy = vec3(column[12].all, column[13].all, column[14].all);
+    s.shininess = column[15].all;
+    s.kind = column[16].all;
+    return s;
+}

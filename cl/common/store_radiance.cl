@@ -1,0 +1,16 @@
+// Writes radiance and, as the fourth component, 1 where the ray hit and 0 where it did not.
+void store_radiance(__global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
+    Lanes red, green, blue, hit;
+    IntLanes x, y, inside;
+    red.all = SELECT(hits, sum.x, (varying)(background.x));
+    green.all = SELECT(hits, sum.y, (varying)(background.y));
+    blue.all = SELECT(hits, sum.z, (varying)(background.z));
+    hit.all = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (inside.each[lane])
+            image[(size_t)y.each[lane] * image_size.x + x.each[lane]] =
+                (float4)(red.each[lane], green.each[lane], blue.each[lane], hit.each[lane]);
+}

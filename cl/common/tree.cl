@@ -1,0 +1,43 @@
+// A tree as src/accel/wide.rs lays it out, and its triangles in leaf order as src/accel/triangles.rs does.
+
+#if !defined(NODE_WIDTH) || !defined(NODE_STRIDE) || !defined(STACK_SIZE)
+#error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: its words; STACK_SIZE: entries that the deepest way down the tree can need"
+#endif
+#if !defined(LEAF_COUNT_SHIFT) || !defined(LEAF_MOST)
+#error "LEAF_COUNT_SHIFT: the bit of a leaf's word from which on it counts its triangles; LEAF_MOST: the most it can"
+#endif
+
+#define CHILD_ROW (6 * NODE_WIDTH)
+#define IS_LEAF(word) ((int)(word) < 0)
+#define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
+#define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
+// By so much a box's far side is moved out, which is more than its rounding (Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013).
+#define OUTWARDS 1.0000005f
+#define LEAF_ROW ROW_FLOATS // words a triangle: v0, its number; v1, its material; v2
+
+typedef struct {
+    const __global float *nodes;
+    const __global float *leaves;
+#if PLANES_OF_ORIGIN
+    const __global float4 *planes; // three rows of quads for the eye, then for each light; a quad a triangle in leaf order
+    int row;                       // quads of one
+#endif
+} Tree;
+
+// The corners of the triangle at a place of leaf order.
+Corners leaf_corners(const Tree *tree, int place) {
+    const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+    const float4 a = quads[0], b = quads[1], c = quads[2];
+    Corners corners;
+    corners.a = uniform3(a.x, a.y, a.z);
+    corners.b = uniform3(b.x, b.y, b.z);
+    corners.c = uniform3(c.x, c.y, c.z);
+    return corners;
+}
+
+int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }
+
+#if PLANES_OF_ORIGIN
+// What is prepared for the eye, which is origin 0, or for a light.
+const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
+#endif

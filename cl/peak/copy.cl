@@ -1,0 +1,9 @@
+// Reads one buffer and writes another, a vector a work-item.
+
+#include "peak/vector.cl"
+
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void copy(const __global vector *restrict from,
+                                                                     __global vector *restrict to) {
+    const size_t i = get_global_id(0);
+    to[i] = from[i];
+}

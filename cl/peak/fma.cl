@@ -1,0 +1,28 @@
+// Multiply-adds with nothing to wait for: CHAINS of them side by side. Each chain nears addend / (1 - factor), so the
+// result is known.
+
+#include "peak/vector.cl"
+
+#define CHAINS 16
+#define STEPS 8
+#define EACH_CHAIN(DO) \
+    DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7) DO(8) DO(9) DO(10) DO(11) DO(12) DO(13) DO(14) DO(15)
+
+// A helper that takes vectors: some compilers use their widest registers only where a function does.
+vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
+
+// STEPS * CHAINS * WIDTH multiply-adds a loop: so many that counting loops does not count.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const int loops, const float factor,
+                                                                         const float addend,
+                                                                         __global float *restrict out) {
+    const vector b = (vector)(factor), c = (vector)(addend);
+#define START(i) vector chain##i = (vector)((float)(get_local_id(0) + i));
+#define STEP(i) chain##i = multiply_add(chain##i, b, c);
+#define SUM(i) +chain##i
+    EACH_CHAIN(START)
+    for (int loop = 0; loop < loops; loop++) {
+        EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
+        EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
+    }
+    out[get_global_id(0)] = sum_of(EACH_CHAIN(SUM));
+}

@@ -1,0 +1,24 @@
+// Reads __local memory, SLOTS vectors a loop, neighbours side by side. Volatile: without it compilers read it once.
+
+#include "peak/vector.cl"
+
+#define SLOTS 8
+#define EACH_SLOT(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
+
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(const int loops,
+                                                                           __global float *restrict out) {
+    __local vector tile[SLOTS * GROUP];
+    const int item = get_local_id(0);
+#define FILL(i) tile[i * GROUP + item] = (vector)(1.0f);
+    EACH_SLOT(FILL)
+    barrier(CLK_LOCAL_MEM_FENCE);
+    const volatile __local vector *own = tile + item;
+#define START(i) vector sum##i = (vector)(0.0f);
+#define READ(i) sum##i += own[i * GROUP];
+#define SUM(i) +sum##i
+    EACH_SLOT(START)
+    for (int loop = 0; loop < loops; loop++) {
+        EACH_SLOT(READ)
+    }
+    out[get_global_id(0)] = sum_of(EACH_SLOT(SUM));
+}

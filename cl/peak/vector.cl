@@ -1,0 +1,33 @@
+// What the kernels of `raycl peak` compute with: vectors of WIDTH floats, as wide as the device likes them.
+
+#ifndef WIDTH
+#error "WIDTH: floats of a vector: 1, 2, 4, 8 or 16"
+#endif
+#ifndef GROUP
+#error "GROUP: work-items of a work-group"
+#endif
+
+#if WIDTH == 1
+typedef float vector;
+#elif WIDTH == 2
+typedef float2 vector;
+#elif WIDTH == 4
+typedef float4 vector;
+#elif WIDTH == 8
+typedef float8 vector;
+#else
+typedef float16 vector;
+#endif
+
+typedef union {
+    vector all;
+    float each[WIDTH];
+} Parts;
+
+float sum_of(vector v) {
+    Parts parts;
+    parts.all = v;
+    float sum = 0.0f;
+    for (int i = 0; i < WIDTH; i++) sum += parts.each[i];
+    return sum;
+}

@@ -1,0 +1,163 @@
+// The book's rasteriser, one work-item a triangle, made whole: it clips at the near plane and interpolates 1/z. Edge
+// functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
+// Coordinates", 1997) need no division by a vertex's depth, so triangles may reach behind the eye.
+//
+// Depth is resolved by an atomic minimum over its bits (positive floats sort as integers). A second kernel finds the
+// triangle that has the nearest depth; equal depths go to the first triangle. shade_nearest does the rest.
+
+#include "cast/parts.cl"
+#include "cast/shade_nearest.cl"
+
+// As in the watertight test, an edge function is the difference of two products, each rounded on its own, of what is a fixed
+// function of corner and pixel: its sign is exactly opposite in the triangle next door, and at a vertex that of all its
+// triangles agrees. A pixel on an edge belongs to both sides.
+#pragma OPENCL FP_CONTRACT OFF
+
+// What was defined above the pragma may be contracted, and differently in each place.
+float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+// A function of the pixel that is linear in it: at(x, y) = c + x * dx + y * dy.
+typedef struct {
+    float c, dx, dy;
+} Linear;
+
+Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
+    Linear f;
+    f.c = exact_dot(plane, uniform3(corner.x, corner.y, corner.z));
+    f.dx = exact_dot(plane, uniform3(step_x.x, step_x.y, step_x.z));
+    f.dy = exact_dot(plane, uniform3(step_y.x, step_y.y, step_y.z));
+    return f;
+}
+
+float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
+
+// A corner in pixels from the image's corner, across and down, both times its depth.
+typedef struct {
+    float across, down, depth;
+} Projected;
+
+Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
+    const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
+    const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
+    const float per_sx = 1.0f / exact_dot(sx, sx), per_sy = 1.0f / exact_dot(sy, sy);
+    const Uniform3 n = uniform_cross(sx, sy);
+    Projected q;
+    q.depth = exact_dot(p, n) / exact_dot(from, n); // directions through pixels have depth 1
+    q.across = (exact_dot(p, sx) - q.depth * exact_dot(from, sx)) * per_sx;
+    q.down = (exact_dot(p, sy) - q.depth * exact_dot(from, sy)) * per_sy;
+    return q;
+}
+
+typedef struct {
+    Projected at[3];
+    Linear per_depth;   // 1 / depth
+    int drawn;          // 0 for a triangle that is edge-on or culled
+    int2 low, high;     // pixels to look at: low <= pixel < high
+} Coverage;
+
+int covers(const Coverage *coverage, float x, float y) {
+    const Projected *p = coverage->at;
+    const float ax = p[0].across - x * p[0].depth, ay = p[0].down - y * p[0].depth;
+    const float bx = p[1].across - x * p[1].depth, by = p[1].down - y * p[1].depth;
+    const float cx = p[2].across - x * p[2].depth, cy = p[2].down - y * p[2].depth;
+    const float u = cx * by - cy * bx;
+    const float v = ax * cy - ay * cx;
+    const float w = bx * ay - by * ax;
+    const float least = min(min(u, v), w), most = max(max(u, v), w);
+    return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
+}
+
+// Widens the bounds by where a point in front of the near plane is seen.
+void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
+    const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
+    const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
+    const float x = clamp(uniform_dot(q, sx) / uniform_dot(sx, sx), -1.0f, image_size.x + 1.0f);
+    const float y = clamp(uniform_dot(q, sy) / uniform_dot(sy, sy), -1.0f, image_size.y + 1.0f);
+    // One pixel more on each side: these coordinates are rounded, the edge functions decide.
+    coverage->low = min(coverage->low, (int2)((int)floor(x) - 1, (int)floor(y) - 1));
+    coverage->high = max(coverage->high, (int2)((int)ceil(x) + 1, (int)ceil(y) + 1));
+}
+
+// The pixels that the part of the triangle in front of the near plane may cover.
+void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETERS, int2 image_size) {
+    const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
+    const Uniform3 n = uniform_cross(sx, sy);
+    const float per_length = 1.0f / sqrt(uniform_dot(n, n));
+    const Uniform3 forward = uniform3(n.x * per_length, n.y * per_length, n.z * per_length);
+    const float z_near = eye.w;
+    coverage->low = image_size;
+    coverage->high = (int2)(0, 0);
+    for (int i = 0; i < 3; i++) {
+        const Uniform3 p = corners3[i], q = corners3[i == 2 ? 0 : i + 1];
+        const float zp = uniform_dot(p, forward), zq = uniform_dot(q, forward);
+        if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
+        if ((zp > z_near) == (zq > z_near)) continue;
+        if (z_near == 0.0f) { // the edge reaches the eye's own plane, and may be seen anywhere
+            coverage->low = (int2)(0, 0);
+            coverage->high = image_size;
+            continue;
+        }
+        const float f = (z_near - zp) / (zq - zp);
+        const Uniform3 cut = uniform3(p.x + f * (q.x - p.x), p.y + f * (q.y - p.y), p.z + f * (q.z - p.z));
+        include_point(coverage, cut, z_near, eye, corner, step_x, step_y, image_size);
+    }
+    coverage->low = max(coverage->low, (int2)(0, 0));
+    coverage->high = min(coverage->high, image_size);
+}
+
+Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
+    const Uniform3 from = uniform3(eye.x, eye.y, eye.z);
+    const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
+                           uniform_difference(at.c, from)};
+    const Uniform3 n = uniform_cross(uniform_difference(at.b, at.a), uniform_difference(at.c, at.a));
+    const float det = uniform_dot(p[0], n);
+    Coverage coverage;
+#if CULL_BACK
+    coverage.drawn = det < 0.0f;
+#else
+    coverage.drawn = det != 0.0f;
+#endif
+    for (int i = 0; i < 3; i++) coverage.at[i] = project(p[i], corner, step_x, step_y);
+    const float per_det = 1.0f / det;
+    coverage.per_depth =
+        along_pixels(uniform3(n.x * per_det, n.y * per_det, n.z * per_det), corner, step_x, step_y);
+    bound_pixels(&coverage, p, eye, corner, step_x, step_y, image_size);
+    return coverage;
+}
+
+// The bits of the triangle's depth at a pixel, or NO_HIT where it does not cover it.
+int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
+    const float px = x + 0.5f, py = y + 0.5f;
+    if (!covers(coverage, px, py)) return NO_HIT;
+    const float per_depth = linear_at(coverage->per_depth, px, py);
+    const float depth = 1.0f / per_depth;
+    return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
+}
+
+// The host fills both buffers with NO_HIT first.
+#define FOR_COVERED_PIXELS(coverage)                                              \
+    for (int y = coverage.low.y; coverage.drawn && y < coverage.high.y; y++) \
+        for (int x = coverage.low.x; x < coverage.high.x; x++)
+
+__kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
+    Geometry geometry;
+    BIND_GEOMETRY(geometry)
+    const int triangle = get_global_id(0);
+    const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
+    FOR_COVERED_PIXELS(coverage) {
+        const int bits = depth_bits(&coverage, x, y, eye.w);
+        if (bits != NO_HIT) atomic_min(depth + (size_t)y * image_size.x + x, bits);
+    }
+}
+
+__kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
+    Geometry geometry;
+    BIND_GEOMETRY(geometry)
+    const int triangle = get_global_id(0);
+    const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
+    FOR_COVERED_PIXELS(coverage) {
+        const size_t pixel = (size_t)y * image_size.x + x;
+        const int bits = depth_bits(&coverage, x, y, eye.w);
+        if (bits != NO_HIT && bits == depth[pixel]) atomic_min(nearest_triangle + pixel, triangle);
+    }
+}

@@ -1,0 +1,102 @@
+// A tile of rays with a common origin (the eye, or a light) walks the tree together. A work-item owns the tile, as
+// VECTORS vectors of WIDTH rays in private memory; a bit of a `live` mask stands for a vector.
+//
+// A node's children are tested at once against the interval of the tile's directions, then child by child against the
+// intervals of its vectors, at once too (slices.cl). Rays are tested against boxes only where such an interval says
+// little (scattered.cl). A leaf's triangles meet the rays of the vectors that are left (intersect/).
+
+#if !defined(TILE_X) || !defined(TILE_Y)
+#error "TILE_X, TILE_Y: pixels of a tile across and down"
+#endif
+#ifndef CULL_BACK
+#error "CULL_BACK: 0 or 1: whether culling = back"
+#endif
+#ifndef WATERTIGHT
+#error "WATERTIGHT: 0 or 1: whether intersector = watertight"
+#endif
+#if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
+#error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
+#endif
+
+#include "common/work_group.cl"
+#include "common/width.cl"
+#include "common/vec3.cl"
+#include "common/camera.cl"
+#include "common/hit.cl"
+#include "common/rows.cl"
+#if WATERTIGHT // also for vectors whose rays share no axis
+#include "cast/intersect/watertight.cl"
+#endif
+#include "common/tree.cl"
+#include "common/meet_plane.cl"
+#include "common/reflectance.cl"
+#include "common/store_radiance.cl"
+
+#define VECTORS (TILE_X * TILE_Y / WIDTH)
+#if WIDTH != 16 || VECTORS > 32
+#error "tiles consist of at most 32 vectors of 16 rays"
+#endif
+// Lanes of a float16 are rays of a vector, or a tile's vectors, 16 at a time.
+#define PARTS ((VECTORS + 15) / 16)
+#define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+
+#ifndef PREFETCH
+#error "PREFETCH: 1 where the compiler has __builtin_prefetch and non-temporal stores for global memory, else 0"
+#endif
+#if PREFETCH
+#define FETCH(pointer) __builtin_prefetch((const void *)(size_t)(pointer), 0, 3)
+#else
+#define FETCH(pointer) (void)0
+#endif
+
+// What the rays of a vector have in common for the watertight test.
+typedef struct {
+    varying x[VECTORS], y[VECTORS]; // -d_(k+1) / d_k, mirrored against the axis, and -d_(k+2) / d_k, for the axis k
+    int axis[VECTORS];
+    float forward[VECTORS]; // 1, or -1 where the rays run against their axis
+} Shears;
+
+// Rays of a tile. Distances are kept as 1 / t: a t is the same for all rays that meet a triangle, so that this needs no
+// division, and what is far away is zero.
+typedef struct {
+    Uniform3 origin;
+    float too_near; // hits at the nearest t that is seen have this 1 / t
+    float longest;  // of the directions, the largest component
+    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
+    varying nearness[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
+    varying_int place[VECTORS]; // the nearest triangle so far, in leaf order
+    uint scattered;             // vectors of shadow rays whose directions lie far apart, a bit each
+    varying per[3][VECTORS];    // the reciprocals of their directions
+#if WATERTIGHT
+    Shears shears;
+#endif
+} Bundle;
+
+// A tree, and what shading wants of its triangles.
+typedef struct {
+    Tree tree;
+    const __global float4 *surfaces; // normals in leaf order: three float4 a triangle
+} SurfaceTree;
+
+float least_lane(float16 v) {
+    const float8 a = min(v.lo, v.hi);
+    const float4 b = min(a.lo, a.hi);
+    const float2 c = min(b.lo, b.hi);
+    return min(c.x, c.y);
+}
+
+float most_lane(float16 v) {
+    const float8 a = max(v.lo, v.hi);
+    const float4 b = max(a.lo, a.hi);
+    const float2 c = max(b.lo, b.hi);
+    return max(c.x, c.y);
+}
+
+#include "common/bits.cl"
+#include "tile_cpu/slices.cl"
+#include "tile_cpu/scattered.cl"
+#include "tile_cpu/leaf.cl"
+#include "tile_cpu/walk.cl"
+#include "tile_cpu/camera.cl"
+#include "tile_cpu/shade.cl"
+#include "tile_cpu/frame.cl"

@@ -1,0 +1,68 @@
+// The kernels of a frame cast in tiles: whole, or its nearest hits and their shading apart.
+
+// Finds what the camera's rays hit: places in the bundle. Returns 0 where all rays pass the scene by, and makes none.
+int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
+    Slices slices;
+    bundle->longest = slice_camera(eye, corner, step_x, step_y, image_size, &slices);
+    bundle->origin = LOAD3((const float *)&eye);
+    bundle->too_near = 1.0f / max(eye.w, LEAST_NEARNESS);
+    const Cone cone = finish_slices(&slices);
+    Boxes boxes;
+    if (!children_meet(&cone, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
+    const uint open = make_camera_rays(bundle, eye, corner, step_x, step_y, image_size);
+    walk(bundle, &slices, &cone, tree, open, 0);
+    return 1;
+}
+
+#define BIND_SURFACE_TREE(tree)  \
+    tree.tree.nodes = nodes;    \
+    tree.tree.leaves = leaves;  \
+    tree.surfaces = surfaces;
+#define BIND_LIGHTING(lighting)         \
+    lighting.lights = lights;           \
+    lighting.light_count = light_count; \
+    lighting.bias = bias;               \
+    lighting.materials = materials;
+// There are no barriers.
+#define LEAVE_OUTSIDE(image_size) \
+    if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;
+
+// A whole frame.
+__kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
+    LEAVE_OUTSIDE(image_size)
+    SurfaceTree tree;
+    BIND_SURFACE_TREE(tree)
+    Lighting lighting;
+    BIND_LIGHTING(lighting)
+    Bundle bundle;
+    if (find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size))
+        shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
+    else
+        store_background(image, image_size, background);
+}
+
+// Where the numbers of the tile's vectors lie: tile by tile, for only the next pass reads them.
+size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
+
+// The place in leaf order of every pixel's nearest triangle, or NO_HIT.
+__kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
+    LEAVE_OUTSIDE(image_size)
+    SurfaceTree tree;
+    BIND_SURFACE_TREE(tree)
+    Bundle bundle;
+    const int found = find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size);
+    for (int vector = 0; vector < VECTORS; vector++)
+        vstore16(found ? bundle.place[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());
+}
+
+// Shades the nearest triangle of every pixel.
+__kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
+    LEAVE_OUTSIDE(image_size)
+    SurfaceTree tree;
+    BIND_SURFACE_TREE(tree)
+    Lighting lighting;
+    BIND_LIGHTING(lighting)
+    Bundle bundle;
+    for (int vector = 0; vector < VECTORS; vector++) bundle.place[vector] = vload16(vector, nearest + tile_start());
+    shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
+}

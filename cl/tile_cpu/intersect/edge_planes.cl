@@ -1,0 +1,139 @@
+// Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span the
+// plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has the right
+// sign. The triangle next door has the plane with the opposite sign, to the last bit. (So does Embree's robust mode.)
+// Planes are scaled so that triangles overlap by 1, which costs nothing, for the sake of rays at vertices.
+// With a = d.(e2 x e1), a t is the same for all rays: the height. What lies in front of them has an a of its sign, so
+// that none asks for signs.
+
+#define PREPARED 8
+#if !defined(PADDING_ROWS) || PADDING_ROWS < PREPARED
+#error "PADDING_ROWS: rows after a tree's last triangle, as many as are prepared at once"
+#endif
+
+typedef struct {
+    float a[3][PREPARED];
+    float edges[3][3][PREPARED]; // the planes of its edges
+    float edge_on[PREPARED];     // the least a of a ray that does not see it edge-on
+    float per_height[PREPARED];  // 1 / t = a per_height
+} Prepared;
+
+typedef struct {
+    float8 x, y, z;
+} Lanes3;
+
+Lanes3 lanes_difference(Lanes3 a, Lanes3 b) {
+    Lanes3 d;
+    d.x = a.x - b.x, d.y = a.y - b.y, d.z = a.z - b.z;
+    return d;
+}
+
+Lanes3 lanes_sum(Lanes3 a, Lanes3 b) {
+    Lanes3 s;
+    s.x = a.x + b.x, s.y = a.y + b.y, s.z = a.z + b.z;
+    return s;
+}
+
+Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
+    Lanes3 c;
+    c.x = a.y * b.z - a.z * b.y, c.y = a.z * b.x - a.x * b.z, c.z = a.x * b.y - a.y * b.x;
+    return c;
+}
+
+float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
+
+// One corner of eight triangles. Past the leaf's last there are others, or padding.
+Lanes3 load_corners(const __global float4 *rows) {
+    const float16 a = (float16)(rows[0], rows[3], rows[6], rows[9]);
+    const float16 b = (float16)(rows[12], rows[15], rows[18], rows[21]);
+    const float8 xz = a.even, xz2 = b.even, yw = a.odd, yw2 = b.odd;
+    Lanes3 corner;
+    corner.x = (float8)(xz.even, xz2.even);
+    corner.y = (float8)(yw.even, yw2.even);
+    corner.z = (float8)(xz.odd, xz2.odd);
+    return corner;
+}
+
+Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
+    Lanes3 from;
+    from.x = (float8)(origin.x), from.y = (float8)(origin.y), from.z = (float8)(origin.z);
+    return lanes_difference(corner, from);
+}
+
+// The plane of an edge, which is p - q, whose ends are seen at p and q. Swapping them changes nothing but all signs.
+Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
+
+void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
+    vstore8(plane.x * by, 0, to[0]);
+    vstore8(plane.y * by, 0, to[1]);
+    vstore8(plane.z * by, 0, to[2]);
+}
+
+// The largest powers of two that are not more: by them planes are divided without rounding.
+float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
+
+// Prepares the triangles from `first` on. Returns those that a ray can hit: a bit each.
+uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
+    const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
+    const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
+    // Of the corners as they are: seen from far away, edges have lost what tells them apart.
+    const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
+    const Lanes3 a = lanes_seen(corner_a, bundle->origin);
+    const Lanes3 b = lanes_seen(corner_b, bundle->origin);
+    const Lanes3 c = lanes_seen(corner_c, bundle->origin);
+    const Lanes3 n = lanes_cross(e2, e1);
+    const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
+    const int8 sign = as_int8(height) & (int8)(int)0x80000000;
+    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
+    const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
+    const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
+    store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
+    store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
+    store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
+    store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
+    vstore8(1.0f / fabs(height), 0, prepared->per_height);
+    vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
+#if CULL_BACK
+    return LANE_BITS8(any ? height < 0.0f : height > 0.0f);
+#else
+    return LANE_BITS8(height != 0.0f);
+#endif
+}
+
+// Tests a prepared triangle with the rays of the live vectors. With `any`, a ray that hits it is done; otherwise
+// the nearest hit is kept. Returns the vectors in which something changed.
+uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
+    const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
+    const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
+    const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];
+    const float wx = prepared->edges[2][0][lane], wy = prepared->edges[2][1][lane], wz = prepared->edges[2][2][lane];
+    const float edge_on = prepared->edge_on[lane], per_height = prepared->per_height[lane];
+    uint changed = 0;
+    for (; live; live &= live - 1) {
+        const int vector = LOWEST_BIT(live);
+        const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
+        const varying a = x * ax + (y * ay + z * az);
+        const varying u = 1.0f + x * ux + y * uy + z * uz;
+        const varying v = 1.0f + x * vx + y * vy + z * vz;
+        const varying w = 1.0f + x * wx + y * wy + z * wz;
+        const varying nearness = a * per_height;
+        // One comparison instead of six: masks wait for one another longer than minima do.
+        const varying inside = min(min(u, v), w);
+        const varying seen =
+            min(a - edge_on, min(nearness - bundle->nearness[vector], bundle->too_near - nearness));
+        const Mask hits = min(inside, seen) >= 0.0f;
+        if (any) {
+            if (!ANY(hits)) continue;
+            bundle->nearness[vector] = SELECT(hits, (varying)(FAR), bundle->nearness[vector]);
+            changed |= 1u << vector;
+        } else {
+            // No branch: hits are frequent where a tile meets a leaf, and hard to foresee.
+            bundle->nearness[vector] = SELECT(hits, nearness, bundle->nearness[vector]);
+            bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
+            changed |= ANY(hits) ? 1u << vector : 0;
+        }
+    }
+    return changed;
+}
+
+// Planes ask for nothing but directions.
+void prepare_rays(Bundle *bundle, int vector, Mask rays) {}

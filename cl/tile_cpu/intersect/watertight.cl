@@ -1,0 +1,103 @@
+// Woop, Benthin and Wald's test for a tile. The rays of a vector share the axis that they are sheared along, so that a
+// corner costs two products; corners seen from the origin are the same for all. Vectors whose rays share no axis
+// are tested as single rays are.
+
+#define NO_AXIS 3
+
+varying along_axis(const Bundle *bundle, int vector, int axis) {
+    return axis == 0 ? bundle->x[vector] : axis == 1 ? bundle->y[vector] : bundle->z[vector];
+}
+
+// Finds the axis that a vector's rays run along most of all, all the same way, and their shears.
+void prepare_rays(Bundle *bundle, int vector, Mask rays) {
+    float longest = 0.0f;
+    bundle->shears.axis[vector] = NO_AXIS;
+    for (int axis = 0; axis < 3; axis++) {
+        const varying component = along_axis(bundle, vector, axis);
+        const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
+        const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
+        const float along = least > 0.0f ? least : -most;
+        if (along <= longest) continue;
+        longest = along;
+        bundle->shears.axis[vector] = axis;
+        bundle->shears.forward[vector] = least > 0.0f ? 1.0f : -1.0f;
+    }
+    const int axis = bundle->shears.axis[vector];
+    if (axis == NO_AXIS) return;
+    const varying per = -1.0f / along_axis(bundle, vector, axis);
+    bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
+    bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
+}
+
+// Rays of a vector that hit the triangle of corners a, b, c, seen from the origin, and 1 / t there.
+Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
+                  varying *nearness) {
+    const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
+    const float forward = bundle->shears.forward[vector];
+    const varying x = bundle->shears.x[vector], y = bundle->shears.y[vector];
+    const varying ax = forward * a[across] + x * a[along], ay = a[up] + y * a[along];
+    const varying bx = forward * b[across] + x * b[along], by = b[up] + y * b[along];
+    const varying cx = forward * c[across] + x * c[along], cy = c[up] + y * c[along];
+    const varying u = cx * by - cy * bx;
+    const varying v = ax * cy - ay * cx;
+    const varying w = bx * ay - by * ax;
+    const varying det = u + v + w;
+#if CULL_BACK
+    const Mask inside = (min(min(u, v), w) >= 0.0f) & (det > 0.0f);
+#else
+    const Mask inside = ((min(min(u, v), w) >= 0.0f) | (max(max(u, v), w) <= 0.0f)) & (det != 0.0f);
+#endif
+    if (!ANY(inside)) return inside;
+    *nearness = det * along_axis(bundle, vector, along) / (u * a[along] + v * b[along] + w * c[along]);
+    return inside & (*nearness > bundle->nearness[vector]) & (*nearness < bundle->too_near);
+}
+
+// The same for a vector without an axis.
+Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *nearness) {
+    const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
+    const varying t_max = 1.0f / max(bundle->nearness[vector], (varying)(LEAST_NEARNESS));
+    const Probe probe = prepare_probe((varying)(1.0f / bundle->too_near), direction);
+    Hit hit;
+    if (!intersect(&probe, splat(bundle->origin), direction, row_of(corners), t_max, &hit)) return (Mask)(0);
+    *nearness = 1.0f / hit.t;
+    return hit.lanes & (bundle->nearness[vector] < FAR);
+}
+
+// A triangle's corners seen from the origin, which is all there is to prepare.
+#define PREPARED 1
+typedef struct {
+    Corners corners;
+    float a[3], b[3], c[3];
+} Prepared;
+
+uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
+    Corners corners = leaf_corners(tree, first);
+    if (any) { // rays come from the light, and meet the backs of what faces it
+        const Uniform3 b = corners.b;
+        corners.b = corners.c;
+        corners.c = b;
+    }
+    const Uniform3 o = bundle->origin;
+    prepared->corners = corners;
+    prepared->a[0] = corners.a.x - o.x, prepared->a[1] = corners.a.y - o.y, prepared->a[2] = corners.a.z - o.z;
+    prepared->b[0] = corners.b.x - o.x, prepared->b[1] = corners.b.y - o.y, prepared->b[2] = corners.b.z - o.z;
+    prepared->c[0] = corners.c.x - o.x, prepared->c[1] = corners.c.y - o.y, prepared->c[2] = corners.c.z - o.z;
+    return 1;
+}
+
+// Tests the triangle with the rays of the live vectors, as edge_planes.cl does.
+uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
+    uint changed = 0;
+    for (; live; live &= live - 1) {
+        const int vector = LOWEST_BIT(live);
+        varying nearness;
+        const Mask hits = bundle->shears.axis[vector] == NO_AXIS
+                              ? meet_single(bundle, vector, prepared->corners, &nearness)
+                              : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &nearness);
+        if (!ANY(hits)) continue;
+        bundle->nearness[vector] = SELECT(hits, any ? (varying)(FAR) : nearness, bundle->nearness[vector]);
+        if (!any) bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
+        changed |= 1u << vector;
+    }
+    return changed;
+}

@@ -1,0 +1,210 @@
+// Shading a tile's nearest hits.
+
+// Each lane's row of three float4, as 12 columns: a load of 16 bytes a lane and quad, transposed in registers.
+void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
+    IntLanes at;
+    at.all = places * 3;
+    for (int quad = 0; quad < 3; quad++) {
+        const __global float4 *from = rows + quad;
+        const float16 a = (float16)(from[at.each[0]], from[at.each[1]], from[at.each[2]], from[at.each[3]]);
+        const float16 b = (float16)(from[at.each[4]], from[at.each[5]], from[at.each[6]], from[at.each[7]]);
+        const float16 c = (float16)(from[at.each[8]], from[at.each[9]], from[at.each[10]], from[at.each[11]]);
+        const float16 d = (float16)(from[at.each[12]], from[at.each[13]], from[at.each[14]], from[at.each[15]]);
+        const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
+        const float16 yw = (float16)(a.odd, b.odd), yw2 = (float16)(c.odd, d.odd);
+        column[4 * quad] = (float16)(xz.even, xz2.even);
+        column[4 * quad + 1] = (float16)(yw.even, yw2.even);
+        column[4 * quad + 2] = (float16)(xz.odd, xz2.odd);
+        column[4 * quad + 3] = (float16)(yw.odd, yw2.odd);
+    }
+}
+
+// What shading needs beside the tree.
+typedef struct {
+    const __global float *lights;
+    int light_count;
+    float bias;
+    const __global float *materials;
+} Lighting;
+
+Surface one_material(const __global float *material) {
+    Surface surface;
+    surface.lambertian = splat(LOAD3(material));
+    surface.glossy = splat(LOAD3(material + 3));
+    surface.shininess = (varying)(material[6]);
+    surface.kind = (varying)(material[7]);
+    return surface;
+}
+
+// The materials of a vector's hits: mostly one.
+Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
+    IntLanes at;
+    at.all = AS_INT(numbers);
+    const int first = at.each[LOWEST_BIT(LANE_BITS16(hits))];
+    if (!ANY(hits & (at.all != first))) return one_material(lighting->materials + MATERIAL_FLOATS * first);
+    at.all = SELECT(hits, at.all, (varying_int)(first));
+    Lanes column[MATERIAL_FLOATS];
+    for (int lane = 0; lane < WIDTH; lane++)
+        for (int i = 0; i < MATERIAL_FLOATS; i++) column[i].each[lane] = lighting->materials[MATERIAL_FLOATS * at.each[lane] + i];
+    Surface surface;
+    surface.lambertian = vec3(column[0].all, column[1].all, column[2].all);
+    surface.glossy = vec3(column[3].all, column[4].all, column[5].all);
+    surface.shininess = column[6].all;
+    surface.kind = column[7].all;
+    return surface;
+}
+
+// Where a vector's rays hit, and the surface there.
+typedef struct {
+    Vec3 point, normal, to_eye;
+    Surface surface;
+} Shaded;
+
+void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, varying_int place, Mask hits,
+                 Shaded *shaded) {
+    const varying_int safe = SELECT(hits, place, (varying_int)(0));
+    varying corner[ROW_FLOATS], normal[ROW_FLOATS];
+    gather_rows((const __global float4 *)tree->tree.leaves, safe, corner);
+    gather_rows(tree->surfaces, safe, normal);
+    const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
+    const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
+    const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
+    const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
+    shaded->point = along(ray.origin, hit.t, ray.direction);
+    const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
+    const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
+    const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
+    shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
+    shaded->to_eye = negate(ray.direction);
+    shaded->surface = gather_materials(lighting, corner[7], hits);
+}
+
+// Turns a vector of hits into rays from a light to them, their slice, and the radiance that arrives if nothing is in
+// between. Returns where the light can arrive at all.
+Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
+                  Mask hits, Vec3 *arriving) {
+    const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
+    const varying squared = dot3(offset, offset);
+    const varying distance = sqrt(squared);
+    const varying per_distance = 1.0f / distance;
+    const Vec3 to_light = scale(offset, per_distance);
+    const varying cosine = dot3(to_light, shaded->normal);
+    const Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
+    if (!ANY(lit)) return lit;
+    const Vec3 f = reflectance(&shaded->surface, to_light, shaded->to_eye, shaded->normal, lit);
+    const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
+    *arriving = scale(multiply(power, f), cosine / (4.0f * M_PI_F * squared));
+    bundle->x[vector] = -offset.x;
+    bundle->y[vector] = -offset.y;
+    bundle->z[vector] = -offset.z;
+    // It ends at t = 1, less the bias.
+    bundle->nearness[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
+    bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
+    const varying *components[3] = {bundle->x, bundle->y, bundle->z};
+    for (int axis = 0; axis < 3; axis++) {
+        const varying component = components[axis][vector];
+        ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
+        ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
+    }
+    prepare_rays(bundle, vector, lit);
+    return lit;
+}
+
+// Makes a light's rays to the hits of the tile's vectors, which it finds for the first light and keeps for others.
+// Returns the vectors with any.
+uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
+                     CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
+    for (int part = 0; part < PARTS; part++) {
+        for (int axis = 0; axis < 3; axis++) {
+            slices->low[axis][part] = (float16)(FAR);
+            slices->high[axis][part] = (float16)(-FAR);
+        }
+        slices->reach[part] = (float16)(1.0f);
+    }
+    bundle->longest = 0.0f;
+    bundle->origin = LOAD3(lighting->lights + LIGHT_FLOATS * light);
+    bundle->too_near = FAR;
+    uint open = 0;
+    for (uint left = hit; left; left &= left - 1) {
+        const int vector = LOWEST_BIT(left);
+        const Mask hits = bundle->place[vector] != NO_HIT;
+        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // those of one light are not kept
+        if (light == 0) {
+            const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
+            meet_vector(tree, lighting, ray, bundle->place[vector], hits, surface);
+        }
+        const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
+        open |= ANY(lit) ? 1u << vector : 0;
+    }
+    const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
+    const float block_side = BLOCK_X * pixel_side(step_x, step_y);
+    set_scattered(bundle, open & scattered_vectors(slices, eye_to_light, block_side));
+    return open;
+}
+
+// Four pixels side by side, as the image has them.
+float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
+    const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
+    const float8 gh = (float8)(green.x, hit.x, green.y, hit.y, green.z, hit.z, green.w, hit.w);
+    return (float16)(rb.s0, gh.s0, rb.s1, gh.s1, rb.s2, gh.s2, rb.s3, gh.s3, rb.s4, gh.s4, rb.s5, gh.s5, rb.s6, gh.s6,
+                     rb.s7, gh.s7);
+}
+
+// Stores past the caches, which an image fills for nothing.
+#if PREFETCH
+#define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
+#else
+#define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
+#endif
+
+// store_radiance for a vector of a tile: a row of four pixels at once where all are inside and rows begin aligned.
+void store_block(__global float4 *restrict image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
+    const int x = pixels.x.s0, y = pixels.y.s0;
+    if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
+        store_radiance(image, image_size, background, sum, pixels, hits);
+        return;
+    }
+    const varying red = SELECT(hits, sum.x, (varying)(background.x));
+    const varying green = SELECT(hits, sum.y, (varying)(background.y));
+    const varying blue = SELECT(hits, sum.z, (varying)(background.z));
+    const varying hit = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
+    __global float4 *row = image + (size_t)y * image_size.x + x;
+    STREAM16(interleave(red.s0123, green.s0123, blue.s0123, hit.s0123), row);
+    STREAM16(interleave(red.s4567, green.s4567, blue.s4567, hit.s4567), row + image_size.x);
+    STREAM16(interleave(red.s89ab, green.s89ab, blue.s89ab, hit.s89ab), row + 2 * image_size.x);
+    STREAM16(interleave(red.scdef, green.scdef, blue.scdef, hit.scdef), row + 3 * image_size.x);
+}
+
+void store_background(__global float4 *restrict image, int2 image_size, float4 background) {
+    const Vec3 none = splat(uniform3(0.0f, 0.0f, 0.0f));
+    for (int vector = 0; vector < VECTORS; vector++)
+        store_block(image, image_size, background, none, tile_pixels(vector, image_size), (Mask)(0));
+}
+
+// For each light, what arrives at the tile's hits if nothing is in between, then a walk from the light to find where
+// something is.
+void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS, int2 image_size,
+                float4 background, __global float4 *restrict image) {
+    Shaded shaded[VECTORS];
+    Vec3 sum[VECTORS], arriving[VECTORS];
+    uint hit = 0;
+    for (int vector = 0; vector < VECTORS; vector++) {
+        sum[vector] = splat(uniform3(0.0f, 0.0f, 0.0f));
+        hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
+    }
+    for (int light = 0; light < lighting->light_count; light++) {
+        Slices slices;
+        const uint open = make_light_rays(bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y, image_size,
+                                          hit, shaded, arriving);
+        if (!open) continue;
+        const Cone cone = finish_slices(&slices);
+        walk(bundle, &slices, &cone, tree, open, 1);
+        for (uint left = open; left; left &= left - 1) {
+            const int vector = LOWEST_BIT(left);
+            sum[vector] = select3(bundle->nearness[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
+        }
+    }
+    for (int vector = 0; vector < VECTORS; vector++)
+        store_block(image, image_size, background, sum[vector], tile_pixels(vector, image_size),
+                    bundle->place[vector] != NO_HIT);
+}

@@ -1,0 +1,152 @@
+// What is known of a tile's rays without looking at any: intervals of their directions, for the whole tile (a Cone)
+// and for each of its vectors (Slices).
+
+// By more than their rounding reciprocals are moved apart.
+#define RECIPROCAL_ROUNDING 3e-7f
+// Directions with smaller components count as zeros.
+#define NO_DIRECTION 1e-20f
+// The least 1 / t, so that t is finite.
+#define LEAST_NEARNESS 1e-37f
+
+// The reciprocals of directions lie from low to high; where the directions' sign changes they are mixed, and lie below
+// low and above high.
+typedef struct {
+    float low[3], high[3];
+    int mixed[3], negative[3];
+} Cone;
+
+// The same for each vector; a lane is a vector. Those without rays are from FAR to -FAR.
+typedef struct {
+    float16 low[3][PARTS], high[3][PARTS];
+    float16 reach[PARTS]; // t up to which something can be hit
+} Slices;
+
+#if NODE_WIDTH == 8
+typedef float8 Children;
+typedef uint8 ChildWords;
+#define LOAD_CHILDREN(row) vload8(0, row)
+#define STORE_CHILDREN(children, to) vstore8(children, 0, to)
+#define AS_WORDS(children) as_uint8(children)
+#define CHILD_BITS(mask) LANE_BITS8(mask)
+#elif NODE_WIDTH == 16
+typedef float16 Children;
+typedef uint16 ChildWords;
+#define LOAD_CHILDREN(row) vload16(0, row)
+#define STORE_CHILDREN(children, to) vstore16(children, 0, to)
+#define AS_WORDS(children) as_uint16(children)
+#define CHILD_BITS(mask) LANE_BITS16(mask)
+#else
+#error "tiles walk a tree of 8 or 16 children a node"
+#endif
+#ifndef UNUSED_WORD
+#error "UNUSED_WORD: the word of a child that is none"
+#endif
+#define UNUSED_CHILD ((uint)UNUSED_WORD)
+
+// A node's children, seen from the origin: the sides that the rays enter and leave by, and where the first does.
+typedef struct {
+    float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
+    Children entry;
+} Boxes;
+
+// Turns intervals of directions into those of their reciprocals.
+void invert_intervals(float16 *low, float16 *high) {
+    const float16 least = *low, most = *high;
+    const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
+    const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
+    const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
+    const float16 b = SELECT(mixed & (most <= NO_DIRECTION), (float16)(FAR), up + RECIPROCAL_ROUNDING * fabs(up));
+    *low = SELECT(none, (float16)(FAR), a);
+    *high = SELECT(none, (float16)(-FAR), b);
+}
+
+void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
+    float16 l = low[0], h = high[0];
+    for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
+    *least = least_lane(l);
+    *most = most_lane(h);
+}
+
+// Finishes slices that hold intervals of directions, and finds the cone around them.
+Cone finish_slices(Slices *slices) {
+    Cone cone;
+    for (int axis = 0; axis < 3; axis++) {
+        float least, most;
+        whole_tile(slices->low[axis], slices->high[axis], &least, &most);
+        cone.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
+        cone.negative[axis] = !cone.mixed[axis] && most < 0.0f;
+        float16 low = (float16)(least), high = (float16)(most);
+        invert_intervals(&low, &high);
+        cone.low[axis] = low.s0;
+        cone.high[axis] = high.s0;
+    }
+    for (int axis = 0; axis < 3; axis++)
+        for (int part = 0; part < PARTS; part++) invert_intervals(&slices->low[axis][part], &slices->high[axis][part]);
+    return cone;
+}
+
+// Children of a node that a cone meets before `reach`: a bit each.
+uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node, float reach, Boxes *boxes) {
+    const float o[3] = {origin.x, origin.y, origin.z};
+    Children entry = (Children)(0.0f), leave = (Children)(reach);
+    for (int axis = 0; axis < 3; axis++) {
+        const int negative = cone->negative[axis];
+        const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
+        const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
+        STORE_CHILDREN(near, boxes->near[axis]);
+        STORE_CHILDREN(far, boxes->far[axis]);
+        if (cone->mixed[axis]) {
+            entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
+        } else {
+            entry = max(entry, min(near * cone->low[axis], near * cone->high[axis]));
+            leave = min(leave, max(far * cone->low[axis], far * cone->high[axis]) * OUTWARDS);
+        }
+    }
+    boxes->entry = entry;
+    return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
+}
+
+// Vectors that meet a child: a bit each.
+uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
+    uint met = 0;
+    for (int part = 0; part < PARTS; part++) {
+        float16 entry = (float16)(0.0f), leave = (float16)(FAR);
+        for (int axis = 0; axis < 3; axis++) {
+            const float16 low = slices->low[axis][part], high = slices->high[axis][part];
+            const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
+            float16 first = min(near * low, near * high), last = max(far * low, far * high);
+            if (cone->mixed[axis]) { // near may be far, and directions of a vector may be mixed too
+                const int16 mixed = (low < 0.0f) & (high > 0.0f);
+                first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
+                last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));
+            }
+            entry = max(entry, first);
+            leave = min(leave, last);
+        }
+        met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
+    }
+    return met;
+}
+
+// Vectors that reach further than `entry`.
+uint reaching(const Slices *slices, float entry) {
+    uint bits = 0;
+    for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
+    return bits;
+}
+
+float furthest(const Slices *slices) {
+    float16 most = slices->reach[0];
+    for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
+    return most_lane(most);
+}
+
+// The reach of vectors whose rays have hit something.
+void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
+    for (; changed; changed &= changed - 1) {
+        const int vector = LOWEST_BIT(changed);
+        const float reach = 1.0f / max(least_lane(bundle->nearness[vector]), LEAST_NEARNESS);
+        for (int part = 0; part < PARTS; part++)
+            slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
+    }
+}

@@ -1,0 +1,317 @@
+// The kernels of a frame cast in tiles that groups own: the nearest hits; for a round of lights the shadow rays; and, in
+// shade.cl, those of them that were left over, and shading. entry.cl walks the tree.
+
+// Shadow rays of a tile are cast in at most so many passes, each of rays close to each other, and with so many words from
+// the stack for one light. Past silhouettes that is never enough: what is left over has a group to each ray.
+#define SHADOW_PASSES 4
+#define SHADOW_BUDGET 32
+// A round has so many lights that a word holds a bit for each of them and of a lane's rays: light after light. Of a pixel
+// such a word has every so manieth bit; the last bit says that some of its lights are left over.
+#ifndef LIGHTS_OF_ROUND
+#error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
+#endif
+#define SOME_LEFT_OVER 0x80000000u
+#define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
+#define LIGHT_OF_BIT(bit) ((bit) / RAYS)
+#define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
+
+// Tiles of a work-group lie in a square where they can, so that they read the same part of the tree.
+#ifndef TILES_ACROSS
+#error "TILES_ACROSS: tiles of a work-group side by side"
+#endif
+#define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
+
+// A group with its stack, and with the triangles of a leaf that its rays have to test.
+#define STACK_LOCALS                            \
+    GROUP_LOCALS                                 \
+    __local uint2 stacks[LOCAL_Y][STACK_SIZE]; \
+    Group group;                                 \
+    BIND_GROUP(group)                            \
+    __local uint2 *stack = stacks[group.number];
+#define LEAF_LOCALS                                             \
+    __local float4 leaf_quads[LOCAL_Y][3 * GROUP_LANES]; \
+    __local int leaf_lanes[LOCAL_Y][GROUP_LANES];        \
+    Candidates candidates;                                     \
+    candidates.quads = leaf_quads[group.number];          \
+    candidates.lanes = leaf_lanes[group.number];
+#if PLANES_OF_ORIGIN
+#define PLANES_OF_TREE       \
+    tree.planes = prepared;    \
+    tree.row = prepared_row;
+#else
+#define PLANES_OF_TREE
+#endif
+#define TREE_OF_TILES     \
+    Tree tree;              \
+    tree.nodes = nodes;     \
+    tree.leaves = leaves;   \
+    PLANES_OF_TREE
+
+typedef struct {
+    int x, y, inside;
+} Pixel;
+
+// The pixel of a lane's ray in a row of work-groups: a tile is blocks of 8 x 4 pixels.
+INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size) {
+    const int across = TILE_X / 8, lane = forgotten(group->lane);
+    const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
+    const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
+    Pixel pixel;
+    pixel.x = tile_x * TILE_X + ray % across * 8 + lane % 8;
+    pixel.y = tile_y * TILE_Y + ray / across * 4 + lane / 8;
+    pixel.inside = (pixel.x < image_size.x) & (pixel.y < image_size.y);
+    return pixel;
+}
+
+// The same in the work-group's own row of the image, of which this may be a band.
+INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
+    return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
+}
+
+INLINED uint index_of(Pixel pixel, int2 image_size) { return (uint)pixel.y * (uint)image_size.x + (uint)pixel.x; }
+
+// A direction of depth 1 through a pixel's centre, as camera_ray has it.
+INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel) {
+    const float x = pixel.x + 0.5f, y = pixel.y + 0.5f;
+    return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
+                corner.z + x * step_x.z + y * step_y.z);
+}
+
+// The tile's rays from the eye. Returns those inside the image.
+INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
+    uint inside = 0;
+    EACH_RAY(ray) {
+        const Pixel pixel = tile_pixel(group, ray, image_size);
+        const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
+        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
+        inside |= pixel.inside ? 1u << ray : 0u;
+    }
+    ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
+    ways->per_end = 0.0f;
+    return inside;
+}
+
+// Finds the nearest triangle of each of a tile's rays from the eye, and stores its place in leaf order, or NO_HIT. Returns
+// the rays that hit.
+INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
+                          const Candidates *candidates, __global int *nearest) {
+    uint done = 0;
+    int unlimited = 0;
+    Beam beam;
+    EACH_RAY(ray) beam.place[ray] = NO_HIT;
+    for (;;) { // once, unless the tile is so wide that its rays run along several axes
+        Ways ways;
+        Shaft shaft;
+        const uint todo = camera_ways(group, eye, corner, step_x, step_y, image_size, &ways) & ~done;
+        if (!lane_any(group, todo != 0)) break;
+        const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
+        if (!lane_any(group, active != 0)) break;
+        walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
+        done |= active;
+    }
+    uint hits = 0;
+    EACH_RAY(ray) {
+        const Pixel pixel = tile_pixel(group, ray, image_size);
+        if (pixel.inside) nearest[index_of(pixel, image_size)] = beam.place[ray];
+        hits |= beam.place[ray] != NO_HIT ? 1u << ray : 0u;
+    }
+    return hits;
+}
+
+// The nearest hits.
+__kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PRIMARY_PARAMETERS) {
+    STACK_LOCALS
+    LEAF_LOCALS
+    TREE_OF_TILES
+    find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
+}
+
+// Where a ray from the eye meets its nearest triangle; the normal is of any length.
+typedef struct {
+    Vec3 point, normal;
+    int material;
+} Meeting;
+
+INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray, int place) {
+    const __global float4 *corners = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+    const __global float4 *normals = surfaces + 3 * (size_t)place;
+    const float4 a = corners[0], b = corners[1], c = corners[2];
+    const float4 na = normals[0], nb = normals[1], nc = normals[2];
+    const Vec3 v0 = vec3(a.x, a.y, a.z);
+    const Vec3 e1 = subtract(vec3(b.x, b.y, b.z), v0), e2 = subtract(vec3(c.x, c.y, c.z), v0);
+    const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
+    const Vec3 n0 = vec3(na.x, na.y, na.z), n1 = vec3(nb.x, nb.y, nb.z), n2 = vec3(nc.x, nc.y, nc.z);
+    Meeting meeting;
+    meeting.point = along(ray.origin, hit.t, ray.direction);
+    meeting.normal = along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2);
+    meeting.material = as_int(b.w);
+    return meeting;
+}
+
+INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
+    Pixels one;
+    one.x = pixel.x;
+    one.y = pixel.y;
+    one.inside = pixel.inside;
+    return camera_ray(eye, corner, step_x, step_y, one);
+}
+
+// The same, with no material, for who asks which lights a surface faces and where rays to them begin.
+INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, Pixel pixel, int place) {
+#if PLANES_OF_ORIGIN // which tell t and weights at once; in slivers they are out by roundings, which shading must not be
+    const __global float4 *planes = planes_for(tree, 0) + place;
+    const __global float4 *normals = surfaces + 3 * (size_t)place;
+    const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
+    const float4 na = normals[0], nb = normals[1], nc = normals[2];
+    const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
+    const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
+    Meeting meeting;
+    meeting.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), way);
+    meeting.normal = vec3(inside.x * na.x + inside.y * nb.x + inside.z * nc.x,
+                          inside.x * na.y + inside.y * nb.y + inside.z * nc.y,
+                          inside.x * na.z + inside.y * nb.z + inside.z * nc.z);
+    meeting.material = 0;
+    return meeting;
+#else
+    return meet(tree, surfaces, pixel_ray(eye, corner, step_x, step_y, pixel), place);
+#endif
+}
+
+// Whether a surface faces a light, which is not on it: whether a shadow ray is to be cast.
+INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
+    return (dot3(offset, meeting.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
+}
+
+// From a light to where a shadow ray ends, a bias before the hit; `offset` is from the hit to the light.
+INLINED Vec3 way_to_hit(Vec3 offset, float bias) { return scale(offset, bias * rsqrt(dot3(offset, offset)) - 1.0f); }
+
+INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
+
+// The rays from a light to the tile's hits, where they are wanted. Returns those that are to be cast.
+INLINED uint light_ways(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+                        int2 image_size, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
+    uint cast = 0;
+    ways->per_begin = FAR;
+    ways->per_end = 1.0f;
+    EACH_RAY(ray) { // no branch: all rays' loads are under way at once
+        const Pixel pixel = tile_pixel(group, ray, image_size);
+        const int hit = HAS(wanted, ray) != 0;
+        const int place = hit ? nearest[index_of(pixel, image_size)] : 0;
+        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
+        const Vec3 offset = subtract(light, meeting.point);
+        const Vec3 way = way_to_hit(offset, bias);
+        cast |= hit & faces(meeting, offset, bias) ? 1u << ray : 0u;
+        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
+    }
+    return cast;
+}
+
+// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` are those not known of.
+// Rays are made anew for each pass, of which there is seldom a second, and the places of hits are read again: they would
+// take registers while it walks.
+INLINED uint unblocked(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+                       int2 image_size, const __global int *nearest, uint hits, Origin light, float bias,
+                       __local uint2 *stack, const Candidates *candidates, uint *left) {
+    uint todo = hits, clear = 0;
+    int budget = SHADOW_BUDGET;
+    *left = 0;
+    for (int pass = 0; lane_any(group, todo != 0); pass++) {
+        if (pass == SHADOW_PASSES || budget <= 0) break;
+        Shaft shaft;
+        Beam beam;
+        Ways ways;
+        todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest,
+                          vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
+        if (!lane_any(group, todo != 0)) break;
+        const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
+        if (!lane_any(group, active != 0)) break;
+        const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
+        EACH_RAY(ray) {
+            const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
+            clear |= open && enough ? 1u << ray : 0u;
+            *left |= open && !enough ? 1u << ray : 0u;
+        }
+        todo &= ~active;
+    }
+    *left |= todo;
+    return clear;
+}
+
+// Adds this lane's pixel to the queue, if it has lights left over; the group asks for room together.
+INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights, __global uint2 *queue, __global int *queued) {
+    const uint leaving = lane_ballot(group, lights != 0);
+    int first = 0; // and on, even if none is leaving: a compiler of barriers was seen to go wrong after a return here
+    if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
+    first = (int)lane_get(group, (uint)first, 0);
+    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, image_size), lights);
+}
+
+// Where shadow rays' results go.
+typedef struct {
+    __global uint *lit;    // a word of lights a pixel that hits
+    __global uint2 *queue; // pixels with the lights that are left over
+    __global int *queued;  // how many
+} Found;
+
+// Casts the shadow rays of a round's lights, from `first_light` on: a bit of a pixel's word tells that nothing is between
+// it and a light that it faces. What is left over goes to the queue.
+INLINED void find_lit(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+                      int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
+                      int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
+                      Found found) {
+    uint reached = 0, left_over = 0;
+    const int end = min(light_count - first_light, LIGHTS_OF_ROUND);
+    for (int light = 0; light < end; light++) {
+        uint left;
+        const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
+        const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, origin,
+                                     bias, stack, candidates, &left);
+        reached |= BITS_OF_LIGHT(clear, light);
+        left_over |= BITS_OF_LIGHT(left, light);
+    }
+    EACH_RAY(ray) {
+        const Pixel pixel = tile_pixel(group, ray, image_size);
+        const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
+        if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray) | left;
+    }
+    if (lane_any(group, left_over != 0)) {
+        for (int ray = 0; ray < RAYS; ray++)
+            leave(group, tile_pixel(group, ray, image_size), image_size, BITS_OF_PIXEL(left_over, ray), found.queue,
+                  found.queued);
+    }
+}
+
+#define BIND_FOUND      \
+    Found found;          \
+    found.lit = lit;      \
+    found.queue = queue;  \
+    found.queued = queued;
+
+// Shadow rays of the nearest hits.
+__kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
+    STACK_LOCALS
+    LEAF_LOCALS
+    TREE_OF_TILES
+    BIND_FOUND
+    uint hits = 0;
+    EACH_RAY(ray) {
+        const Pixel pixel = tile_pixel(&group, ray, image_size);
+        hits |= pixel.inside && nearest[index_of(pixel, image_size)] != NO_HIT ? 1u << ray : 0u;
+    }
+    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
+             first_light, bias, stack, &candidates, found);
+}
+
+// Both, one after the other: while the last tiles' rays from the eye are cast, other tiles are at their shadow rays.
+__kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
+    STACK_LOCALS
+    LEAF_LOCALS
+    TREE_OF_TILES
+    BIND_FOUND
+    const uint hits =
+        find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
+    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
+             first_light, bias, stack, &candidates, found);
+}
+
+#include "tile_gpu/shade.cl"

@@ -1,0 +1,70 @@
+// A leaf's triangle for the rays of a pass, the test of edge_planes.cl, from a table: tile_prepare makes the planes of
+// every triangle once a frame, for the eye and for each light. It has a row of quads for each axis of the scene; a triangle's
+// quad holds that component of its three planes and of 1/z. So whatever a pass's axes are, three loads bring what it needs,
+// side by side for the triangles of a leaf.
+
+#include "common/planes_of_origin.cl"
+
+// Half of what triangles overlap by elsewhere, as in edge_planes.cl.
+#define OVERLAP 0.5f
+
+// A quad of planes, each taken at what is most of it in an interval of slopes.
+INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
+    const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
+    float4 most;
+    most.x = MULTIPLY_ADD(fabs(plane.x), half_width, MULTIPLY_ADD(plane.x, middle, rest.x));
+    most.y = MULTIPLY_ADD(fabs(plane.y), half_width, MULTIPLY_ADD(plane.y, middle, rest.y));
+    most.z = MULTIPLY_ADD(fabs(plane.z), half_width, MULTIPLY_ADD(plane.z, middle, rest.z));
+    most.w = MULTIPLY_ADD(fabs(plane.w), half_width, MULTIPLY_ADD(plane.w, middle, rest.w));
+    return most;
+}
+
+// Prepares the triangle at a place of leaf order. Returns whether any ray of the shaft may hit it at a 1/z that is
+// more than `worst`. A candidate holds the planes' components along the pass's axes.
+INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
+    const __global float4 *quads = shaft->planes;
+    const uint at = (uint)place; // three rows have less than 2^32
+    const float4 across = quads[shaft->across_row + at], down = quads[shaft->down_row + at];
+    const float4 along = quads[shaft->along_row + at];
+    const float overlap = OVERLAP * shaft->longest;
+    triangle->a = across;
+    triangle->b = down;
+    triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
+    triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
+    triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
+    triangle->c.w = shaft->sign * along.w;
+    const float4 most = most_along(across, shaft->low_x, shaft->high_x,
+                                   most_along(down, shaft->low_y, shaft->high_y, triangle->c));
+    return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
+}
+
+// Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
+INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
+                  float *per_depth) {
+    const float4 a = triangle->a, b = triangle->b, c = triangle->c;
+    const float u = MULTIPLY_ADD(a.x, x, MULTIPLY_ADD(b.x, y, c.x));
+    const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
+    const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
+    *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
+    // What is not negative has no sign bit: one test for three.
+    const int outside = as_int(u) | as_int(v) | as_int(w);
+    return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
+}
+
+// The planes of every triangle (first dimension) for the eye, which is origin 0, and a round's lights (second dimension,
+// from `first_origin` on). Empties the queue of the round as well: a command less.
+__kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
+    const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
+    if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
+    if (place >= count) return;
+    const Uniform3 from =
+        origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
+    Tree tree;
+    tree.leaves = leaves;
+    // A shadow ray runs towards its light, away from where it is cast here: front faces face away from the light.
+    const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
+    __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
+    quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);
+    quads[count] = (float4)(row.a.y, row.b.y, row.c.y, row.v);
+    quads[2 * (size_t)count] = (float4)(row.a.z, row.b.z, row.c.z, row.w);
+}

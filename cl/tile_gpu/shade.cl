@@ -1,0 +1,129 @@
+// What is left of a round of lights when tiles have cast their shadow rays: the rays that were left over, and shading.
+
+// Casts a pixel's shadow rays that were left over: the group casts one at a time. Returns the lights that they reach.
+INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+                            Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
+                            __local uint2 *stack) {
+    uint reached = 0;
+    for (uint left = left_over; left; left &= left - 1) {
+        const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
+        const __global float *at = lights + LIGHT_FLOATS * light;
+        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
+        const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
+        Shaft shaft;
+        aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
+        const float per_depth = reciprocal(fabs(component(way.x, way.y, way.z, shaft.along)));
+        const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
+        const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
+        widen(&shaft, x, x, y, y);
+        if (!is_blocked(group, tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
+    }
+    return reached;
+}
+
+INLINED Pixel pixel_of(uint index, int2 image_size) {
+    Pixel pixel;
+    pixel.x = (int)(index % (uint)image_size.x);
+    pixel.y = (int)(index / (uint)image_size.x);
+    pixel.inside = 1;
+    return pixel;
+}
+
+// Casts the shadow rays that were left over, a group to each pixel, which is in the queue once.
+__kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
+    STACK_LOCALS
+    TREE_OF_TILES
+    const int groups = (int)get_num_groups(0) * LOCAL_Y, count = *queued;
+    for (int i = (int)get_group_id(0) * LOCAL_Y + group.number; i < count; i += groups) {
+        const uint2 entry = queue[i];
+        const uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y,
+                                            pixel_of(entry.x, image_size), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
+                                            entry.y, bias, stack);
+        if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
+    }
+}
+
+INLINED void load_material(const __global float *material, Surface *surface) {
+    surface->lambertian = load_vec3(material);
+    surface->glossy = load_vec3(material + 3);
+    surface->shininess = material[6];
+    surface->kind = material[7];
+}
+
+// What the lights of a word send to a hit.
+INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface *surface, Meeting meeting, Vec3 to_eye) {
+    Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
+    for (; reached; reached &= reached - 1) {
+        const __global float *light = lights + LIGHT_FLOATS * LIGHT_OF_BIT(LOWEST_BIT(reached));
+        const Vec3 offset = subtract(load_vec3(light), meeting.point);
+        const float squared = dot3(offset, offset);
+        const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
+        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // it faces the light, but for rounding
+        const Vec3 f = reflectance(surface, to_light, to_eye, meeting.normal, 1);
+        sum = add(sum, scale(multiply(load_vec3(light + 3), f), cosine / (4.0f * M_PI_F * squared)));
+    }
+    return sum;
+}
+
+// Adds to a pixel what a round's lights send it, of which `reached` do.
+INLINED void shade_pixel(const Tree *tree, const __global float4 *surfaces, const __global float *materials,
+                         CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint reached, float4 *sum) {
+    const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
+    Meeting meeting = meet(tree, surfaces, from_eye, place);
+    meeting.normal = normalize_or_zero(meeting.normal);
+    Surface surface;
+    load_material(materials + MATERIAL_FLOATS * meeting.material, &surface);
+    const Vec3 received = arriving(lights, reached, &surface, meeting, negate(from_eye.direction));
+    *sum += (float4)(received.x, received.y, received.z, 0.0f);
+}
+
+// Shades nearest hits by the lights of a round that reach them; the first round clears the image. The first `queue_rows`
+// rows of work-groups cast what shadow rays were left over, if no kernel did, and shade these pixels: that has few rays, of
+// which each takes long, while other work-groups shade all that is known.
+__kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
+    STACK_LOCALS
+    TREE_OF_TILES
+    const __global float *lights_of_round = lights + LIGHT_FLOATS * first_light;
+    const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+    if ((int)get_group_id(1) < queue_rows) {
+        const int across = (int)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
+        const int first = (int)get_group_id(1) * across + (int)get_group_id(0) * LOCAL_Y + group.number;
+        const int count = *queued;
+        for (int i = first; i < count; i += groups) {
+            const uint2 entry = queue[i];
+            const Pixel pixel = pixel_of(entry.x, image_size);
+            const int place = nearest[entry.x];
+            uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
+                                          lights_of_round, entry.y, bias, stack);
+            if (group.lane == 0) {
+                reached |= lit[entry.x] & ~SOME_LEFT_OVER;
+                float4 sum = first_light ? image[entry.x] : dark;
+                shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
+                            reached, &sum);
+                image[entry.x] = sum;
+            }
+        }
+    } else {
+        const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
+        int place[RAYS];
+        uint reached[RAYS];
+        EACH_RAY(ray) { // all rays' loads at once
+            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
+            place[ray] = pixel.inside ? nearest[index_of(pixel, image_size)] : NO_HIT;
+        }
+        EACH_RAY(ray) {
+            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
+            reached[ray] = place[ray] != NO_HIT && light_count ? lit[index_of(pixel, image_size)] : 0;
+        }
+        EACH_RAY(ray) {
+            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
+            const uint at = index_of(pixel, image_size);
+            float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
+            if (first_light && pixel.inside) sum = image[at];
+            if (reached[ray])
+                shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
+                            reached[ray] & ~SOME_LEFT_OVER, &sum);
+            if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;
+        }
+    }
+}

@@ -1,0 +1,125 @@
+// The axes of a pass of entry.cl, and the box of its rays' slopes.
+
+// a b + c, in one rounding where that is as fast as two. (PTX has it, whether or not the macro says so.)
+#if defined(FP_FAST_FMAF) || LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
+#define MULTIPLY_ADD(a, b, c) fma(a, b, c)
+#else
+#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
+#endif
+// An interval of slopes is widened by this much, several times the rounding of what it is compared with.
+#define SLOPE_ROUNDING 1e-6f
+
+// Where the rays of a pass come from.
+typedef struct {
+    Uniform3 at;
+    int number; // 0 for the eye, from 1 on for a round's lights
+} Origin;
+
+INLINED Origin origin_at(Uniform3 at, int number) {
+    Origin origin;
+    origin.at = at;
+    origin.number = number;
+    return origin;
+}
+
+// The axes of a pass and the slopes of its rays: a box in (x, y).
+typedef struct {
+    int across, down, along; // which axes of the scene x, y and z are
+    float sign;              // -1 where rays run towards smaller z
+    uint x_rows, y_rows;     // where a lane's child has its x and y in a node
+    uint near_row, far_row;  // and the z at which rays come to it first and last
+    float x, y, z;           // the rays' origin along these axes
+    float low_x, high_x, low_y, high_y;
+    float longest; // the largest component of a direction (x, y, 1)
+#if PLANES_OF_ORIGIN
+    const __global float4 *planes; // of all triangles, for this origin
+    uint across_row, down_row, along_row; // where in them the quads of its axes are
+#endif
+} Shaft;
+
+INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
+
+// Turns a pass's axes so that the largest component of a direction is z.
+INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
+    const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
+    const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
+    const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
+    shaft->across = across;
+    shaft->down = down;
+    shaft->along = along;
+    const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
+    shaft->sign = back ? -1.0f : 1.0f;
+    shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
+    shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
+    shaft->near_row = (uint)(NODE_WIDTH * (2 * along + back) + group->lane);
+    shaft->far_row = (uint)(NODE_WIDTH * (2 * along + 1 - back) + group->lane);
+    shaft->x = component(origin.at.x, origin.at.y, origin.at.z, across);
+    shaft->y = component(origin.at.x, origin.at.y, origin.at.z, down);
+    shaft->z = shaft->sign * component(origin.at.x, origin.at.y, origin.at.z, along);
+#if PLANES_OF_ORIGIN
+    shaft->planes = planes_for(tree, origin.number);
+    shaft->across_row = (uint)(tree->row * across);
+    shaft->down_row = (uint)(tree->row * down);
+    shaft->along_row = (uint)(tree->row * along);
+#endif
+}
+
+// The box of slopes, given its sides without rounding.
+INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
+    const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
+    const float more = SLOPE_ROUNDING * longest;
+    shaft->longest = longest;
+    shaft->low_x = low_x - more;
+    shaft->high_x = high_x + more;
+    shaft->low_y = low_y - more;
+    shaft->high_y = high_y + more;
+}
+
+// A point of the scene along a pass's axes, with their origin where the scene's is.
+INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
+    return uniform3(component(v.x, v.y, v.z, shaft->across), component(v.x, v.y, v.z, shaft->down),
+                    shaft->sign * component(v.x, v.y, v.z, shaft->along));
+}
+
+// The corners of the triangle at a place of leaf order. A compiler that sees that a fourth word is not used loads the
+// rest of a quad in two pieces, which takes twice as long: what this returns always holds, and needs them.
+INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
+    const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+    const float4 first = row[0], second = row[1], third = row[2];
+    *a = along_axes(shaft, first);
+    *b = along_axes(shaft, second);
+    *c = along_axes(shaft, third);
+    return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // numbers of triangle and material, and 0
+}
+
+// The most that v . (x, y, 1) can be in a shaft.
+INLINED float most_of(const Shaft *shaft, Uniform3 v) {
+    const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
+    return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
+}
+
+// A corner seen from the rays' origin.
+INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
+    return uniform_difference(corner, uniform3(shaft->x, shaft->y, shaft->z));
+}
+
+INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
+
+// A leaf's triangle that a group's rays have to test, as its test prepares it.
+typedef struct {
+    float4 a, b, c;
+} Candidate;
+
+INLINED void store_candidate(Candidate triangle, __local float4 *at) {
+    at[0] = triangle.a;
+    at[1] = triangle.b;
+    at[2] = triangle.c;
+}
+
+INLINED Candidate load_candidate(const __local float4 *at) {
+    Candidate triangle;
+    triangle.a = at[0];
+    triangle.b = at[1];
+    triangle.c = at[2];
+    return triangle;
+}

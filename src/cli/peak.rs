@@ -1,0 +1,152 @@
+//! `raycl peak`: what a device can do at most, measured.
+
+use super::choice::one_device;
+use super::turn::hold;
+use crate::device::{Device, discover, select};
+use crate::error::{Error, Result};
+use crate::output::{Choice, Target};
+use crate::peak::{Figure, Peak, measure};
+use crate::program::Sources;
+use crate::record::{dirty_program, significant};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Arguments of `raycl peak`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl peak
+  raycl peak --device nvidia --out h200-peak.json
+  raycl run configs/beyond.toml --peak=h200-peak.json
+  raycl peak --json | jq '.[0].fma_per_s.median'
+
+Medians of repeats, with their quartiles. Latencies are of one work-item that waits for each result. Cycles are of the highest clock
+that the driver names, not of the clock meanwhile.")]
+pub struct Args {
+    /// A word of the devices' name, platform or vendor, or cpu, gpu or all [default: the most capable one]
+    #[arg(long)]
+    device: Option<String>,
+    /// Keep the figures in a file, for `raycl run --peak`
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Replace FILE even where raycl did not make it, or it was changed since
+    #[arg(long, requires = "out")]
+    force: bool,
+    /// Where another process measures on the device, end at once instead of waiting for it
+    #[arg(long)]
+    no_wait: bool,
+    /// Print JSON, a list of devices
+    #[arg(long)]
+    json: bool,
+    /// Use the kernels of this folder instead of those built in
+    #[arg(long, value_name = "DIR")]
+    cl_dir: Option<PathBuf>,
+}
+
+/// Measures the devices one after another.
+pub fn run(args: Args) -> Result<()> {
+    let choice = Choice { force: args.force, elsewhere: "--out FILE" };
+    let target = args.out.as_ref().map(|path| Target::new(path, choice));
+    target.iter().try_for_each(Target::check)?;
+    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let all: Vec<Peak> = devices(args.device.as_deref(), &sources)?
+        .iter()
+        .map(|device| {
+            let _held = hold(&[&device.info], args.no_wait)?;
+            measure(device, &sources)
+        })
+        .collect::<Result<_>>()?;
+    if let Some(target) = &target {
+        target.write_json(&all)?;
+    }
+    if args.json {
+        return super::print_json(&all);
+    }
+    all.iter().try_for_each(|peak| super::print(text(peak)))?;
+    dirty_program().iter().try_for_each(|note| super::print(format!("note: {note}")))
+}
+
+fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
+    match pattern {
+        None => one_device(None, sources).map(|device| vec![device]),
+        Some(pattern) => {
+            let devices = discover(sources)?;
+            Ok(select(&devices, &[pattern.to_owned()])?.into_iter().cloned().collect())
+        }
+    }
+}
+
+/// What `run --peak` asks for.
+pub(super) struct Wanted<'a> {
+    /// A file of figures, or "measure".
+    pub given: &'a str,
+    /// The devices to measure.
+    pub patterns: &'a [String],
+    /// The folder of kernels that replaces those built in.
+    pub cl_dir: Option<&'a Path>,
+    /// Whether to end at once where another process measures on a device.
+    pub no_wait: bool,
+}
+
+impl Wanted<'_> {
+    /// The figures of the file, or those that a process of its own takes: a run itself starts no driver.
+    pub fn for_run(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
+        if self.given != "measure" {
+            return Peak::read(Path::new(self.given));
+        }
+        let mut all: Vec<Peak> = Vec::new();
+        for pattern in self.patterns {
+            let found = self.measured_apart(pattern);
+            // Ctrl-C reaches that process too, which may be waiting for its turn.
+            if interrupted.load(Ordering::Relaxed) {
+                let message = "the devices were being measured".to_owned();
+                return Err(Error::Interrupted { message, help: None });
+            }
+            all.extend(found?);
+        }
+        all.dedup_by(|one, other| one.device == other.device);
+        Ok(all)
+    }
+
+    fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
+        let failed = |why: &dyn std::fmt::Display| {
+            Error::run(format!("what the devices can do at most could not be measured: {why}"))
+        };
+        let program = std::env::current_exe().map_err(|error| failed(&error))?;
+        let mut command = Command::new(program);
+        // What it says is for the user: for whom it waits, or why it failed.
+        command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
+        command.args(self.no_wait.then_some("--no-wait"));
+        if let Some(folder) = self.cl_dir {
+            command.arg("--cl-dir").arg(folder);
+        }
+        let output = command.output().map_err(|error| failed(&error))?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        // Drivers may print lines of their own before ours.
+        let list = text.find("[\n").map_or("", |at| &text[at..]);
+        serde_json::from_str(list).map_err(|_| failed(&"the reason is above"))
+    }
+}
+
+fn text(peak: &Peak) -> String {
+    let mut table = super::table(&["at most", "median", "quartiles", "unit", "cycles"], 1);
+    let mut row = |name: &str, figure: &Figure, scale: f64, unit: &str, cycles: Option<f64>| {
+        let number = |value: f64| significant(value * scale, 3);
+        let quartiles = format!("{} to {}", number(figure.q1), number(figure.q3));
+        let cycles = cycles.map_or(String::new(), |cycles| significant(cycles, 2));
+        table.add_row([name.to_owned(), number(figure.median), quartiles, unit.to_owned(), cycles]);
+    };
+    row("multiply-adds", &peak.fma_per_s, 1e-9, "Gfma/s", None);
+    row("copy, read + written", &peak.copy_bytes_per_s, 1e-9, "GB/s", None);
+    row("__local reads", &peak.local_bytes_per_s, 1e-9, "GB/s", None);
+    row("launch, device's clock", &peak.launch_device_us, 1.0, "us", None);
+    row("launch, host's clock", &peak.launch_host_us, 1.0, "us", None);
+    row("launch, of many", &peak.launch_batched_us, 1.0, "us", None);
+    let mut latency = |name: &str, figure: &Figure| row(name, figure, 1.0, "ns", peak.cycles(figure));
+    latency("private multiply-add", &peak.private_ns);
+    latency("private array", &peak.private_array_ns);
+    latency("__local memory", &peak.local_ns);
+    latency("global memory", &peak.global_ns);
+    let clock = peak.max_clock_mhz.map_or(String::new(), |mhz| format!(", cycles at {mhz} MHz"));
+    format!("{} ({}, driver {}){clock}\n{table}", peak.device, peak.platform, peak.driver)
+}

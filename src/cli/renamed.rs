@@ -1,0 +1,48 @@
+//! Words of the command line that were called otherwise once: who types the old one is told the new one.
+
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue};
+
+/// What clap calls the mistake, the old word, and what to type instead.
+const RENAMED: [(ContextKind, &str, &str); 2] = [
+    (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
+    (ContextKind::InvalidArg, "--limits", "--peak"),
+];
+
+/// The error with the new word where an old one was typed; else as it was.
+pub fn explain(mut error: clap::Error) -> clap::Error {
+    let typed = |kind, old: &str| match error.get(kind) {
+        Some(ContextValue::String(word)) => word.split('=').next() == Some(old),
+        _ => false,
+    };
+    let Some((_, _, new)) = RENAMED.iter().find(|(kind, old, _)| typed(*kind, old)) else { return error };
+    for guessed in [ContextKind::SuggestedSubcommand, ContextKind::SuggestedArg] {
+        error.remove(guessed);
+    }
+    let tip = StyledStr::from(format!("did you mean `{new}`?"));
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip]));
+    error
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Cli;
+    use clap::Parser as _;
+
+    #[test]
+    fn an_old_word_is_answered_with_the_new_one() {
+        for (words, new) in [
+            (vec!["raycl", "limits", "--device", "cpu"], "did you mean `raycl peak`?"),
+            (vec!["raycl", "run", "a.toml", "--limits"], "did you mean `--peak`?"),
+            (vec!["raycl", "run", "a.toml", "--limits=limits.json"], "did you mean `--peak`?"),
+        ] {
+            let error = explain(Cli::try_parse_from(&words).expect_err("an old word"));
+            assert_eq!(error.exit_code(), 2);
+            assert_eq!(error.to_string().matches("tip:").count(), 1, "{error}");
+            assert!(error.to_string().contains(new), "{error}");
+        }
+        let other = explain(Cli::try_parse_from(["raycl", "peek"]).expect_err("a misspelt word"));
+        assert!(other.to_string().contains("'peak'"), "{other}");
+    }
+}

@@ -1,0 +1,162 @@
+//! Environment variables that drivers read: which of them decide a time or a picture, and which are only worth knowing.
+
+/// The variables of one driver that change what it compiles, on how many threads it runs or how it launches. A name ends in `*`
+/// where all that begin so are meant.
+struct Driver {
+    /// A word of its platform's name, in lower case.
+    platform: &'static str,
+    deciding: &'static [&'static str],
+}
+
+/// The one list: a point's key holds those of its device's driver that are set. Sources: PoCL's documentation of 3.1 and later and the
+/// names in its library, NVIDIA's CUDA programming guide, Intel's guides of its OpenCL and DPC++ runtimes.
+const DRIVERS: [Driver; 3] = [
+    Driver {
+        platform: "portable computing language",
+        deciding: &[
+            "POCL_AFFINITY",
+            "POCL_BINARY_SPECIALIZE_WG",
+            "POCL_CPU_LOCAL_MEM_SIZE",
+            "POCL_CPU_MAX_CU_COUNT",
+            "POCL_EXTRA_BUILD_FLAGS",
+            "POCL_FORCE_PARALLEL_OUTER_LOOP",
+            "POCL_FULL_REPLICATION_THRESHOLD",
+            "POCL_KERNELLIB_NAME",
+            "POCL_LLVM_CPU_NAME",
+            "POCL_LLVM_OPT",
+            "POCL_MAX_PTHREAD_COUNT",
+            "POCL_MAX_WORK_GROUP_SIZE",
+            "POCL_PTHREAD_MIN_THREADS",
+            "POCL_VECTORIZE_*",
+            "POCL_VECTORIZER_*",
+            "POCL_WILOOPS_MAX_UNROLL_COUNT",
+            "POCL_WORK_GROUP_METHOD",
+            "POCL_WORK_GROUP_SPECIALIZATION",
+        ],
+    },
+    Driver {
+        platform: "nvidia",
+        deciding: &[
+            "CUDA_AUTO_BOOST",
+            "CUDA_DEVICE_MAX_CONNECTIONS",
+            "CUDA_DISABLE_JIT",
+            "CUDA_DISABLE_PTX_JIT",
+            "CUDA_FORCE_JIT",
+            "CUDA_FORCE_PTX_JIT",
+            "CUDA_LAUNCH_BLOCKING",
+            "CUDA_MPS_ACTIVE_THREAD_PERCENTAGE",
+            "CUDA_SCALE_LAUNCH_QUEUES",
+        ],
+    },
+    Driver {
+        platform: "intel",
+        deciding: &[
+            "CL_CONFIG_CPU_FORCE_*",
+            "CL_CONFIG_CPU_TARGET_ARCH",
+            "CL_CONFIG_CPU_TBB_NUM_WORKERS",
+            "CL_CONFIG_CPU_VECTORIZER_MODE",
+            "CL_CONFIG_USE_VECTORIZER",
+            "DPCPP_CPU_*",
+        ],
+    },
+];
+
+/// Of those that begin so, what only makes the driver say more.
+const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
+
+/// What drivers' and loaders' variables begin with, caches, logs and masks of devices among them: an environment keeps all that are set.
+const FAMILIES: [&str; 9] = [
+    "CL_CONFIG_",
+    "CUDA_",
+    "DPCPP_CPU_",
+    "LD_PRELOAD",
+    "NVIDIA_",
+    "OCLGRIND_",
+    "OCL_ICD_",
+    "POCL_",
+    "RAYON_",
+];
+
+/// A variable that is set, as `NAME=VALUE`.
+pub type Setting = String;
+
+/// The variables that decide times or pictures of a device of this platform, in the order of their names.
+pub fn deciding(platform: &str) -> Vec<Setting> {
+    deciding_of(platform, variables())
+}
+
+/// Every variable of a driver or a loader that is set, in the order of their names.
+pub fn all() -> Vec<Setting> {
+    let known = |name: &str| FAMILIES.iter().any(|family| name.starts_with(family));
+    settings(variables(), known)
+}
+
+/// Lossy: a value need not be UTF-8.
+fn variables() -> impl Iterator<Item = (String, String)> {
+    std::env::vars_os()
+        .map(|(name, value)| (name.to_string_lossy().into_owned(), value.to_string_lossy().into_owned()))
+}
+
+fn deciding_of(platform: &str, variables: impl Iterator<Item = (String, String)>) -> Vec<Setting> {
+    let platform = platform.to_lowercase();
+    let own = DRIVERS.iter().filter(|driver| platform.contains(driver.platform));
+    let names: Vec<&str> = own.flat_map(|driver| driver.deciding).copied().collect();
+    settings(variables, |name| names.iter().any(|pattern| matches(pattern, name)))
+}
+
+fn settings(
+    variables: impl Iterator<Item = (String, String)>,
+    wanted: impl Fn(&str) -> bool,
+) -> Vec<Setting> {
+    let set = variables.filter(|(name, _)| wanted(name));
+    let mut settings: Vec<_> = set.map(|(name, value)| format!("{name}={value}")).collect();
+    settings.sort();
+    settings
+}
+
+fn matches(pattern: &str, name: &str) -> bool {
+    match pattern.strip_suffix('*') {
+        Some(beginning) => name.starts_with(beginning) && !LOGS.contains(&name),
+        None => name == pattern,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(platform: &str, names: &[&str]) -> Vec<Setting> {
+        deciding_of(platform, names.iter().map(|name| ((*name).to_owned(), "1".to_owned())))
+    }
+
+    #[test]
+    fn a_driver_has_its_own_variables_and_no_other_drivers() {
+        let set = ["POCL_WORK_GROUP_METHOD", "CUDA_FORCE_PTX_JIT", "POCL_AFFINITY", "PATH"];
+        let pocl = of("Portable Computing Language", &set);
+        assert_eq!(pocl, ["POCL_AFFINITY=1", "POCL_WORK_GROUP_METHOD=1"]);
+        assert_eq!(of("NVIDIA CUDA", &set), ["CUDA_FORCE_PTX_JIT=1"]);
+        assert!(of("Oclgrind", &set).is_empty());
+    }
+
+    #[test]
+    fn caches_logs_and_masks_decide_nothing() {
+        let recorded = [
+            "POCL_CACHE_DIR",
+            "POCL_KERNEL_CACHE",
+            "POCL_DEBUG",
+            "POCL_DEVICES",
+            "POCL_VECTORIZER_REMARKS",
+            "CUDA_CACHE_PATH",
+            "CUDA_CACHE_DISABLE",
+            "CUDA_VISIBLE_DEVICES",
+            "OCL_ICD_VENDORS",
+        ];
+        for platform in ["Portable Computing Language", "NVIDIA CUDA", "Intel(R) OpenCL"] {
+            assert!(of(platform, &recorded).is_empty(), "{platform}");
+        }
+        let known = |name: &&str| FAMILIES.iter().any(|family| name.starts_with(family));
+        assert!(recorded.iter().all(known), "each is kept in the environment");
+        let deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
+        assert!(deciding.clone().all(known), "and so is each that decides");
+    }
+}

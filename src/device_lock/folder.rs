@@ -1,0 +1,173 @@
+//! Where the locks of devices lie: one folder for all users of a machine, so that they wait for each other too.
+
+use crate::error::Error;
+use crate::record::own_file;
+use std::fs::{File, OpenOptions};
+use std::io::{Error as IoError, ErrorKind};
+use std::path::{Path, PathBuf};
+
+/// The variable that names another folder.
+pub const VARIABLE: &str = "RAYCL_LOCK_DIR";
+
+/// A folder of locks.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// Whether every user of the machine may make locks in it.
+    shared: bool,
+}
+
+impl Folder {
+    /// The one that the variable names, or else the one that all users share.
+    pub fn of_machine() -> Self {
+        match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
+            Some(path) => Self::named(Path::new(&path)),
+            None => Self { path: shared_path(), shared: true },
+        }
+    }
+
+    /// This one.
+    pub fn named(path: &Path) -> Self {
+        Self { path: path.to_owned(), shared: false }
+    }
+
+    /// Where a lock's file lies.
+    pub fn path(&self, lock: &str) -> PathBuf {
+        self.path.join(format!("{lock}.lock"))
+    }
+
+    /// A lock's file, to read and write; made where there is none.
+    pub fn open(&self, lock: &str) -> std::io::Result<File> {
+        self.make()?;
+        let path = self.path(lock);
+        own_file(&path)?;
+        // Not `create`: where folders are shared, Linux refuses it for a file that another user made.
+        let open = || OpenOptions::new().read(true).write(true).open(&path);
+        let file = match open() {
+            Err(error) if error.kind() == ErrorKind::NotFound => match create(&path) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => open()?,
+                created => created?,
+            },
+            opened => opened?,
+        };
+        refuse_second_name(&file)?;
+        Ok(file)
+    }
+
+    /// Whether `file` is what the folder has under this name now, and no link led to it.
+    #[cfg(unix)]
+    pub fn still_has(&self, lock: &str, file: &File) -> bool {
+        use std::os::unix::fs::MetadataExt as _;
+        let (Ok(named), Ok(open)) = (self.path(lock).symlink_metadata(), file.metadata()) else {
+            return false;
+        };
+        named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino())
+    }
+
+    /// Whether `file` is what the folder has under this name now.
+    #[cfg(not(unix))]
+    pub fn still_has(&self, lock: &str, _file: &File) -> bool {
+        self.path(lock).exists()
+    }
+
+    /// What it means that the folder cannot be used.
+    pub fn unusable(&self, error: &IoError) -> Error {
+        let message = format!("the locks of devices cannot be kept in {}: {error}", self.path.display());
+        Error::run(message).with_help(format!(
+            "{VARIABLE} names another folder; all that measure on this machine need the same one"
+        ))
+    }
+
+    fn make(&self) -> std::io::Result<()> {
+        if !self.shared {
+            return std::fs::create_dir_all(&self.path);
+        }
+        match std::fs::create_dir(&self.path) {
+            Ok(()) => open_to_all(&self.path, 0o1777)?,
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+        // Anybody may have put a link there.
+        match self.path.symlink_metadata()?.is_dir() {
+            true => Ok(()),
+            false => Err(IoError::new(ErrorKind::NotADirectory, "it is no folder")),
+        }
+    }
+}
+
+/// The same whatever TMPDIR a process has.
+fn shared_path() -> PathBuf {
+    let temporary = if cfg!(unix) { PathBuf::from("/tmp") } else { std::env::temp_dir() };
+    temporary.join("raycl-locks")
+}
+
+/// A new file that every user can lock.
+fn create(path: &Path) -> std::io::Result<File> {
+    let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+    open_to_all(path, 0o666)?;
+    Ok(file)
+}
+
+/// Another user may have given somebody's file this name beside its own: what would be written would be that file's.
+#[cfg(unix)]
+fn refuse_second_name(file: &File) -> std::io::Result<()> {
+    use std::os::unix::fs::MetadataExt as _;
+    match file.metadata()?.nlink() {
+        0 | 1 => Ok(()),
+        _ => Err(IoError::new(ErrorKind::InvalidInput, "it is the second name of another file")),
+    }
+}
+
+#[cfg(not(unix))]
+fn refuse_second_name(_file: &File) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(unix)]
+fn open_to_all(path: &Path, mode: u32) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt as _;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode))
+}
+
+#[cfg(not(unix))]
+fn open_to_all(_path: &Path, _mode: u32) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(all(test, unix))]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
+    fn mode(path: &Path) -> u32 {
+        path.metadata().unwrap().permissions().mode() & 0o7777
+    }
+
+    #[test]
+    fn every_user_can_lock_what_one_made() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder { path: place.path().join("locks"), shared: true };
+        let file = folder.open("cpu").unwrap();
+        assert!(folder.still_has("cpu", &file));
+        assert_eq!((mode(&folder.path), mode(&folder.path("cpu"))), (0o1777, 0o666));
+        assert!(folder.open("cpu").is_ok(), "and open it again");
+    }
+
+    #[test]
+    fn links_are_refused_and_nothing_behind_them_is_written() {
+        let place = tempfile::tempdir().unwrap();
+        let precious = place.path().join("precious");
+        std::fs::write(&precious, "kept").unwrap();
+        let folder = Folder::named(place.path());
+        symlink(&precious, folder.path("a")).unwrap();
+        assert!(folder.open("a").is_err());
+        std::fs::hard_link(&precious, folder.path("b")).unwrap();
+        assert!(folder.open("b").is_err());
+        let shared = Folder { path: folder.path("c"), shared: true };
+        symlink(place.path(), &shared.path).unwrap();
+        let refused = shared.open("cpu").unwrap_err();
+        assert!(shared.unusable(&refused).to_string().contains("it is no folder"));
+        assert_eq!(std::fs::read_to_string(&precious).unwrap(), "kept");
+    }
+}

@@ -1,0 +1,80 @@
+//! Who holds a device: what its lock's file says, for those who wait.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::fs::File;
+use std::io::{Read as _, Seek as _, Write as _};
+use std::path::Path;
+
+/// The longest text that is read or shown: a lock's file may be anybody's.
+const LONGEST_BYTES: u64 = 4096;
+/// Characters of a command that are shown.
+const LONGEST_COMMAND: usize = 200;
+
+/// A process that measures; nothing where its file does not say.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Holder {
+    process: u32,
+    command: String,
+    folder: String,
+}
+
+impl Holder {
+    /// This process.
+    pub fn of_this_process() -> Self {
+        // Lossy: an argument need not be UTF-8.
+        let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+        let program = words.next().unwrap_or_default();
+        let program = Path::new(&program).file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let command = std::iter::once(program).chain(words).collect::<Vec<_>>().join(" ");
+        let folder = std::env::current_dir().unwrap_or_default().display().to_string();
+        Self { process: std::process::id(), command, folder }
+    }
+
+    /// Writes it over what a lock's file says.
+    pub fn write(&self, file: &mut File) -> std::io::Result<()> {
+        file.set_len(0)?;
+        file.rewind()?;
+        file.write_all(&serde_json::to_vec(self)?)
+    }
+
+    /// Who holds the lock with this file.
+    pub fn read(path: &Path) -> Self {
+        let mut text = String::new();
+        let read = File::open(path).and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text));
+        read.ok().and_then(|_| serde_json::from_str(&text).ok()).unwrap_or_default()
+    }
+}
+
+impl fmt::Display for Holder {
+    /// "process 123, `raycl run configs/quick.toml` in /home/ada".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.process == 0 {
+            return f.write_str("another process");
+        }
+        // Another user's text must not steer this one's terminal.
+        let shown = |text: &str| text.replace(char::is_control, "?");
+        let command: String = shown(&self.command).chars().take(LONGEST_COMMAND).collect();
+        write!(f, "process {}, `{command}` in {}", self.process, shown(&self.folder))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_and_nonsense_names_nobody() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        std::fs::write(&path, "x".repeat(10_000)).unwrap();
+        assert_eq!(Holder::read(&path).to_string(), "another process");
+        let mut file = File::options().write(true).open(&path).unwrap();
+        let holder = Holder { process: 7, command: "raycl run \u{1b}[2J".into(), folder: "/home/ada".into() };
+        holder.write(&mut file).unwrap();
+        assert_eq!(Holder::read(&path), holder);
+        assert_eq!(holder.to_string(), "process 7, `raycl run ?[2J` in /home/ada");
+        assert_eq!(Holder::read(&folder.path().join("none")).to_string(), "another process");
+    }
+}

@@ -1,0 +1,191 @@
+//! One measurement at a time on a device of this machine: what is timed for a figure holds the device's lock meanwhile.
+//! Two that time each other both measure wrongly, and neither could tell.
+
+mod folder;
+mod holder;
+mod name;
+
+pub use name::LockName;
+
+use crate::error::{Error, Result};
+use folder::Folder;
+use holder::Holder;
+use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// How often who waits looks whether the device is free, or the user wants an end.
+const LOOK_UP: Duration = Duration::from_millis(100);
+
+/// The locks of the devices, and what to do where another process holds one.
+#[derive(Clone, Debug)]
+pub struct Locks {
+    folder: Folder,
+    wait: bool,
+}
+
+/// A device that nobody else measures on, until dropped. The operating system lets go of it however the process ends.
+pub struct Held {
+    file: File,
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        // Who takes it next writes over what stays here.
+        let _ = self.file.set_len(0);
+    }
+}
+
+impl Locks {
+    /// This machine's, in the folder that `RAYCL_LOCK_DIR` names or else in the one that all users share. Without `wait`
+    /// a device that is taken is an error.
+    pub fn of_machine(wait: bool) -> Self {
+        Self { folder: Folder::of_machine(), wait }
+    }
+
+    /// Those of a folder.
+    pub fn in_folder(folder: &Path, wait: bool) -> Self {
+        Self { folder: Folder::named(folder), wait }
+    }
+
+    /// Takes a device as soon as nobody else measures on it. Who waits is told for whom, by `says`, a line for each; an
+    /// interruption ends the waiting.
+    pub fn take(
+        &self,
+        device: &LockName,
+        says: &mut dyn FnMut(&str),
+        interrupted: &AtomicBool,
+    ) -> Result<Held> {
+        let mut told = None;
+        loop {
+            let failed = |error| self.folder.unusable(&error);
+            let file = self.folder.open(device.file()).map_err(failed)?;
+            if let Some(held) = self.try_hold(file, device).map_err(failed)? {
+                return Ok(held);
+            }
+            let holder = Holder::read(&self.folder.path(device.file()));
+            if !self.wait {
+                return Err(refused(&holder, device));
+            }
+            if told.as_ref() != Some(&holder) {
+                says(&format!("waiting for {holder}, which measures on {device}"));
+                told = Some(holder);
+            }
+            if interrupted.load(Ordering::Relaxed) {
+                let message = format!("it was waiting for {device}");
+                return Err(Error::Interrupted { message, help: None });
+            }
+            std::thread::sleep(LOOK_UP);
+        }
+    }
+
+    /// Takes several devices. All processes take them in the same order, so no two can wait for each other.
+    pub fn take_all(
+        &self,
+        mut devices: Vec<LockName>,
+        says: &mut dyn FnMut(&str),
+        interrupted: &AtomicBool,
+    ) -> Result<Vec<Held>> {
+        devices.sort();
+        devices.dedup();
+        devices.iter().map(|device| self.take(device, says, interrupted)).collect()
+    }
+
+    /// The device, unless another holds it.
+    fn try_hold(&self, mut file: File, device: &LockName) -> std::io::Result<Option<Held>> {
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Ok(None),
+            // Some network file systems know no locks: they must do without.
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) => return Err(error),
+        }
+        // One that was removed meanwhile is nobody's lock any more: the next look finds the new one.
+        if !self.folder.still_has(device.file(), &file) {
+            return Ok(None);
+        }
+        Holder::of_this_process().write(&mut file)?;
+        Ok(Some(Held { file }))
+    }
+}
+
+fn refused(holder: &Holder, device: &LockName) -> Error {
+    Error::run(format!("{holder} measures on {device}")).with_help(
+        "without --no-wait this waits until that has ended; two that measure at once time each other",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicUsize;
+
+    static OFF: AtomicBool = AtomicBool::new(false);
+
+    fn cpu() -> LockName {
+        LockName::of(None)
+    }
+
+    #[test]
+    fn one_holds_a_device_and_another_is_refused_or_waits_and_says_for_whom() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(&folder.path().join("locks"), false);
+        let held = locks.take(&cpu(), &mut |_| {}, &OFF).unwrap();
+        let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();
+        let process = format!("process {}", std::process::id());
+        assert_eq!(refused.exit_code(), 1);
+        assert!(refused.to_string().contains(&process), "{refused}");
+
+        let mut held = Some(held);
+        let mut said = Vec::new();
+        let mut says = |line: &str| {
+            said.push(line.to_owned());
+            held = None;
+        };
+        let second = Locks { wait: true, ..locks }.take(&cpu(), &mut says, &OFF).unwrap();
+        assert_eq!(said.len(), 1, "{said:?}");
+        assert!(said[0].starts_with(&format!("waiting for {process}, `")), "{said:?}");
+        drop(second);
+    }
+
+    #[test]
+    fn an_interruption_ends_the_waiting() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(folder.path(), true);
+        let _held = locks.take(&cpu(), &mut |_| {}, &OFF).unwrap();
+        let ended = locks.take(&cpu(), &mut |_| {}, &AtomicBool::new(true)).err().unwrap();
+        assert_eq!(ended.exit_code(), 130);
+    }
+
+    #[test]
+    fn threads_that_take_it_again_and_again_never_meet() {
+        let folder = tempfile::tempdir().unwrap();
+        let inside = AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    let locks = Locks::in_folder(folder.path(), true);
+                    for _ in 0..5 {
+                        let held = locks.take(&cpu(), &mut |_| {}, &OFF).unwrap();
+                        assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0, "two at once");
+                        std::thread::yield_now();
+                        inside.fetch_sub(1, Ordering::SeqCst);
+                        drop(held);
+                    }
+                });
+            }
+        });
+    }
+
+    #[test]
+    fn a_lock_whose_file_was_removed_is_not_taken_for_the_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(folder.path(), false);
+        let file = locks.folder.open(cpu().file()).unwrap();
+        std::fs::remove_file(locks.folder.path(cpu().file())).unwrap();
+        assert!(locks.try_hold(file, &cpu()).unwrap().is_none());
+        assert!(locks.take(&cpu(), &mut |_| {}, &OFF).is_ok());
+    }
+}

@@ -1,0 +1,37 @@
+//! A scene given as an experiment, and the other way round.
+
+use crate::error::Error;
+use std::path::Path;
+use toml::de::DeTable;
+
+/// Keys that only scenes have.
+const SCENE_KEYS: [&str; 4] = ["object", "light", "camera", "display"];
+/// Keys that only experiments have.
+const EXPERIMENT_KEYS: [&str; 7] =
+    ["question", "expectation", "image_sizes", "local_sizes", "strategies", "strategy", "scenes"];
+
+/// For an experiment that could not be read: what to do if it is a scene.
+pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
+    let (name, file) = (path.display(), path.file_name().unwrap_or_default().display());
+    has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
+        Error::input(format!("{name} is a scene, not an experiment")).with_help(format!(
+            "`raycl render {name}` makes a picture of it; an experiment names it: scenes = [\"{file}\"]"
+        ))
+    })
+}
+
+/// For a scene that could not be read: what to do if it is an experiment.
+pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
+    let name = path.display();
+    has_only(text, &EXPERIMENT_KEYS, &SCENE_KEYS).then(|| {
+        Error::input(format!("{name} is an experiment, not a scene"))
+            .with_help(format!("`raycl run {name}` runs it; `raycl render` takes one of its scenes"))
+    })
+}
+
+/// Whether TOML has one of these keys and none of the others.
+fn has_only(text: &str, these: &[&str], others: &[&str]) -> bool {
+    let Ok(table) = DeTable::parse(text) else { return false };
+    let has = |keys: &[&str]| keys.iter().any(|key| table.get_ref().contains_key(*key));
+    has(these) && !has(others)
+}

@@ -1,0 +1,152 @@
+//! One small file of each format, made here.
+
+use super::*;
+
+/// What a file of these bytes is called, or how it is read.
+fn called(bytes: &[u8]) -> &'static str {
+    match FileType::of(bytes, bytes.len() as u64) {
+        FileType::Foreign(Foreign { name, .. }) => name,
+        FileType::Obj => "obj",
+        FileType::Toml => "toml",
+        FileType::Utf16 => "utf-16",
+        FileType::Unclear => "unclear",
+    }
+}
+
+/// Bytes with zeros after them up to a length.
+fn padded(bytes: &[u8], length: usize) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    bytes.resize(length, 0);
+    bytes
+}
+
+/// An STL of one triangle, whose header says what headers of ASCII files say.
+fn binary_stl() -> Vec<u8> {
+    let mut bytes = padded(b"solid made by a program", 80);
+    bytes.extend(1_u32.to_le_bytes());
+    padded(&bytes, 84 + 50)
+}
+
+/// The outermost chunk and the version's.
+fn scene_3ds() -> Vec<u8> {
+    padded(b"MM\x10\0\0\0\x02\0\x0a\0\0\0\x03\0\0\0", 16)
+}
+
+#[test]
+fn meshes_and_scenes_of_other_formats() {
+    let cases: &[(&[u8], &str)] = &[
+        (b"ply\nformat ascii 1.0\nelement vertex 3\n", "a PLY mesh (ASCII)"),
+        (b"ply\r\nformat ascii 1.0\r\n", "a PLY mesh (ASCII)"),
+        (b"ply\nformat binary_little_endian 1.0\nend_header\n\0\0\x80\x3f", "a PLY mesh (binary)"),
+        (b"solid cube\n facet normal 0 0 1\n  outer loop\n", "an STL mesh (ASCII)"),
+        (b"solid\nendsolid\n", "an STL mesh (ASCII)"),
+        (&binary_stl(), "an STL mesh (binary)"),
+        (br#"{"asset":{"version":"2.0"},"scene":0}"#, "a glTF scene (JSON)"),
+        (b"{\n  \"accessors\": [ { \"bufferView\": 0 } ]", "a glTF scene (JSON)"),
+        (b"glTF\x02\0\0\0\x10\0\0\0", "a binary glTF scene (GLB)"),
+        (b"OFF\n3 1 0\n0 0 0\n", "an OFF mesh"),
+        (b"# made by hand\nCOFF\n3 1 0\n", "an OFF mesh"),
+        (b"Kaydara FBX Binary  \0\x1a\0", "an FBX scene (binary)"),
+        (b"; FBX 7.3.0 project file\n", "an FBX scene (ASCII)"),
+        (b"<?xml version=\"1.0\"?>\n<COLLADA xmlns=\"x\">", "a COLLADA scene"),
+        (&scene_3ds(), "a 3DS scene"),
+        (b"BLENDER-v279REND", "a Blender file"),
+        (b"#usda 1.0\n(\n", "a USD scene (ASCII, usda)"),
+        (b"PXR-USDC\0\x08", "a USD scene (binary, usdc)"),
+        (b"PK\x03\x04\x0a\0\0\0\0\0scene.usdc", "a USD package (usdz)"),
+        (b"Ogawa\xff\0\x01", "an Alembic scene"),
+        (b"\x89HDF\r\n\x1a\n\0", "an HDF5 file, such as an older Alembic scene"),
+        (b"# vtk DataFile Version 3.0\nx\nASCII\n", "a VTK file"),
+        (b"<VTKFile type=\"PolyData\">", "a VTK file (XML)"),
+        (b"<?xml version='1.0'?><!DOCTYPE X3D PUBLIC 'x' 'y'><X3D>", "an X3D scene"),
+        (b"#VRML V2.0 utf8\n", "a VRML scene"),
+        (b"PK\x03\x04\x14\0\0\0\x08\x003D/3dmodel.model", "a 3MF model"),
+        (b"<!-- <b> --><scene version=\"0.6.0\">", "a Mitsuba scene (XML)"),
+        (b"# pbrt\nLookAt 0 0 0 0 0 1 0 1 0\n", "a pbrt scene"),
+        (b"Film \"rgb\" \"integer xresolution\" [ 400 ]\n", "a pbrt scene"),
+        (b"  0\nSECTION\n  2\nHEADER\n", "a DXF drawing"),
+        (b"# Blender MTL File\nnewmtl a\nKd 1 1 1\n", "an MTL material file"),
+    ];
+    for (bytes, name) in cases {
+        assert_eq!(called(bytes), *name, "{:?}", String::from_utf8_lossy(bytes));
+    }
+}
+
+#[test]
+fn pictures_archives_programs_and_other_text() {
+    let cases: &[(&[u8], &str)] = &[
+        (b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", "a PNG picture"),
+        (b"\xff\xd8\xff\xe0\0\x10JFIF", "a JPEG picture"),
+        (b"\x76\x2f\x31\x01\x02\0\0\0", "an EXR picture"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n", "an HDR picture"),
+        (b"RIFF\x24\0\0\0WEBPVP8 ", "a WebP picture"),
+        (b"MM\0*\0\0\0\x08", "a TIFF picture"),
+        (b"<svg xmlns=\"x\">", "an SVG picture"),
+        (b"PK\x03\x04\x14\0\0\0\x08\0mesh.obj", "a zip archive"),
+        (b"\x1f\x8b\x08\0\0\0\0\0", "a gzip archive"),
+        (b"\x28\xb5\x2f\xfd\x04\0", "a zstd archive"),
+        (b"\x7fELF\x02\x01\x01\0", "a program or library (ELF)"),
+        (b"\x01\x02\0\x03 nothing known", "a binary file of a kind unknown here"),
+        (b"{\"outcome\": \"measured\"}\n", "a JSON file"),
+        (b"[1, 2]", "a JSON file"),
+        (b"[[1, 2], [3, 4]]", "a JSON file"),
+        (b"<?xml version='1.0'?><other/>", "an XML file"),
+        (b"<!DOCTYPE html><HTML><p>404", "a web page (HTML), perhaps in the place of a download"),
+        (b"version https://git-lfs.github.com/spec/v1\noid", "a Git LFS pointer, not the file itself"),
+        (b"\xff\xfev\0 \x000\0", "utf-16"),
+        (b"\xfe\xff\0v\0 ", "utf-16"),
+        (b"v\0 \x000\0 \x000\0\n\0", "utf-16"),
+    ];
+    for (bytes, name) in cases {
+        assert_eq!(called(bytes), *name, "{:?}", String::from_utf8_lossy(bytes));
+    }
+}
+
+#[test]
+fn what_raycl_reads_is_not_taken_for_something_else() {
+    let cases: &[(&[u8], &str)] = &[
+        (b"# Blender v2.79\nmtllib a.mtl\no A\nv 0 0 0\n", "obj"),
+        (b"\xef\xbb\xbfg name=other\nv 0 0 0\n", "obj"),
+        (b"usemtl a=b\nv 0 0 0\r\nf 1 2 3", "obj"),
+        (b"v 0 0 0 \0\nv 1 0 0\n", "obj"),
+        (b"\r\r  f 1 2 3\r", "obj"),
+        (b"# a scene\n\n[[object]]\nshape = \"sphere\"\n", "toml"),
+        (b"[camera]\nz_near = 0.1\n", "toml"),
+        (b"v = 1\n", "toml"),
+        (b"solid = 1\n", "toml"),
+        (b"camera.position = [0, 0, 1]\n", "toml"),
+        (b"\"question\" = \"Is it {}?\"\n", "toml"),
+        (b"question=\"<a>\"\n", "toml"),
+        (b"", "unclear"),
+        (b" \n\n# only a comment\n", "unclear"),
+        (b"G\xe4nse, a note in Latin-1\nv 0 0 0\n", "unclear"),
+    ];
+    for (bytes, name) in cases {
+        assert_eq!(called(bytes), *name, "{:?}", String::from_utf8_lossy(bytes));
+    }
+}
+
+#[test]
+fn every_signature_is_found_and_told_in_two_short_lines() {
+    for &(at, bytes, name, _) in signatures::SIGNATURES {
+        let mut file = padded(b"", at);
+        file.extend_from_slice(bytes);
+        assert_eq!(called(&file), name);
+        let refusal = FileType::of(&file, file.len() as u64).refusal("mesh.xyz", Wanted::Scene);
+        let Some(Error::Input(input)) = refusal else { panic!("{name} is read") };
+        let help = input.help.unwrap_or_default();
+        assert!(input.message.starts_with(&format!("mesh.xyz is {name}, which")), "{}", input.message);
+        assert!(help.starts_with("raycl reads scenes (TOML) and OBJ meshes"), "{help}");
+        assert!(input.message.len() < 100 && help.len() < 100 && !(input.message + &help).contains('\n'));
+    }
+}
+
+#[test]
+fn a_scene_and_an_experiment_are_told_apart() {
+    let (scene, experiment) = ("[[object]]\nshape = \"sphere\"\n", "question = \"?\"\nscenes = []\n");
+    let path = Path::new("a.toml");
+    assert!(scene_instead(path, scene).is_some() && experiment_instead(path, experiment).is_some());
+    for text in ["", "name = 1\n", "not toml", &format!("{experiment}{scene}"), "[package]\n"] {
+        assert!(scene_instead(path, text).is_none() && experiment_instead(path, text).is_none(), "{text}");
+    }
+}

@@ -1,0 +1,158 @@
+//! Formats that are told by their first words.
+
+use super::signatures::{EXPORT, contains};
+use super::{FileType, Foreign, MTL};
+
+/// The first words of OBJ statements, and those of which some files consist for long.
+const OBJ_WORDS: &[&str] = &[
+    "v",
+    "vn",
+    "vt",
+    "vp",
+    "f",
+    "l",
+    "p",
+    "o",
+    "g",
+    "s",
+    "mg",
+    "mtllib",
+    "usemtl",
+    "usemap",
+    "maplib",
+    "cstype",
+    "deg",
+    "surf",
+    "curv",
+    "curv2",
+    "bevel",
+    "lod",
+    "shadow_obj",
+    "trace_obj",
+];
+
+/// What pbrt scenes begin with.
+const PBRT_WORDS: &[&str] = &[
+    "LookAt",
+    "Camera",
+    "Film",
+    "Sampler",
+    "Integrator",
+    "Accelerator",
+    "PixelFilter",
+    "ColorSpace",
+    "Option",
+    "Scale",
+    "Rotate",
+    "Translate",
+    "Transform",
+    "ConcatTransform",
+    "Identity",
+    "WorldBegin",
+    "AttributeBegin",
+    "Include",
+    "Import",
+    "Shape",
+    "MakeNamedMaterial",
+    "SurfaceIntegrator",
+    "Renderer",
+];
+
+/// What XML is, by the name of its root element.
+const XML_ROOTS: &[(&str, &str)] = &[
+    ("COLLADA", "a COLLADA scene"),
+    ("X3D", "an X3D scene"),
+    ("VTKFile", "a VTK file (XML)"),
+    ("scene", "a Mitsuba scene (XML)"),
+    ("model", "a 3MF model (XML)"),
+    ("amf", "an AMF model"),
+];
+
+/// What a file without a signature is.
+pub(super) fn recognise(head: &[u8]) -> FileType {
+    let Some(line) = first_statement(head) else { return FileType::Unclear };
+    let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+    let (word, rest) = line.split_at(end);
+    let (word, rest) = (std::str::from_utf8(word).unwrap_or_default(), rest.trim_ascii());
+    match word {
+        _ if is_toml(line) => FileType::Toml,
+        _ if OBJ_WORDS.contains(&word) => FileType::Obj,
+        _ => foreign(head, word, rest).unwrap_or(FileType::Unclear),
+    }
+}
+
+fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
+    let named = |name, remedy| Some(FileType::Foreign(Foreign { name, remedy }));
+    match word {
+        "ply" if contains(head, b"format ascii") => named("a PLY mesh (ASCII)", EXPORT),
+        "ply" if rest.is_empty() => named("a PLY mesh (binary)", EXPORT),
+        "solid" => named("an STL mesh (ASCII)", EXPORT),
+        "OFF" | "COFF" | "NOFF" | "CNOFF" | "STOFF" | "4OFF" | "nOFF" => named("an OFF mesh", EXPORT),
+        "newmtl" => named(MTL, "give the .obj file that names it"),
+        "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
+        _ if PBRT_WORDS.contains(&word) => named("a pbrt scene", EXPORT),
+        _ if word.starts_with('<') => xml(head).and_then(|(name, remedy)| named(name, remedy)),
+        _ if word.starts_with(['{', '[']) && is_gltf(head) => named("a glTF scene (JSON)", EXPORT),
+        _ if word.starts_with(['{', '[']) => named("a JSON file", ""),
+        _ if is_binary(head) => named("a binary file of a kind unknown here", ""),
+        _ => None,
+    }
+}
+
+/// The first line that is neither empty nor a comment.
+fn first_statement(head: &[u8]) -> Option<&[u8]> {
+    let lines = head.split(|&byte| byte == b'\n' || byte == b'\r').map(<[u8]>::trim_ascii);
+    lines.into_iter().find(|line| !line.is_empty() && !line.starts_with(b"#"))
+}
+
+/// `[table]`, `[[table]]` or `key = ...`.
+fn is_toml(line: &[u8]) -> bool {
+    let of_key = |byte: &u8| byte.is_ascii_alphanumeric() || b"_-.\"'".contains(byte);
+    let key = |text: &[u8]| !text.trim_ascii().is_empty() && text.trim_ascii().iter().all(of_key);
+    let inner = line.strip_prefix(b"[").map(|rest| rest.strip_prefix(b"[").unwrap_or(rest));
+    let (text, end) = inner.map_or((line, b'='), |inner| (inner, b']'));
+    let named = inner.is_none_or(|inner| inner.trim_ascii().first().is_some_and(u8::is_ascii_alphabetic));
+    named && text.iter().position(|&byte| byte == end).is_some_and(|at| key(&text[..at]))
+}
+
+/// By keys that lie near the start of most such files.
+fn is_gltf(head: &[u8]) -> bool {
+    let has = |key: &str| contains(head, key.as_bytes());
+    has("\"asset\"") && has("\"version\"")
+        || has("\"bufferViews\"")
+        || has("\"byteLength\"")
+        || has("\"accessors\"")
+}
+
+fn xml(head: &[u8]) -> Option<(&'static str, &'static str)> {
+    let root = root_element(head);
+    match XML_ROOTS.iter().find(|(name, _)| *name == root) {
+        Some((_, name)) => Some((name, EXPORT)),
+        None if root.eq_ignore_ascii_case("html") => {
+            Some(("a web page (HTML), perhaps in the place of a download", ""))
+        }
+        None if root.eq_ignore_ascii_case("svg") => Some(("an SVG picture", "")),
+        None => Some(("an XML file", "")),
+    }
+}
+
+/// The name in the first tag that is no declaration and in no comment.
+fn root_element(head: &[u8]) -> String {
+    let text = String::from_utf8_lossy(head);
+    let mut rest = text.as_ref();
+    while let Some(at) = rest.find('<') {
+        rest = &rest[at + 1..];
+        if let Some(comment) = rest.strip_prefix("!--") {
+            rest = comment.find("-->").map_or("", |end| &comment[end..]);
+        } else if rest.starts_with(|c: char| c.is_alphabetic()) {
+            return rest.chars().take_while(|c| c.is_alphanumeric()).collect();
+        }
+    }
+    String::new()
+}
+
+/// Text has no zero bytes, and few other control characters.
+fn is_binary(head: &[u8]) -> bool {
+    let controls = head.iter().filter(|&&byte| byte < b' ' && !b"\t\n\r\x0c\x1b".contains(&byte)).count();
+    head.contains(&0) || controls * 10 > head.len()
+}

@@ -1,0 +1,67 @@
+//! Pictures as bytes of a file, each with a place for raycl's [mark].
+
+use super::Radiance;
+use crate::output::mark::{self, Insert};
+use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
+use image::codecs::hdr::HdrEncoder;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
+use std::fs::File;
+use std::io::{BufWriter, Error, Result, Write as _};
+
+/// The paper's, for its figures.
+const JPEG_QUALITY: u8 = 95;
+/// A JPEG's first two segments, its begin and JFIF's header; a comment comes after them.
+const JPEG_BEGIN_BYTES: usize = 20;
+/// An HDR's first line.
+const HDR_SIGNATURE: &str = "#?RADIANCE\n";
+
+/// Fast settings, since saving counts in a render's time: 4 ms for 1920 x 1080 pixels.
+pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
+    encode(file, mark::png(), |writer| {
+        let encoder = PngEncoder::new_with_quality(writer, CompressionType::Fast, FilterType::Adaptive);
+        encoder.write_image(picture, picture.width(), picture.height(), ExtendedColorType::Rgb8)
+    })
+}
+
+pub fn jpeg(picture: &RgbImage, file: &mut File) -> Result<()> {
+    let text = mark::blank();
+    let length = (text.len() as u16 + 2).to_be_bytes();
+    let comment = [b"\xff\xfe", &length[..], text.as_bytes()].concat();
+    encode(file, (JPEG_BEGIN_BYTES, comment), |writer| {
+        JpegEncoder::new_with_quality(writer, JPEG_QUALITY).encode_image(picture)
+    })
+}
+
+pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
+    let comment = format!("# {}\n", mark::blank()).into_bytes();
+    let bytes: Vec<u8> = image.pixels.as_flattened().iter().flat_map(|value| value.to_ne_bytes()).collect();
+    encode(file, (HDR_SIGNATURE.len(), comment), |writer| {
+        HdrEncoder::new(writer).write_image(&bytes, image.width, image.height, ExtendedColorType::Rgb32F)
+    })
+}
+
+/// EXR says where its parts lie in the file: nothing can be inserted afterwards.
+pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
+    let width = image.width as usize;
+    let pixel = |Vec2(x, y)| <(f32, f32, f32)>::from(image.pixels[y * width + x]);
+    let size = (width, image.height as usize);
+    let mut exr = Image::from_channels(size, SpecificChannels::rgb(pixel));
+    let mark = Text::from(mark::blank().as_str());
+    exr.layer_data.attributes.comments = Some(mark);
+    let mut writer = BufWriter::new(file);
+    exr.write().to_buffered(&mut writer).map_err(Error::other)?;
+    writer.flush()
+}
+
+/// Writes what `write` writes, with `piece` put in after so many bytes.
+fn encode(
+    file: &mut File,
+    piece: (usize, Vec<u8>),
+    write: impl FnOnce(&mut Insert<BufWriter<&mut File>>) -> ImageResult<()>,
+) -> Result<()> {
+    let mut writer = Insert::new(BufWriter::new(file), piece);
+    write(&mut writer).map_err(Error::other)?;
+    writer.flush()
+}

@@ -1,0 +1,140 @@
+//! Arguments of kernels, bound by the names that the manifest's parameters have.
+
+use super::LaunchError;
+use crate::manifest;
+use crate::strategy::Strategy;
+use ocl::Buffer;
+use ocl::builders::KernelBuilder;
+use ocl::prm::{Float4, Int2, Uint2};
+
+/// What is handed to a kernel.
+#[derive(Clone, Copy)]
+pub(super) enum Argument<'a> {
+    Floats(&'a Buffer<f32>),
+    Quads(&'a Buffer<Float4>),
+    Ints(&'a Buffer<i32>),
+    Words(&'a Buffer<u32>),
+    Shorts(&'a Buffer<u16>),
+    Pairs(&'a Buffer<Uint2>),
+    Float(f32),
+    Int(i32),
+    Uint(u32),
+    Float4(Float4),
+    Int2(Int2),
+}
+
+macro_rules! argument_from {
+    ($($type:ty => $variant:ident,)+) => {
+        $(impl<'a> From<$type> for Argument<'a> {
+            fn from(value: $type) -> Self {
+                Self::$variant(value)
+            }
+        })+
+    };
+}
+argument_from! {
+    &'a Buffer<f32> => Floats,
+    &'a Buffer<Float4> => Quads,
+    &'a Buffer<i32> => Ints,
+    &'a Buffer<u32> => Words,
+    &'a Buffer<u16> => Shorts,
+    &'a Buffer<Uint2> => Pairs,
+    f32 => Float,
+    i32 => Int,
+    u32 => Uint,
+    Float4 => Float4,
+    Int2 => Int2,
+}
+
+impl<'a> Argument<'a> {
+    /// Whether it can be bound to a parameter of this type in OpenCL C.
+    fn fits(&self, of_type: &str) -> bool {
+        const QUALIFIERS: [&str; 5] = ["const", "volatile", "restrict", "__global", "SOURCE_SPACE"];
+        let mut words = of_type.split([' ', '*']).filter(|word| !word.is_empty());
+        let Some(element) = words.find(|word| !QUALIFIERS.contains(word)) else { return false };
+        let (points, elements): (bool, &[&str]) = match self {
+            Self::Floats(_) => (true, &["float", "float4"]),
+            Self::Quads(_) => (true, &["float4"]),
+            // An allocator's counter is filled as an integer.
+            Self::Ints(_) => (true, &["int", "uint"]),
+            // A tree's nodes are words of both kinds.
+            Self::Words(_) => (true, &["uint", "float", "Index"]),
+            Self::Shorts(_) => (true, &["Index"]),
+            Self::Pairs(_) => (true, &["uint2"]),
+            Self::Float(_) => (false, &["float"]),
+            Self::Int(_) => (false, &["int"]),
+            Self::Uint(_) => (false, &["uint"]),
+            Self::Float4(_) => (false, &["float4"]),
+            Self::Int2(_) => (false, &["int2"]),
+        };
+        points == of_type.contains('*') && elements.contains(&element)
+    }
+
+    fn bind(self, kernel: &mut KernelBuilder<'a>) {
+        match self {
+            Self::Floats(buffer) => kernel.arg(buffer),
+            Self::Quads(buffer) => kernel.arg(buffer),
+            Self::Ints(buffer) => kernel.arg(buffer),
+            Self::Words(buffer) => kernel.arg(buffer),
+            Self::Shorts(buffer) => kernel.arg(buffer),
+            Self::Pairs(buffer) => kernel.arg(buffer),
+            Self::Float(value) => kernel.arg(value),
+            Self::Int(value) => kernel.arg(value),
+            Self::Uint(value) => kernel.arg(value),
+            Self::Float4(value) => kernel.arg(value),
+            Self::Int2(value) => kernel.arg(value),
+        };
+    }
+}
+
+/// Arguments by their parameters' names. Kernels take those they have a parameter for.
+#[derive(Clone, Default)]
+pub(super) struct Arguments<'a>(Vec<(&'static str, Argument<'a>)>);
+
+impl<'a> Arguments<'a> {
+    /// One more, which hides an earlier one of its name.
+    #[must_use]
+    pub fn with(mut self, name: &'static str, value: impl Into<Argument<'a>>) -> Self {
+        self.0.push((name, value.into()));
+        self
+    }
+
+    /// Binds what a kernel of a strategy takes, in the manifest's order.
+    pub fn bind(
+        &self,
+        kernel: &'static manifest::Kernel,
+        strategy: &Strategy,
+        builder: &mut KernelBuilder<'a>,
+    ) -> Result<(), LaunchError> {
+        for parameter in kernel.parameters(|fact| strategy.holds(fact)) {
+            let found = self.0.iter().rev().find(|(name, _)| *name == parameter.name);
+            let argument =
+                found.map(|(_, argument)| argument).filter(|argument| argument.fits(parameter.of_type));
+            let argument = argument.ok_or_else(|| LaunchError::Argument {
+                kernel: kernel.name,
+                parameter: format!("{} {}", parameter.of_type, parameter.name),
+            })?;
+            argument.bind(builder);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_fits_a_parameter_has_its_type() {
+        assert!(Argument::from(1_i32).fits("const int") && Argument::from(1_u32).fits("const uint"));
+        assert!(
+            Argument::from(1.0_f32).fits("const float")
+                && Argument::from(Float4::zero()).fits("const float4")
+        );
+        assert!(!Argument::from(1_i32).fits("const uint") && !Argument::from(1.0_f32).fits("const float4"));
+        assert!(
+            !Argument::from(1_i32).fits("const __global int *restrict")
+                && !Argument::from(1_i32).fits("const")
+        );
+    }
+}

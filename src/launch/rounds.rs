@@ -1,0 +1,119 @@
+//! The kernels of a frame whose tiles are shared by groups of work-items: rounds of lights.
+
+use super::frame::Phase;
+use super::parts::{Parts, size_for_preparing};
+use super::shared::Shared;
+use super::steps::{Step, Steps};
+use super::{LaunchError, arguments::Arguments};
+use crate::manifest::Role;
+use crate::strategy::Passes;
+use ocl::Buffer;
+use ocl::prm::Float4;
+use std::ops::Range;
+
+/// Casts in tiles that groups share.
+pub(super) struct Rounds<'p, 'a> {
+    parts: &'p Parts<'a>,
+    shared: &'a Shared,
+    arguments: Arguments<'a>,
+    /// Whether the first round's shadow rays follow in the kernel that casts primary rays, and what was left over is cast
+    /// beside shading.
+    fused: bool,
+}
+
+impl<'p, 'a> Rounds<'p, 'a> {
+    /// What all rounds have.
+    pub fn new(
+        parts: &'p Parts<'a>,
+        image: &'a Buffer<Float4>,
+        nearest: &'a Buffer<i32>,
+        shared: &'a Shared,
+    ) -> Self {
+        let arguments = parts.arguments.clone().with("image", image).with("nearest", nearest);
+        let arguments = arguments.with("lit", &shared.lit).with("queue", &shared.queue);
+        let arguments = arguments.with("queued", &shared.queued);
+        let fused = parts.setup.strategy.passes == Passes::Fused && parts.setup.uploaded.light_count > 0;
+        Self { parts, shared, arguments, fused }
+    }
+
+    /// For every so many lights ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)) there is a round: shadow
+    /// rays, those that were left over, a group to each, and shading.
+    pub fn cast(&self) -> Result<Steps, LaunchError> {
+        let lights = self.parts.setup.uploaded.light_count;
+        let mut steps = Steps::new();
+        if !self.fused {
+            steps.extend(self.prepare(0..1, 0, Phase::Primary)?);
+            let kernel = self.parts.kernel_for(Role::Primary)?;
+            let kernel = self.parts.pixel_kernel(kernel, &self.arguments, None)?;
+            steps.push((Phase::Primary, Step::Run(kernel)));
+        }
+        for first_light in (0..lights.max(1)).step_by(self.parts.setup.strategy.lights_of_round()) {
+            if lights > 0 {
+                steps.extend(self.cast_shadow_rays(first_light)?);
+            }
+            steps.push(self.shade(first_light)?);
+        }
+        Ok(steps)
+    }
+
+    fn shade(&self, first_light: usize) -> Result<(Phase, Step), LaunchError> {
+        let queue_rows = if self.fused { self.queue_rows() } else { 0 };
+        let [across, down] = self.parts.pixel_items();
+        let queue_items = queue_rows * self.parts.setup.workload.local_size[1] as usize;
+        let arguments = self.arguments.clone().with("first_light", first_light as i32);
+        let arguments = arguments.with("queue_rows", queue_rows as i32);
+        let items = Some([across, down + queue_items]);
+        let kernel = self.parts.pixel_kernel(self.parts.kernel_for(Role::Shade)?, &arguments, items)?;
+        Ok((Phase::Shade, Step::Run(kernel)))
+    }
+
+    /// The shadow rays of a round's lights.
+    fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
+        let first = self.fused && first_light == 0;
+        let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
+        let setup = &self.parts.setup;
+        let lights = (setup.uploaded.light_count - first_light).min(setup.strategy.lights_of_round());
+        let origins = if first { 0 } else { 1 }..1 + lights;
+        let arguments = self.arguments.clone().with("first_light", first_light as i32);
+        let cast = |kernel, items| {
+            let kernel = self.parts.pixel_kernel(kernel, &arguments, items)?;
+            Ok::<_, LaunchError>((phase, Step::Run(kernel)))
+        };
+        let emptied = (phase, Step::Fill(self.shared.queued.clone(), 0));
+        let mut steps = vec![self.prepare(origins, first_light, phase)?.unwrap_or(emptied)];
+        let role = if first { Role::Frame } else { Role::Shadow };
+        steps.push(cast(self.parts.kernel_for(role)?, None)?);
+        if !self.fused {
+            let [across, down] = setup.workload.local_size.map(|n| n as usize);
+            let groups = [across * self.shared.groups.div_ceil(down), down];
+            steps.push(cast(self.parts.kernel_for(Role::LeftOver)?, Some(groups))?);
+        }
+        Ok(steps)
+    }
+
+    /// Rows of work-groups, as wide as the image, that have room for the groups which cast what was left over.
+    fn queue_rows(&self) -> usize {
+        let [across, down] = self.parts.setup.workload.local_size.map(|n| n as usize);
+        self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
+    }
+
+    /// Prepares the planes of a tree's triangles for origins of a round, of which the first is the eye and the second its
+    /// first light, and empties the queue; nothing where no planes are wanted.
+    fn prepare(
+        &self,
+        origins: Range<usize>,
+        first_light: usize,
+        phase: Phase,
+    ) -> Result<Option<(Phase, Step)>, LaunchError> {
+        let triangles = self.parts.setup.uploaded.triangle_count;
+        if self.parts.prepared.is_none() || triangles == 0 || origins.is_empty() {
+            return Ok(None);
+        }
+        let arguments = self.arguments.clone().with("count", triangles as i32);
+        let arguments = arguments.with("first_origin", origins.start as i32);
+        let arguments = arguments.with("first_light", first_light as i32);
+        let mut kernel = self.parts.builder(self.parts.kernel_for(Role::Prepare)?, &arguments)?;
+        size_for_preparing(&mut kernel, triangles, origins.len());
+        Ok(Some((phase, Step::Run(kernel.build()?))))
+    }
+}

@@ -1,0 +1,94 @@
+//! What a frame is cast with, and the arguments that follow from it.
+
+use super::arguments::Arguments;
+use super::scene::Geometry;
+use super::{DeviceScene, DeviceTree, Queue};
+use crate::program::BuiltProgram;
+use crate::scene::Scene;
+use crate::strategy::{Strategy, Workload};
+use ocl::Buffer;
+use ocl::prm::{Float4, Int2};
+
+/// What a frame is cast with.
+#[derive(Clone, Copy)]
+pub struct Setup<'a> {
+    /// The device.
+    pub queue: &'a Queue,
+    /// The strategy's program.
+    pub program: &'a BuiltProgram,
+    /// How.
+    pub strategy: &'a Strategy,
+    /// At which sizes.
+    pub workload: &'a Workload,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The same on the device.
+    pub uploaded: &'a DeviceScene,
+    /// Its tree, where rays walk one.
+    pub tree: Option<&'a DeviceTree>,
+}
+
+impl<'a> Setup<'a> {
+    /// Arguments that follow from the scene and the camera.
+    pub(super) fn arguments(&self) -> Arguments<'a> {
+        let [width, height] = self.workload.image_size;
+        let [red, green, blue] = self.scene.background.to_array();
+        let arguments = scene_arguments(self.uploaded, self.tree);
+        camera_arguments(arguments, self.scene, [width, height])
+            .with("bias", self.scene.shadow_bias)
+            .with("image_size", Int2::new(width as i32, height as i32))
+            .with("background", Float4::new(red, green, blue, 0.0))
+    }
+}
+
+/// Where a frame's working vectors live that need a buffer.
+pub(super) enum Working {
+    None,
+    Scratch(Buffer<f32>),
+    Heap { pool: Buffer<f32>, top: Buffer<i32>, size: u32 },
+}
+
+impl Working {
+    /// Adds the arguments of its buffers.
+    pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
+        match self {
+            Self::None => arguments,
+            Self::Scratch(scratch) => arguments.with("scratch", scratch),
+            Self::Heap { pool, top, size } => {
+                arguments.with("heap", pool).with("heap_top", top).with("heap_size", *size)
+            }
+        }
+    }
+}
+
+/// The scene's buffers and counts.
+pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a DeviceTree>) -> Arguments<'a> {
+    let triangles = scene.triangle_count as i32;
+    let arguments = match &scene.geometry {
+        Geometry::Soup(soup) => Arguments::default().with("soup", soup),
+        Geometry::Indexed16(sets) => sets.arguments(|indices| indices.into()),
+        Geometry::Indexed32(sets) => sets.arguments(|indices| indices.into()),
+    };
+    let arguments = arguments
+        .with("triangle_count", triangles)
+        .with("prepared_row", triangles)
+        .with("lights", &scene.lights)
+        .with("light_count", scene.light_count as i32);
+    let Some(tree) = tree else { return arguments };
+    let arguments = arguments.with("nodes", &tree.nodes).with("leaves", &tree.leaves);
+    let Some(surfaces) = &tree.surfaces else { return arguments };
+    arguments
+        .with("surfaces", &surfaces.normals)
+        .with("materials", &surfaces.materials)
+        .with("material_count", surfaces.material_count as i32)
+}
+
+fn camera_arguments<'a>(arguments: Arguments<'a>, scene: &Scene, size: [u32; 2]) -> Arguments<'a> {
+    let frame = scene.camera.pixel_frame(size[0], size[1]);
+    let float4 = |v: glam::DVec3, w: f64| Float4::new(v.x as f32, v.y as f32, v.z as f32, w as f32);
+    arguments
+        .with("eye", float4(frame.eye, frame.z_near))
+        .with("corner", float4(frame.corner, 0.0))
+        .with("step_x", float4(frame.step_x, 0.0))
+        .with("step_y", float4(frame.step_y, 0.0))
+}

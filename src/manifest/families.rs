@@ -1,0 +1,239 @@
+//! The table.
+
+use super::Fact::{self, Always, Indexed, Planes, Soup, Tiled, Tree};
+use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
+use super::Values::{AllBut, Only};
+use super::parameters::*;
+use super::{Family, Kernel, Parameter, Role, Rule};
+
+/// Every family. Which of them a strategy belongs to says `Strategy::family`.
+pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
+
+/// Rays that test every triangle.
+pub static EXHAUSTIVE: Family = Family {
+    name: "exhaustive",
+    label: "traversal = exhaustive",
+    entry: "cast/entry.cl",
+    kernels: CAST_KERNELS,
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, CAST_DEFINES],
+    rules: &[
+        only("node_width", &["8"], NO_TREE),
+        only("leaf_size", &["4"], NO_TREE),
+        only("tile", &["32x16"], NO_TILES),
+        rule("intersector", AllBut(&["edge-planes"]), "casts no tiles, whose test that is"),
+    ],
+};
+
+/// Rays, or packets of them, that walk a tree.
+pub static BVH: Family = Family {
+    name: "bvh",
+    label: "traversal = bvh",
+    entry: "cast/entry.cl",
+    kernels: CAST_KERNELS,
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
+    rules: &[
+        only("triangles", &["global"], LEAF_ORDER),
+        only("layout", &["soup"], LEAF_ORDER),
+        only("tile", &["32x16"], NO_TILES),
+        rule(
+            "intersector",
+            AllBut(&["edge-planes", "common-origin", "pixel-linear"]),
+            "meets few of the triangles, and prepares none for an origin",
+        ),
+    ],
+};
+
+/// Triangles that find their pixels; shadow rays test every triangle.
+pub static RASTER: Family = Family {
+    name: "raster",
+    label: "traversal = raster",
+    entry: "raster/entry.cl",
+    kernels: &[
+        kernel("raster_depth", Primary, &[GEOMETRY, CAMERA, SIZE, DEPTH]),
+        kernel("raster_nearest", Resolve, &[GEOMETRY, CAMERA, SIZE, DEPTH_TO_NEAREST]),
+        SHADE_NEAREST,
+    ],
+    defines: &[COMMON_DEFINES, CAST_DEFINES],
+    rules: &[
+        only("shading", &["deferred"], "resolves depth before it shades"),
+        only("passes", &["separate"], "resolves depth before it shades"),
+        only(
+            "triangles",
+            &["global", "constant"],
+            "reads each triangle once, so that there is nothing to keep in __local memory",
+        ),
+        only(
+            "intersector",
+            &["moller-trumbore"],
+            "has its own edge functions for primary rays, and that test for shadow rays",
+        ),
+        only("node_width", &["8"], NO_TREE),
+        only("leaf_size", &["4"], NO_TREE),
+        only("tile", &["32x16"], NO_TILES),
+    ],
+};
+
+/// Tiles of rays that walk a tree in vectors, one work-item a tile.
+pub static TILE_CPU: Family = Family {
+    name: "tile-cpu",
+    label: "traversal = tile with vectors of rays (width = 16)",
+    entry: "tile_cpu/entry.cl",
+    kernels: &[
+        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, IMAGE]),
+        kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, TILE_NEAREST_OUT]),
+        kernel("tile_shade", Shade, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN]),
+    ],
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, VECTOR_DEFINES],
+    rules: &[
+        only("vectors", &["private"], "keeps a tile's rays in private memory"),
+        only("shading", &["deferred"], SHADES_ONCE),
+        only("triangles", &["global"], LEAF_ORDER),
+        only("layout", &["soup"], LEAF_ORDER),
+        only("intersector", &["edge-planes", "watertight"], PREPARES_A_TILE),
+        only("epsilons", &["relative"], OWN_EDGES),
+        only("width", &["16"], "fills vectors of 16; or work-items share a tile (width = 1)"),
+        only("node_width", &["8", "16"], "tests a node's children as one vector"),
+        rule("tile", AllBut(&["8x4"]), "has work for a work-item from 8x8 on"),
+    ],
+};
+
+/// Tiles of rays that walk a tree, each shared by 32 work-items.
+pub static TILE_GPU: Family = Family {
+    name: "tile-gpu",
+    label: "traversal = tile shared by 32 work-items (width = 1)",
+    entry: "tile_gpu/entry.cl",
+    kernels: &[
+        Kernel { name: "tile_prepare", role: Prepare, when: Planes, parameters: &[TILE_PREPARE] },
+        kernel(
+            "tile_cast",
+            Frame,
+            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, FIRST_LIGHT, TILE_NEAREST_OUT, FOUND],
+        ),
+        kernel(
+            "tile_primary",
+            Primary,
+            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, TILE_NEAREST_OUT],
+        ),
+        kernel(
+            "tile_shadow",
+            Shadow,
+            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, FIRST_LIGHT, TILE_NEAREST_IN, FOUND],
+        ),
+        kernel(
+            "tile_left_over",
+            LeftOver,
+            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, FIRST_LIGHT, TILE_NEAREST_IN, LEFT_OVER],
+        ),
+        kernel(
+            "tile_shade",
+            Shade,
+            &[
+                LIGHTS,
+                TREE,
+                SURFACES,
+                PREPARED_ROWS,
+                CAMERA,
+                SIZE,
+                FIRST_LIGHT,
+                IMAGE,
+                TILE_NEAREST_IN,
+                SHADED_BY,
+            ],
+        ),
+    ],
+    defines: &[COMMON_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, GROUP_DEFINES],
+    rules: &[
+        only("vectors", &["private"], "keeps a tile's rays in private memory"),
+        only("shading", &["deferred"], SHADES_ONCE),
+        only("triangles", &["global"], LEAF_ORDER),
+        only("layout", &["soup"], LEAF_ORDER),
+        only("intersector", &["edge-planes", "common-origin", "watertight"], PREPARES_A_TILE),
+        only("epsilons", &["relative"], OWN_EDGES),
+        only("node_width", &["32"], "tests a child of a node with each of them"),
+        rule("tile", AllBut(&["32x16"]), "keeps a tile in their registers, 16x16 at most"),
+    ],
+};
+
+/// The kernels of rays that are cast one by one or side by side.
+const CAST_KERNELS: &[Kernel] = &[
+    Kernel {
+        name: "prepare_origins",
+        role: Prepare,
+        when: Planes,
+        parameters: &[GEOMETRY, LIGHTS_ONLY, CAMERA, PREPARED_OUT],
+    },
+    kernel("cast_frame", Frame, &[GEOMETRY, LIGHTS, PREPARED, TREE, CAMERA, SIZE, IMAGE, WORKING]),
+    kernel("cast_primary", Primary, &[GEOMETRY, LIGHTS, PREPARED, TREE, CAMERA, SIZE, NEAREST_OUT, WORKING]),
+    SHADE_NEAREST,
+    kernel("cast_rays", Rays, &[GEOMETRY, LIGHTS, PREPARED, TREE, RAYS, NEAREST_OUT, WORKING]),
+];
+const SHADE_NEAREST: Kernel = kernel(
+    "shade_nearest",
+    Shade,
+    &[GEOMETRY, LIGHTS, PREPARED, TREE, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
+);
+
+type Defines = &'static [(Fact, &'static str)];
+
+const COMMON_DEFINES: Defines = &[
+    (Always, "WIDTH"),
+    (Always, "BLOCK_X"),
+    (Always, "LOCAL_X"),
+    (Always, "LOCAL_Y"),
+    (Always, "CULL_BACK"),
+    (Always, "REDUCE_BUILTIN"),
+    (Always, "NO_HIT"),
+    (Always, "ROW_FLOATS"),
+    (Always, "LIGHT_FLOATS"),
+    (Always, "MATERIAL_FLOATS"),
+    (Always, "PLANES_OF_ORIGIN"),
+];
+/// For tests that need exact signs.
+const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
+const CAST_DEFINES: Defines = &[
+    (Always, "PAPER_EPSILONS"),
+    (Always, "TREE"),
+    (Always, "LINEAR_IN_PIXEL"),
+    (Always, "WORKING_VECTORS"),
+    (Always, "TRIANGLES"),
+    (Soup, "SOUP_STRIDE"),
+    (Indexed, "INDEX_BITS"),
+    (Indexed, "POSITIONS"),
+    (Indexed, "NORMALS"),
+    (Indexed, "MATERIALS"),
+    (Tiled, "TILE_TRIANGLES"),
+];
+const TREE_DEFINES: Defines = &[
+    (Tree, "NODE_WIDTH"),
+    (Tree, "NODE_STRIDE"),
+    (Tree, "STACK_SIZE"),
+    (Tree, "LEAF_COUNT_SHIFT"),
+    (Tree, "LEAF_MOST"),
+];
+const TILE_DEFINES: Defines = &[(Always, "TILE_X"), (Always, "TILE_Y"), (Always, "WATERTIGHT")];
+const VECTOR_DEFINES: Defines = &[(Always, "PREFETCH"), (Always, "UNUSED_WORD"), (Always, "PADDING_ROWS")];
+const GROUP_DEFINES: Defines = &[
+    (Always, "GROUP_LANES"),
+    (Always, "TILES_ACROSS"),
+    (Always, "LIGHTS_OF_ROUND"),
+    (Always, "LANE_OPERATIONS"),
+];
+
+const NO_TREE: &str = "walks no tree, and keeps the value that stands for none";
+const NO_TILES: &str = "casts no tiles of rays, and keeps the value that stands for none";
+const LEAF_ORDER: &str = "reads triangles in the order of its tree";
+const SHADES_ONCE: &str = "shades a tile's rays once";
+const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";
+const OWN_EDGES: &str = "has edge functions of its own";
+
+const fn kernel(name: &'static str, role: Role, parameters: &'static [&'static [Parameter]]) -> Kernel {
+    Kernel { name, role, when: Always, parameters }
+}
+
+const fn rule(axis: &'static str, takes: super::Values, because: &'static str) -> Rule {
+    Rule { axis, takes, because }
+}
+
+const fn only(axis: &'static str, values: &'static [&'static str], because: &'static str) -> Rule {
+    rule(axis, Only(values), because)
+}

@@ -1,0 +1,116 @@
+//! The parameters of kernels, in the groups that kernels share.
+
+use super::Fact;
+use super::Fact::{Always, Heap, Indexed, Planes, Scratch, Soup, Tree};
+
+/// A parameter of a kernel: an argument is bound to it by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// When there is such a parameter.
+    pub when: Fact,
+    /// Its type in OpenCL C; a word in capitals is a macro of a file of the strategy.
+    pub of_type: &'static str,
+    /// Its name.
+    pub name: &'static str,
+}
+
+const fn p(when: Fact, of_type: &'static str, name: &'static str) -> Parameter {
+    Parameter { when, of_type, name }
+}
+
+const SOURCE_FLOATS: &str = "SOURCE_SPACE const float *restrict";
+const SOURCE_INDICES: &str = "SOURCE_SPACE const Index *restrict";
+const FLOATS: &str = "const __global float *restrict";
+const QUADS: &str = "const __global float4 *restrict";
+const INTS: &str = "const __global int *restrict";
+
+/// Triangles as a layout has them.
+pub const GEOMETRY: &[Parameter] = &[
+    p(Soup, SOURCE_FLOATS, "soup"),
+    p(Indexed, SOURCE_FLOATS, "position_set"),
+    p(Indexed, SOURCE_FLOATS, "normal_set"),
+    p(Indexed, SOURCE_INDICES, "position_indices"),
+    p(Indexed, SOURCE_INDICES, "normal_indices"),
+    p(Indexed, SOURCE_INDICES, "material_indices"),
+    p(Indexed, SOURCE_FLOATS, "material_set"),
+    p(Always, "const int", "triangle_count"),
+];
+/// The lights and how far from a surface their shadow rays start.
+pub const LIGHTS: &[Parameter] =
+    &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
+/// What is prepared for the eye and each light.
+pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
+/// A tree.
+pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
+/// What tiles shade with.
+pub const SURFACES: &[Parameter] =
+    &[p(Always, QUADS, "surfaces"), p(Always, FLOATS, "materials"), p(Always, "const int", "material_count")];
+/// What is prepared for the eye and a round's lights, and the triangles of a row of it.
+pub const PREPARED_ROWS: &[Parameter] =
+    &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
+/// The camera; functions of kernels take it, too.
+pub const CAMERA: &[Parameter] = &[
+    p(Always, "const float4", "eye"),
+    p(Always, "const float4", "corner"),
+    p(Always, "const float4", "step_x"),
+    p(Always, "const float4", "step_y"),
+];
+pub const SIZE: &[Parameter] = &[p(Always, "const int2", "image_size")];
+pub const IMAGE: &[Parameter] =
+    &[p(Always, "const float4", "background"), p(Always, "__global float4 *restrict", "image")];
+pub const NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest_triangle")];
+pub const NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest_triangle")];
+/// Where working vectors lie that need a buffer.
+pub const WORKING: &[Parameter] = &[
+    p(Scratch, "__global float *", "scratch"),
+    p(Heap, "__global float *", "heap"),
+    p(Heap, "volatile __global uint *", "heap_top"),
+    p(Heap, "const uint", "heap_size"),
+];
+pub const RAYS: &[Parameter] = &[p(Always, QUADS, "rays"), p(Always, "const int", "ray_count")];
+pub const LIGHTS_ONLY: &[Parameter] = &[p(Always, FLOATS, "lights")];
+pub const PREPARED_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "prepared")];
+pub const DEPTH: &[Parameter] = &[p(Always, "volatile __global int *", "depth")];
+pub const DEPTH_TO_NEAREST: &[Parameter] =
+    &[p(Always, "const __global int *", "depth"), p(Always, "volatile __global int *", "nearest_triangle")];
+
+// Of tiles that work-items share.
+pub const TILE_NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest")];
+pub const TILE_NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest")];
+pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];
+pub const FOUND: &[Parameter] = &[
+    p(Always, "__global uint *restrict", "lit"),
+    p(Always, "__global uint2 *restrict", "queue"),
+    p(Always, "__global int *restrict", "queued"),
+];
+pub const LEFT_OVER: &[Parameter] = &[
+    p(Always, "__global uint *restrict", "lit"),
+    p(Always, "const __global uint2 *restrict", "queue"),
+    p(Always, INTS, "queued"),
+];
+pub const SHADED_BY: &[Parameter] = &[
+    p(Always, "const __global uint *restrict", "lit"),
+    p(Always, "const __global uint2 *restrict", "queue"),
+    p(Always, INTS, "queued"),
+    p(Always, "const int", "queue_rows"),
+];
+pub const TILE_PREPARE: &[Parameter] = &[
+    p(Always, FLOATS, "lights"),
+    p(Always, FLOATS, "leaves"),
+    p(Always, "const int", "count"),
+    p(Always, "const float4", "eye"),
+    p(Always, "const int", "first_origin"),
+    p(Always, "const int", "first_light"),
+    p(Always, "__global float4 *restrict", "prepared"),
+    p(Always, "__global int *restrict", "queued"),
+];
+
+/// Of the probe of lane operations, which is a kernel of no family.
+pub const PROBE_LANES: &[Parameter] = &[p(Always, "__global uint *", "answers")];
+
+/// A parameter list in OpenCL C, as a macro: `#define CAST_FRAME_PARAMETERS const float4 eye, ...`
+pub fn parameter_macro<'a>(name: &str, parameters: impl Iterator<Item = &'a Parameter>) -> String {
+    let list: Vec<_> =
+        parameters.map(|Parameter { of_type, name, .. }| format!("{of_type} {name}")).collect();
+    format!("#define {}_PARAMETERS {}\n", name.to_uppercase(), list.join(", "))
+}

@@ -1,0 +1,171 @@
+//! The manifest against the files under `cl/`, without a device.
+
+use super::*;
+use crate::device::{Builtins, LaneOperations};
+use crate::program::ProgramSpec;
+use crate::sources::Sources;
+use crate::strategy::{AXES, PRESETS, Strategy, Workload};
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::BitOrAssign as _;
+
+/// Presets, and what is a value or two of other axes away from them: every file of every family is in one of them.
+fn strategies() -> Vec<Strategy> {
+    let mut all: Vec<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
+    for strategy in all.clone() {
+        for axis in AXES {
+            for (value, _) in axis.values {
+                let mut changed = strategy;
+                changed.set(axis.name, value).unwrap_or_else(|error| panic!("{error}"));
+                if changed.contradiction().is_none() && !all.contains(&changed) {
+                    all.push(changed);
+                }
+            }
+        }
+    }
+    all
+}
+
+fn spec(strategy: &Strategy) -> ProgramSpec {
+    let workload = Workload {
+        triangles: 10,
+        positions: 10,
+        normals: 10,
+        materials: 1,
+        lights: 1,
+        stack_size: 32,
+        image_size: [64, 64],
+        local_size: [32, 1],
+    };
+    let builtins =
+        Builtins { reduce: true, prefetch: false, lanes: LaneOperations::Barriers, opencl_3: true };
+    ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins)
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The words of a text without its comments.
+fn words(text: &str) -> Vec<&str> {
+    let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
+}
+
+/// Whether a text does more with a name than ask for it.
+fn uses_define(text: &str, name: &str) -> bool {
+    let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
+    let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();
+    words(&lines.join("\n").replace(&format!("defined({name})"), "")).contains(&name)
+}
+
+#[test]
+fn a_program_has_the_kernels_of_its_family_and_takes_their_parameters_from_here() {
+    for strategy in strategies() {
+        let spec = spec(&strategy);
+        let words = words(&spec.source);
+        let heads: Vec<_> = words.iter().enumerate().filter(|(_, word)| **word == "__kernel").collect();
+        let found: BTreeSet<_> = heads
+            .iter()
+            .map(|(at, _)| {
+                let void = words[*at..].iter().position(|word| *word == "void").map(|place| at + place);
+                let name = void.map(|void| words[void + 1]).unwrap_or_default();
+                let list = words[void.map_or(0, |void| void + 2)..].iter().find(|word| !word.is_empty());
+                assert_eq!(list.copied(), Some(format!("{}_PARAMETERS", name.to_uppercase()).as_str()));
+                name
+            })
+            .collect();
+        let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
+        let named: BTreeSet<_> = kernels.map(|kernel| kernel.name).collect();
+        assert_eq!(found, named, "{strategy}");
+    }
+}
+
+#[test]
+fn every_define_has_a_value_and_is_used_by_its_family() {
+    let mut uses = BTreeMap::new();
+    for family in FAMILIES {
+        let members: Vec<_> =
+            strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
+        let texts: Vec<_> = members.iter().map(spec).collect();
+        for (_, name) in family.defines.iter().copied().flatten() {
+            let option = format!("-D {name}=");
+            let given = |spec: &ProgramSpec| spec.options.contains(&option);
+            let programs: Vec<_> = texts.iter().filter(|spec| given(spec)).collect();
+            let used = programs.iter().any(|spec| uses_define(&spec.source, name));
+            assert!(used || programs.is_empty(), "{} has no use for {name}", family.name);
+            uses.entry(*name).or_insert(false).bitor_assign(used);
+        }
+    }
+    assert!(uses.values().all(|used| *used), "{uses:?}");
+}
+
+#[test]
+fn every_file_belongs_to_a_family_or_to_what_measures_a_device() {
+    let mut named: BTreeSet<String> = strategies().iter().flat_map(|strategy| spec(strategy).files).collect();
+    let others = ["probe/", "limits/", "peak/"];
+    named.extend(
+        Sources::names()
+            .into_iter()
+            .filter(|name| others.iter().any(|folder| name.starts_with(folder)))
+            .map(str::to_owned),
+    );
+    named.insert("common/lanes.cl".to_owned());
+    let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
+    assert_eq!(all, named);
+}
+
+#[test]
+fn a_program_holds_no_file_of_another_family() {
+    for strategy in strategies() {
+        let own = match strategy.family().name {
+            "exhaustive" | "bvh" => &["common/", "cast/"][..],
+            "raster" => &["common/", "cast/", "raster/"],
+            // Vectors whose rays share no axis are cast as single rays are.
+            "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
+            _ => &["common/", "tile_gpu/"],
+        };
+        for file in spec(&strategy).files {
+            assert!(own.iter().any(|folder| file.starts_with(folder)), "{strategy}: {file}");
+        }
+    }
+}
+
+#[test]
+fn a_value_that_is_a_file_is_in_the_program_and_no_other_of_its_axis_is() {
+    for strategy in strategies() {
+        let files = spec(&strategy).files;
+        for axis in ["vectors", "triangles", "layout", "shading", "intersect"] {
+            let in_folder: Vec<_> = files.iter().filter(|file| file.contains(&format!("/{axis}/"))).collect();
+            let own = |file: &&&String| {
+                let value = file.rsplit('/').next().unwrap_or_default().trim_end_matches(".cl");
+                strategy.axes().iter().any(|(_, own)| own.replace('-', "_").starts_with(value))
+            };
+            assert_eq!(in_folder.iter().filter(own).count(), in_folder.len(), "{strategy}: {in_folder:?}");
+        }
+    }
+}
+
+#[test]
+fn a_family_has_one_main_kernel_for_each_way_to_cast() {
+    for family in FAMILIES {
+        for role in [Role::Frame, Role::Primary] {
+            assert!(
+                family.kernels.iter().filter(|kernel| kernel.role == role).count() <= 1,
+                "{}",
+                family.name
+            );
+        }
+        assert!(family.kernel(Role::Primary).is_some() && family.kernel(Role::Shade).is_some());
+    }
+    for name in ["cast_frame", "cast_primary", "raster_depth", "tile_frame", "tile_primary", "tile_cast"] {
+        assert!(is_main(name), "{name}");
+    }
+    for name in [
+        "prepare_origins",
+        "tile_prepare",
+        "tile_shadow",
+        "shade_nearest",
+        "raster_nearest",
+        "cast_rays",
+        "x",
+    ] {
+        assert!(!is_main(name), "{name}");
+    }
+}

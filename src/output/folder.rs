@@ -1,0 +1,251 @@
+//! A folder that a command writes several files into.
+
+use super::mark::Maker;
+use super::place::{Choice, permit, put};
+use crate::error::{Error, Result};
+use crate::record::{ordinary, own_folder, write_page};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{Result as IoResult, Write as _};
+use std::path::{Path, PathBuf};
+
+/// The file that lists what raycl wrote into a folder, as `b3sum` does: a hash, two spaces, a name.
+pub const LIST: &str = "raycl.b3sum";
+
+/// A folder and what raycl wrote into it before.
+pub struct OutFolder {
+    path: PathBuf,
+    choice: Choice,
+    /// A folder of results has no list: all files with raycl's names are raycl's.
+    results: bool,
+    /// Hash and name of every file that raycl wrote.
+    made: BTreeSet<(String, String)>,
+}
+
+impl OutFolder {
+    /// Reads what raycl wrote into a folder, which need not be there.
+    pub fn open(path: &Path, choice: Choice) -> Result<Self> {
+        let results = path.join("records.jsonl").is_file();
+        let list = path.join(LIST);
+        let made = if results { Some(BTreeSet::new()) } else { read_list(&list) };
+        match made {
+            Some(made) => Ok(Self { path: path.to_owned(), choice, results, made }),
+            None => {
+                permit(&list, choice, |_| Ok(Maker::Other))?;
+                Ok(Self { path: path.to_owned(), choice, results, made: BTreeSet::new() })
+            }
+        }
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What was asked for.
+    pub fn choice(&self) -> Choice {
+        self.choice
+    }
+
+    /// Whether raycl wrote into it before.
+    pub fn is_known(&self) -> bool {
+        self.results || !self.made.is_empty()
+    }
+
+    /// Finds out before any work is done whether [`write`](Self::write) would refuse files of these names.
+    pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
+        if self.results {
+            return Ok(());
+        }
+        let mut names = names.into_iter();
+        names.try_for_each(|name| {
+            permit(&self.path.join(name), self.choice, |file| self.maker(name, file, None)).map(drop)
+        })
+    }
+
+    /// Writes files, names with their contents: all of them or, where one must stay, none.
+    pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<()> {
+        let new: BTreeSet<_> = files.iter().map(|(name, bytes)| (hash(bytes), name.clone())).collect();
+        if !self.results {
+            for (name, bytes) in files {
+                let maker = |file: &mut File| self.maker(name, file, Some(bytes));
+                permit(&self.path.join(name), self.choice, maker)?;
+            }
+        }
+        self.make_folders(files)?;
+        if self.results {
+            return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
+        }
+        // Before the files, so that those of a command that is killed are known; afterwards without those replaced.
+        self.made.extend(new.iter().cloned());
+        self.write_list()?;
+        files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;
+        let replaced = |name: &String| files.iter().any(|(written, _)| written == name);
+        self.made.retain(|entry| new.contains(entry) || !replaced(&entry.1));
+        self.write_list()
+    }
+
+    /// Removes plots and exports that raycl wrote earlier, of scenes that are no longer shown. What somebody changed, and
+    /// what cannot be removed, stays.
+    pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
+        let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
+        if self.results {
+            super::stale::remove(&self.path, is_written);
+            return Ok(());
+        }
+        let old: Vec<_> =
+            self.made.iter().filter(|(_, name)| is_companion(name) && !is_written(name)).cloned().collect();
+        for entry in old {
+            let path = self.path.join(&entry.1);
+            let unchanged =
+                ordinary(&path).is_ok() && std::fs::read(&path).is_ok_and(|bytes| hash(&bytes) == entry.0);
+            if unchanged && std::fs::remove_file(&path).is_ok() {
+                self.made.remove(&entry);
+            }
+        }
+        self.write_list()
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        let maker = |file: &mut File| self.maker(name, file, Some(bytes));
+        put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
+    }
+
+    /// Whose a file is: raycl's, where the list has its hash, or where it is what would be written.
+    fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
+        let mut hasher = blake3::Hasher::new();
+        let found = hasher.update_reader(file)?.finalize().to_hex().to_string();
+        let same = new.is_some_and(|new| hash(new) == found);
+        let listed = self.made.iter().any(|(_, made)| made == name);
+        let made = self.made.contains(&(found, name.to_owned()));
+        Ok(match (same || made, listed) {
+            (true, _) => Maker::Raycl,
+            (false, true) => Maker::Changed,
+            (false, false) => Maker::Other,
+        })
+    }
+
+    /// Makes the folder and those in it that files lie in; a link in their place is refused.
+    fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
+        let failed = |folder: &Path, error: std::io::Error| {
+            Error::run(format!("cannot make {}: {error}", folder.display()))
+                .with_help(format!("`{}` writes elsewhere", self.choice.elsewhere))
+        };
+        std::fs::create_dir_all(&self.path).map_err(|error| failed(&self.path, error))?;
+        let inner: BTreeSet<_> = files.iter().filter_map(|(name, _)| Path::new(name).parent()).collect();
+        for folder in inner.into_iter().filter(|folder| *folder != Path::new("")) {
+            let folder = self.path.join(folder);
+            own_folder(&folder).map_err(|error| failed(&folder, error))?;
+        }
+        Ok(())
+    }
+
+    fn write_list(&self) -> Result<()> {
+        let mut lines: Vec<_> = self.made.iter().map(|(hash, name)| format!("{hash}  {name}\n")).collect();
+        lines.sort_by(|a, b| a[66..].cmp(&b[66..]));
+        write_page(&self.path.join(LIST), lines.concat().as_bytes())
+    }
+}
+
+/// Whether a file belongs to a page, so that it goes with what the page shows.
+fn is_companion(name: &str) -> bool {
+    super::stale::FOLDERS.iter().any(|folder| Path::new(name).starts_with(folder))
+}
+
+fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+/// The entries of a list, empty where there is none; nothing where the file is no list.
+fn read_list(path: &Path) -> Option<BTreeSet<(String, String)>> {
+    if path.symlink_metadata().is_err() {
+        return Some(BTreeSet::new());
+    }
+    ordinary(path).ok()?;
+    let entry = |line: &str| {
+        let (hash, name) = line.split_once("  ")?;
+        (hash.len() == 64 && hash.bytes().all(|digit| digit.is_ascii_hexdigit()))
+            .then(|| (hash.to_owned(), name.to_owned()))
+    };
+    std::fs::read_to_string(path).ok()?.lines().map(entry).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    const KEEP: Choice = Choice { force: false, elsewhere: "--out DIR" };
+
+    fn files(text: &str) -> Vec<(String, Vec<u8>)> {
+        ["page.html", "plots/one.svg"].map(|name| (name.to_owned(), text.into())).to_vec()
+    }
+
+    fn write(path: &Path, choice: Choice, text: &str) -> Result<()> {
+        OutFolder::open(path, choice)?.write(&files(text))
+    }
+
+    #[test]
+    fn what_raycl_wrote_is_replaced_and_what_was_changed_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("new");
+        write(&out, KEEP, "one").unwrap();
+        write(&out, KEEP, "two").unwrap();
+        std::fs::write(out.join("plots/one.svg"), "mine").unwrap();
+        let error = OutFolder::open(&out, KEEP).unwrap().check(["page.html", "plots/one.svg"]).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("plots/one.svg' was changed since"), "{error}");
+        assert!(write(&out, KEEP, "three").is_err());
+        // All or none.
+        assert_eq!(std::fs::read(out.join("page.html")).unwrap(), b"two");
+        write(&out, Choice { force: true, ..KEEP }, "four").unwrap();
+        assert_eq!(std::fs::read(out.join("plots/one.svg")).unwrap(), b"four");
+        write(&out, KEEP, "five").unwrap();
+        assert_eq!(std::fs::read_to_string(out.join(LIST)).unwrap().lines().count(), 2);
+    }
+
+    #[test]
+    fn others_files_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("page.html"), "mine").unwrap();
+        let error = write(folder.path(), KEEP, "one").unwrap_err();
+        assert!(error.to_string().contains("raycl did not make it"), "{error}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        // What would be written anyway is no loss.
+        std::fs::write(folder.path().join("page.html"), "one").unwrap();
+        write(folder.path(), KEEP, "one").unwrap();
+        std::fs::write(folder.path().join(LIST), "my notes").unwrap();
+        let error = write(folder.path(), KEEP, "two").unwrap_err();
+        assert!(error.to_string().contains(LIST), "{error}");
+    }
+
+    #[test]
+    fn plots_of_what_is_no_longer_shown_go_unless_somebody_changed_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let files = |names: &[&str]| {
+            names.iter().map(|name| (name.to_string(), b"plot".to_vec())).collect::<Vec<_>>()
+        };
+        let mut opened = OutFolder::open(out, KEEP).unwrap();
+        opened.write(&files(&["page.html", "plots/a.svg", "plots/b.svg", "plots/c.svg"])).unwrap();
+        std::fs::write(out.join("plots/b.svg"), "mine").unwrap();
+        std::fs::write(out.join("plots/scenes.svg"), "mine too").unwrap();
+        let now = files(&["plots/c.svg"]);
+        opened.write(&now).unwrap();
+        opened.remove_stale(&now).unwrap();
+        let there = |name: &str| out.join(name).exists();
+        assert!(!there("plots/a.svg") && there("plots/b.svg") && there("plots/c.svg"));
+        assert!(there("plots/scenes.svg") && there("page.html"));
+    }
+
+    #[test]
+    fn what_a_killed_command_left_is_known() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), KEEP, "one").unwrap();
+        let mut killed = OutFolder::open(folder.path(), KEEP).unwrap();
+        killed.made.extend(files("two").iter().map(|(name, bytes)| (hash(bytes), name.clone())));
+        killed.write_list().unwrap();
+        killed.put("page.html", b"two").unwrap();
+        write(folder.path(), KEEP, "three").unwrap();
+    }
+}

@@ -1,0 +1,205 @@
+//! The mark by which raycl knows a file that it made: the BLAKE3 hash of all the file's other bytes, in hexadecimal digits
+//! near its beginning. A mark alone proves nothing: the hash must be that of the rest.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read, Result, Seek as _, SeekFrom, Write};
+use std::ops::Range;
+
+/// What goes before the digits.
+const LABEL: &str = "made by raycl, blake3 of the rest: ";
+/// As many as a hash has.
+const DIGITS: usize = 64;
+/// The mark lies in so many first bytes of a file.
+const HEAD_BYTES: u64 = 4096;
+/// Where a PNG's second chunk begins: after the signature and IHDR.
+const PNG_CHUNK: usize = 33;
+const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// Whose work a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Maker {
+    /// raycl made it as it is.
+    Raycl,
+    /// raycl made it, and somebody changed it.
+    Changed,
+    /// There is no sign of raycl.
+    Other,
+}
+
+/// A mark before the hash is known: text that a file's format carries somewhere, for [`seal`] to complete.
+pub fn blank() -> String {
+    format!("{LABEL}{}", "0".repeat(DIGITS))
+}
+
+/// Where a PNG's blank mark goes, and the chunk that holds it.
+pub fn png() -> (usize, Vec<u8>) {
+    let text = [b"Comment\0", blank().as_bytes()].concat();
+    let length = (text.len() as u32).to_be_bytes();
+    (PNG_CHUNK, [&length[..], b"tEXt", &text, &[0; 4]].concat())
+}
+
+/// JSON text with a blank mark as the first field of its first object.
+pub fn json(text: &str) -> String {
+    text.replacen('{', &format!("{{\n\"mark\": \"{}\",", blank()), 1)
+}
+
+/// Writes the hash of a file with a blank mark into the mark.
+pub fn seal(file: &mut File) -> Result<()> {
+    let found = Found::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
+    file.seek(SeekFrom::Start(found.hole.start as u64))?;
+    file.write_all(&found.filled)
+}
+
+/// Whose work a file is, by its mark.
+pub fn maker(file: &mut File) -> Result<Maker> {
+    Ok(match Found::read(file)? {
+        None => Maker::Other,
+        Some(found) if found.head[found.hole.clone()] == found.filled => Maker::Raycl,
+        Some(_) => Maker::Changed,
+    })
+}
+
+/// A file's mark: where its hash lies, and what it has to be.
+struct Found {
+    head: Vec<u8>,
+    hole: Range<usize>,
+    filled: Vec<u8>,
+}
+
+impl Found {
+    fn read(file: &mut File) -> Result<Option<Self>> {
+        file.rewind()?;
+        let mut head = Vec::new();
+        (&mut *file).take(HEAD_BYTES).read_to_end(&mut head)?;
+        let Some(hole) = hole(&head) else { return Ok(None) };
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&head[..hole.start]).update(&head[hole.end..]).update_reader(file)?;
+        let filled = filled(&head, &hole, &hasher.finalize());
+        Ok(Some(Self { head, hole, filled }))
+    }
+}
+
+/// The bytes that the hash is not of: its digits and, in a PNG, the checksum of their chunk.
+fn hole(head: &[u8]) -> Option<Range<usize>> {
+    let label = head.windows(LABEL.len()).position(|bytes| bytes == LABEL.as_bytes())?;
+    let start = label + LABEL.len();
+    let end = start + DIGITS + if head.starts_with(PNG_SIGNATURE) { 4 } else { 0 };
+    (end <= head.len()).then_some(start..end)
+}
+
+/// What belongs into the hole.
+fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
+    let mut bytes = hash.to_hex().as_bytes().to_vec();
+    // The checksum is of the chunk's type and contents.
+    let chunk = head.get(PNG_CHUNK + 4..hole.start).filter(|_| head.starts_with(PNG_SIGNATURE));
+    if let Some(chunk) = chunk {
+        let mut checksum = crc32fast::Hasher::new();
+        checksum.update(chunk);
+        checksum.update(&bytes);
+        bytes.extend(checksum.finalize().to_be_bytes());
+    }
+    bytes
+}
+
+/// Writes what it is given, with `piece` after its first `left` bytes.
+pub struct Insert<W> {
+    inner: W,
+    left: usize,
+    piece: Vec<u8>,
+}
+
+impl<W: Write> Insert<W> {
+    /// Inserts `piece` after `at` bytes.
+    pub fn new(inner: W, (at, piece): (usize, Vec<u8>)) -> Self {
+        Self { inner, left: at, piece }
+    }
+}
+
+impl<W: Write> Write for Insert<W> {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+        if self.left == 0 {
+            return self.inner.write(bytes);
+        }
+        let written = self.inner.write(&bytes[..bytes.len().min(self.left)])?;
+        self.left -= written;
+        if self.left == 0 {
+            self.inner.write_all(&self.piece)?;
+        }
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.inner.flush()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    fn file(bytes: &[u8]) -> File {
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(bytes).unwrap();
+        file
+    }
+
+    fn bytes(file: &mut File) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        file.rewind().unwrap();
+        file.read_to_end(&mut bytes).unwrap();
+        bytes
+    }
+
+    fn sealed(text: &str) -> Vec<u8> {
+        let mut file = file(text.as_bytes());
+        seal(&mut file).unwrap();
+        bytes(&mut file)
+    }
+
+    #[test]
+    fn a_sealed_file_is_known_and_every_changed_byte_noticed() {
+        let sealed = sealed(&format!("before {} after", blank()));
+        assert_eq!(maker(&mut file(&sealed)).unwrap(), Maker::Raycl);
+        for place in 0..sealed.len() {
+            let mut changed = sealed.clone();
+            changed[place] ^= 1;
+            assert_ne!(maker(&mut file(&changed)).unwrap(), Maker::Raycl, "byte {place}");
+        }
+        assert_eq!(maker(&mut file(&[&sealed[..], b"."].concat())).unwrap(), Maker::Changed);
+        assert_eq!(maker(&mut file(&sealed[..sealed.len() - 1])).unwrap(), Maker::Changed);
+    }
+
+    #[test]
+    fn a_mark_on_other_bytes_proves_nothing() {
+        let one = String::from_utf8(sealed(&format!("{} one", blank()))).unwrap();
+        let other = one.replace("one", "two");
+        assert_eq!(maker(&mut file(other.as_bytes())).unwrap(), Maker::Changed);
+    }
+
+    #[test]
+    fn files_without_a_whole_mark_are_others() {
+        for bytes in [&b""[..], b"text", LABEL.as_bytes(), &[0; 10_000], PNG_SIGNATURE] {
+            assert_eq!(maker(&mut file(bytes)).unwrap(), Maker::Other);
+            assert!(seal(&mut file(bytes)).is_err());
+        }
+    }
+
+    #[test]
+    fn json_stays_json() {
+        let text = json("[\n  {\n    \"a\": 1\n  },\n  {}\n]");
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!((value[0]["a"].as_u64(), value[0]["mark"].as_str()), (Some(1), Some(blank().as_str())));
+        assert_eq!(value[1], serde_json::json!({}));
+    }
+
+    #[test]
+    fn a_piece_goes_where_it_belongs_however_bytes_come() {
+        for step in 1..=6 {
+            let mut out = Vec::new();
+            let mut writer = Insert::new(&mut out, (4, b"--".to_vec()));
+            b"abcdef".chunks(step).for_each(|bytes| writer.write_all(bytes).unwrap());
+            assert_eq!(out, b"abcd--ef");
+        }
+    }
+}

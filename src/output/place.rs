@@ -1,0 +1,127 @@
+//! Putting a file where it belongs, or leaving what is there.
+
+use super::mark::Maker;
+use crate::error::{Error, Result};
+use crate::record::temporary_in;
+use std::fs::File;
+use std::io::{ErrorKind, Result as IoResult};
+use std::path::Path;
+use tempfile::NamedTempFile;
+
+/// What a command was asked to do with files that raycl did not make.
+#[derive(Clone, Copy, Debug)]
+pub struct Choice {
+    /// Replace them.
+    pub force: bool,
+    /// The command's option that names another place, such as `-o FILE`.
+    pub elsewhere: &'static str,
+}
+
+impl Choice {
+    fn help(self, what_force_does: &str) -> String {
+        format!("`--force` {what_force_does}, `{}` writes elsewhere", self.elsewhere)
+    }
+}
+
+/// Whether a name is free.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Name {
+    Free,
+    /// What has it may be replaced.
+    Replaceable,
+}
+
+/// Refuses what must stay: links, files that raycl did not make or that were changed since, except with `--force`;
+/// folders and devices always.
+pub(super) fn permit(
+    path: &Path,
+    choice: Choice,
+    maker: impl FnOnce(&mut File) -> IoResult<Maker>,
+) -> Result<Name> {
+    let Ok(there) = path.symlink_metadata() else { return Ok(Name::Free) };
+    let name = path.display();
+    let refuse = |why: String, help: String| Err(Error::input(why).with_help(help));
+    let elsewhere = format!("`{}` writes elsewhere", choice.elsewhere);
+    if there.is_dir() {
+        return refuse(format!("'{name}' is a folder, and a file is to be written"), elsewhere);
+    }
+    if !there.is_file() && !there.is_symlink() {
+        return refuse(format!("'{name}' is no ordinary file, and is not written to"), elsewhere);
+    }
+    if choice.force {
+        return Ok(Name::Replaceable);
+    }
+    if there.is_symlink() {
+        let help = choice.help("replaces the link and leaves what it points to");
+        return refuse(format!("'{name}' is a link that raycl did not make"), help);
+    }
+    // What cannot be read is somebody else's.
+    match File::open(path).and_then(|mut file| maker(&mut file)).unwrap_or(Maker::Other) {
+        Maker::Raycl => Ok(Name::Replaceable),
+        Maker::Changed => {
+            refuse(format!("'{name}' was changed since raycl made it"), choice.help("replaces it"))
+        }
+        Maker::Other => {
+            refuse(format!("'{name}' is there, and raycl did not make it"), choice.help("replaces it"))
+        }
+    }
+}
+
+/// Puts a file that `write` writes in its place, whole or not at all, and looks again whether it may: somebody may have
+/// been there meanwhile.
+pub(super) fn put(
+    path: &Path,
+    choice: Choice,
+    maker: impl Fn(&mut File) -> IoResult<Maker>,
+    write: impl FnOnce(&mut File) -> IoResult<()>,
+) -> Result<()> {
+    let failed = |error: std::io::Error| {
+        Error::run(format!("cannot write '{}': {error}", path.display()))
+            .with_help(format!("make room, or write elsewhere with `{}`", choice.elsewhere))
+    };
+    let mut file = temporary_in(folder_of(path)?).map_err(failed)?;
+    write(file.as_file_mut()).map_err(failed)?;
+    match permit(path, choice, &maker)? {
+        Name::Free if !choice.force => persist_new(file, path).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => appeared(path, choice),
+            _ => failed(error),
+        }),
+        _ => replace(file, path).map_err(failed),
+    }
+}
+
+/// Somebody made a file between the last look and the end.
+fn appeared(path: &Path, choice: Choice) -> Error {
+    let message = format!("'{}' appeared meanwhile, and raycl did not make it", path.display());
+    Error::input(message).with_help(choice.help("replaces it"))
+}
+
+/// Gives a file a name that nobody has.
+fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
+    match file.persist_noclobber(path) {
+        Ok(_) => Ok(()),
+        Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
+        // Not every file system can: the name is taken first, by an empty file.
+        Err(error) => {
+            File::create_new(path)?;
+            replace(error.file, path).inspect_err(|_| {
+                let _ = std::fs::remove_file(path);
+            })
+        }
+    }
+}
+
+#[allow(clippy::disallowed_methods, reason = "what has the name may be replaced")]
+fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
+    file.persist(path).map(drop).map_err(|error| error.error)
+}
+
+/// The folder a file is to lie in, which must be there.
+pub(super) fn folder_of(path: &Path) -> Result<&Path> {
+    let folder = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    if folder.is_dir() {
+        return Ok(folder);
+    }
+    let message = format!("cannot write '{}': there is no folder '{}'", path.display(), folder.display());
+    Err(Error::input(message).with_help(format!("make it first: mkdir -p '{}'", folder.display())))
+}

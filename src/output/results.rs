@@ -1,0 +1,68 @@
+//! Whose a folder is that results are to be written to.
+
+use super::place::Choice;
+use crate::error::{Error, Result};
+use crate::record::TEMPORARY_PREFIX;
+use std::path::Path;
+
+/// What a run that was ended at once leaves: a folder of results without records.
+const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
+
+/// Refuses a folder that holds files and no results, before any work is done: a run and its pages would write among
+/// them, and replace some. `known` is true where raycl wrote the folder.
+pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
+    // What has that name and is no file is told where it is opened.
+    if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
+        return Ok(());
+    }
+    // What cannot be listed is not there, or is told where it is opened.
+    let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let other = entries.find(|entry| !is_begun(&entry.path()));
+    let Some(other) = other else { return Ok(()) };
+    let message = format!(
+        "'{}' is no folder of results: it holds '{}', which raycl did not make",
+        folder.display(),
+        other.file_name().display()
+    );
+    let help = format!("`--force` writes into it all the same, `{}` writes elsewhere", choice.elsewhere);
+    Err(Error::input(message).with_help(help))
+}
+
+/// Whether an entry is one that a run begins with. A folder of pictures that holds some is somebody else's.
+fn is_begun(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
+    name.starts_with(TEMPORARY_PREFIX)
+        || (BEGUN.contains(&name.as_ref()) && (name != "images" || empty()))
+        || (name == "images" && path.with_file_name(".lock").exists())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    const KEEP: Choice = Choice { force: false, elsewhere: "--out DIR" };
+
+    #[test]
+    fn results_empty_folders_and_new_ones_are_written_to_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let refused = |known| refuse_other_folders(&out, KEEP, known).is_err();
+        assert!(!refused(false), "it is not there");
+        std::fs::create_dir_all(out.join("images")).unwrap();
+        assert!(!refused(false), "a run was ended at once");
+        std::fs::write(out.join("images/holiday.png"), "").unwrap();
+        assert!(refused(false), "pictures of somebody's");
+        std::fs::write(out.join(".lock"), "1").unwrap();
+        assert!(!refused(false), "pictures of a run");
+        std::fs::write(out.join("thesis.tex"), "").unwrap();
+        let error = refuse_other_folders(&out, KEEP, false).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("'thesis.tex', which raycl did not make"), "{error}");
+        assert!(!refused(true));
+        assert!(refuse_other_folders(&out, Choice { force: true, ..KEEP }, false).is_ok());
+        std::fs::write(out.join("records.jsonl"), "").unwrap();
+        assert!(!refused(false), "results");
+    }
+}

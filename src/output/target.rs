@@ -1,0 +1,113 @@
+//! One file that a command writes.
+
+use super::mark::{self, maker};
+use super::place::{Choice, folder_of, permit, put};
+use crate::error::{Error, Result};
+use serde::Serialize;
+use std::fs::File;
+use std::io::{Result as IoResult, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Where a command writes a file of its own.
+#[derive(Clone, Debug)]
+pub struct Target {
+    path: PathBuf,
+    choice: Choice,
+}
+
+impl Target {
+    /// A file that the user named.
+    pub fn new(path: impl Into<PathBuf>, choice: Choice) -> Self {
+        Self { path: path.into(), choice }
+    }
+
+    /// A file of a folder of results, where every file is raycl's.
+    pub fn of_results(path: impl Into<PathBuf>) -> Self {
+        Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Finds out before any work is done whether [`write`](Self::write) would refuse it.
+    pub fn check(&self) -> Result<()> {
+        folder_of(&self.path)?;
+        permit(&self.path, self.choice, maker).map(drop)
+    }
+
+    /// Puts the file that `write` writes, with a blank mark in it, in its place, whole or not at all.
+    pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
+        put(&self.path, self.choice, maker, |file| {
+            write(file)?;
+            mark::seal(file)
+        })
+    }
+
+    /// Writes indented JSON with its mark; it is on the disk when this returns.
+    pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string_pretty(value).map_err(|error| Error::run(error.to_string()))?;
+        let text = mark::json(&text);
+        put(&self.path, self.choice, maker, |file| {
+            writeln!(file, "{text}")?;
+            mark::seal(file)?;
+            file.sync_all()
+        })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    const KEEP: Choice = Choice { force: false, elsewhere: "-o FILE" };
+
+    fn target(folder: &tempfile::TempDir) -> Target {
+        Target::new(folder.path().join("a.json"), KEEP)
+    }
+
+    #[test]
+    fn json_is_replaced_until_somebody_changes_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = target(&folder);
+        target.write_json(&serde_json::json!([{"a": 1}])).unwrap();
+        target.check().unwrap();
+        target.write_json(&serde_json::json!([{"a": 2}])).unwrap();
+        let text = std::fs::read_to_string(target.path()).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(value[0]["a"], 2);
+        std::fs::write(target.path(), text.replace("2", "3")).unwrap();
+        assert_eq!(target.check().unwrap_err().exit_code(), 2);
+        assert!(target.write_json(&value).is_err());
+    }
+
+    /// What somebody does while the file is being written is not lost.
+    #[test]
+    fn what_comes_or_changes_meanwhile_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = target(&folder);
+        let mine = |file: &mut File| {
+            std::fs::write(target.path(), "mine")?;
+            write!(file, "{}", mark::blank())
+        };
+        assert!(target.write(mine).unwrap_err().to_string().contains("raycl did not make it"));
+        assert_eq!(std::fs::read(target.path()).unwrap(), b"mine");
+        std::fs::remove_file(target.path()).unwrap();
+        target.write(|file| write!(file, "{}", mark::blank())).unwrap();
+        assert!(target.write(mine).is_err());
+        assert_eq!(std::fs::read(target.path()).unwrap(), b"mine");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_and_folders_stay_even_with_force() {
+        let folder = tempfile::tempdir().unwrap();
+        for path in [Path::new("/dev/null"), folder.path()] {
+            let target = Target::new(path, Choice { force: true, ..KEEP });
+            assert_eq!(target.check().unwrap_err().exit_code(), 2);
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! The measurements, one a function; each checks that its kernel did the work.
+
+use super::rig::{Rig, failed};
+use super::{Figure, Peak};
+use crate::device::Device;
+use crate::error::Result;
+use crate::program::Sources;
+use ocl::Kernel;
+use rand::seq::SliceRandom as _;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng as _;
+use std::time::Instant;
+
+/// CHAINS in cl/peak/fma.cl, and its STEPS.
+const CHAINS: u64 = 16;
+const FMA_STEPS: u64 = 8;
+/// STEPS in cl/peak/latency.cl.
+const STEPS: i32 = 16;
+/// SLOTS in cl/peak/local.cl.
+const SLOTS: u64 = 8;
+/// A buffer that no cache holds, where the device has room for it.
+const LARGE_BYTES: u64 = 512 << 20;
+/// Bytes from one step of the global chase to the next, at least: a cache's line.
+const LINE_BYTES: usize = 128;
+/// Entries of the chases in private and `__local` memory; a prime, so that where a chase ends tells that it ran.
+const ENTRIES: u64 = 61;
+/// Launches of a batch.
+const BATCH: u32 = 500;
+
+/// Measures every figure of a device, in about a second on a GPU.
+pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
+    let rig = Rig::open(device, sources)?;
+    let [launch_device_us, launch_host_us, launch_batched_us] = launch(&rig)?;
+    let chases = rig.program("peak/latency.cl", &[("ENTRIES", ENTRIES)])?;
+    let info = &device.info;
+    Ok(Peak {
+        device: info.label.clone(),
+        platform: info.platform.clone(),
+        driver: info.driver.clone(),
+        timestamp: jiff::Timestamp::now().to_string(),
+        raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
+        max_clock_mhz: info.hardware.max_clock_mhz,
+        fma_per_s: fma(&rig)?,
+        copy_bytes_per_s: copy(&rig)?,
+        local_bytes_per_s: local(&rig)?,
+        launch_device_us,
+        launch_host_us,
+        launch_batched_us,
+        private_ns: chain(&rig, &chases)?,
+        private_array_ns: chase(&rig, &chases, "chase_private")?,
+        local_ns: chase(&rig, &chases, "chase_local")?,
+        global_ns: chase_global(&rig, &chases)?,
+    })
+}
+
+/// Work done a loop, over the seconds a loop takes.
+fn rates(work: f64, seconds: &[f64]) -> Figure {
+    let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
+    Figure::of(&rates)
+}
+
+/// Nanoseconds a step, of seconds a loop of STEPS steps.
+fn latency(seconds: &[f64]) -> Figure {
+    Figure::of(&seconds.iter().map(|s| s * 1e9 / f64::from(STEPS)).collect::<Vec<_>>())
+}
+
+fn expect(what: &str, found: f64, expected: f64) -> Result<()> {
+    let close = (found - expected).abs() <= 1e-3 * expected.abs();
+    if close { Ok(()) } else { Err(failed(format!("{what} gave {found}, not {expected}"))) }
+}
+
+fn fma(rig: &Rig<'_>) -> Result<Figure> {
+    let (items, group, width) = (rig.items(), rig.group(), u64::from(rig.width(1)));
+    let program = rig.program("peak/fma.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
+    let out = rig.buffer::<f32>(items)?;
+    let mut kernel = rig.kernel(&program, "fma_rate", items, group);
+    kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
+    let kernel = kernel.build().map_err(failed)?;
+    let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
+    let mut sums = vec![0.0; items];
+    out.read(&mut sums).enq().map_err(failed)?;
+    let chains = CHAINS * width;
+    // Every chain nears 1 / (1 - 0.5).
+    expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
+    Ok(rates((items as u64 * chains * FMA_STEPS) as f64, &seconds))
+}
+
+/// Bytes for a large buffer: what fits with room to spare, in whole lines.
+fn large_bytes(rig: &Rig<'_>) -> usize {
+    let limits = &rig.device.info.limits;
+    let bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
+    (bytes as usize / (1 << 20)).max(1) << 20
+}
+
+fn copy(rig: &Rig<'_>) -> Result<Figure> {
+    let width = rig.width(4);
+    let group = rig.device.info.limits.work_group_size.min(256);
+    let program = rig.program("peak/copy.cl", &[("WIDTH", u64::from(width)), ("GROUP", group as u64)])?;
+    let floats = large_bytes(rig) / 4;
+    let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
+    from.cmd().fill(1.5, None).enq().map_err(failed)?;
+    // A mebibyte is a multiple of any group's vectors.
+    let mut kernel = rig.kernel(&program, "copy", floats / width as usize, group);
+    kernel.arg(&from).arg(&to);
+    let kernel = kernel.build().map_err(failed)?;
+    rig.launch(&kernel)?;
+    let seconds = rig.repeat(|| rig.launch(&kernel).map(|(ms, _)| ms * 1e-3))?;
+    let mut last = [0.0_f32];
+    to.cmd().read(&mut last[..]).offset(floats - 1).enq().map_err(failed)?;
+    expect("the copy", f64::from(last[0]), 1.5)?;
+    Ok(rates(2.0 * 4.0 * floats as f64, &seconds))
+}
+
+fn local(rig: &Rig<'_>) -> Result<Figure> {
+    let width = u64::from(rig.width(4));
+    let fits = rig.device.info.limits.local_bytes / (2 * SLOTS * width * 4);
+    let group = rig.group().min(fits as usize).max(1);
+    let items = rig.items() / group * group;
+    let program = rig.program("peak/local.cl", &[("WIDTH", width), ("GROUP", group as u64)])?;
+    let out = rig.buffer::<f32>(items)?;
+    let mut kernel = rig.kernel(&program, "local_rate", items, group);
+    kernel.arg(0_i32).arg(&out);
+    let kernel = kernel.build().map_err(failed)?;
+    let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
+    let mut sums = vec![0.0; items];
+    out.read(&mut sums).enq().map_err(failed)?;
+    // Sums of ones stay at 2^24, where adding one changes nothing.
+    let reads = f64::from(loops).min(f64::from(1 << 24));
+    expect("__local reads", f64::from(sums[items - 1]), reads * (SLOTS * width) as f64)?;
+    Ok(rates((items as u64 * SLOTS * width * 4) as f64, &seconds))
+}
+
+/// A launch by the device's clock and the host's, then one of many; microseconds.
+fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
+    let program = rig.program("peak/launch.cl", &[])?;
+    let out = rig.buffer::<i32>(1)?;
+    let mut kernel = rig.kernel(&program, "nothing", 1, 1);
+    kernel.arg(&out).arg(7_i32);
+    let kernel = kernel.build().map_err(failed)?;
+    rig.launch(&kernel)?;
+    let single = rig.repeat(|| {
+        // One launch after a pause is not what a run does: the best of several in a row.
+        let row: Vec<(f64, f64)> = (0..20).map(|_| rig.launch(&kernel)).collect::<Result<_>>()?;
+        let best = |of: fn(&(f64, f64)) -> f64| row.iter().map(of).fold(f64::INFINITY, f64::min);
+        Ok((best(|one| one.0) * 1e3, best(|one| one.1) * 1e3))
+    })?;
+    let batched = rig.repeat(|| batch(rig, &kernel))?;
+    let mut mark = [0];
+    out.read(&mut mark[..]).enq().map_err(failed)?;
+    expect("a launch", f64::from(mark[0]), 7.0)?;
+    let of = |values: Vec<f64>| Figure::of(&values);
+    Ok([
+        of(single.iter().map(|one| one.0).collect()),
+        of(single.iter().map(|one| one.1).collect()),
+        of(batched),
+    ])
+}
+
+fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {
+    let start = Instant::now();
+    for _ in 0..BATCH {
+        // SAFETY: as in Rig::launch.
+        unsafe { kernel.cmd().queue(&rig.queue.commands).enq() }.map_err(failed)?;
+    }
+    rig.queue.commands.finish().map_err(failed)?;
+    Ok(start.elapsed().as_secs_f64() * 1e6 / f64::from(BATCH))
+}
+
+fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
+    let out = rig.buffer::<f32>(1)?;
+    let mut kernel = rig.kernel(program, "chain_private", 1, 1);
+    kernel.arg(0_i32).arg(0.5_f32).arg(1.0_f32).arg(&out);
+    let kernel = kernel.build().map_err(failed)?;
+    let (seconds, _) = rig.per_loop(&kernel, |_| Ok(()))?;
+    let mut value = [0.0_f32];
+    out.read(&mut value[..]).enq().map_err(failed)?;
+    expect("the chain", f64::from(value[0]), 2.0)?;
+    Ok(latency(&seconds))
+}
+
+/// Every step goes on by this many entries, as good as any.
+const STRIDE: i32 = 13;
+
+fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Figure> {
+    let out = rig.buffer::<i32>(1)?;
+    let mut kernel = rig.kernel(program, name, 1, 1);
+    kernel.arg(0_i32).arg(STRIDE).arg(&out);
+    let kernel = kernel.build().map_err(failed)?;
+    let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
+    let mut at = [0];
+    out.read(&mut at[..]).enq().map_err(failed)?;
+    let expected = (i64::from(loops) * i64::from(STEPS) * i64::from(STRIDE)) % ENTRIES as i64;
+    expect(name, f64::from(at[0]) + 1.0, expected as f64 + 1.0)?;
+    Ok(latency(&seconds))
+}
+
+/// One random cycle through all lines of a large buffer; each launch goes on where the one before ended.
+fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
+    let stride = LINE_BYTES / 4;
+    let lines = large_bytes(rig) / LINE_BYTES;
+    let next = cycle(lines, stride);
+    let buffer = rig.buffer::<i32>(next.len())?;
+    buffer.write(&next).enq().map_err(failed)?;
+    let out = rig.buffer::<i32>(1)?;
+    let mut kernel = rig.kernel(program, "chase_global", 1, 1);
+    kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
+    let kernel = kernel.build().map_err(failed)?;
+    // A large buffer is slow: so few loops that their steps fit a number.
+    let (mut at, mut steps) = (0_i32, 0_i32);
+    let (seconds, _) = rig.per_loop(&kernel, |loops| {
+        for _ in 0..steps {
+            at = next[at as usize];
+        }
+        steps = loops * STEPS;
+        kernel.set_arg(1, at).map_err(failed)
+    })?;
+    let mut found = [0];
+    out.read(&mut found[..]).enq().map_err(failed)?;
+    for _ in 0..steps {
+        at = next[at as usize];
+    }
+    expect("the chase", f64::from(found[0]) + 1.0, f64::from(at) + 1.0)?;
+    Ok(latency(&seconds))
+}
+
+/// Entries `stride` apart, each holding where the next of one random cycle lies.
+fn cycle(lines: usize, stride: usize) -> Vec<i32> {
+    let mut order: Vec<usize> = (1..lines).collect();
+    order.shuffle(&mut ChaCha8Rng::seed_from_u64(1));
+    let mut next = vec![0_i32; lines * stride];
+    let mut at = 0;
+    for line in order {
+        next[at] = (line * stride) as i32;
+        at = line * stride;
+    }
+    next
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cycle_visits_every_line_once() {
+        let next = cycle(1000, 32);
+        let (mut at, mut visited) = (0_usize, 0);
+        loop {
+            at = next[at] as usize;
+            visited += 1;
+            assert_eq!(at % 32, 0);
+            if at == 0 {
+                break;
+            }
+        }
+        assert_eq!(visited, 1000);
+        assert_ne!(next, (0..32_000).map(|i| (i + 32) % 32_000).collect::<Vec<_>>());
+    }
+}

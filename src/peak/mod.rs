@@ -1,0 +1,191 @@
+//! What a device can do at most: multiply-adds, copies, `__local` reads, launches, latencies. Measured with the
+//! kernels of `cl/peak/`, so that a caster's speed can be told as a part of what is possible.
+
+mod measure;
+mod operations;
+mod rig;
+
+pub use measure::measure;
+pub use operations::operations_per_test;
+
+use crate::error::{Error, Result};
+use crate::measure::Summary;
+use crate::record::{Record, write_whole};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The file of a results' folder that says what its devices can do at most.
+pub const FILE: &str = "peak.json";
+/// What older folders call it.
+const OLD_FILE: &str = "limits.json";
+
+/// A measured figure: the median of its repeats, and their quartiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Figure {
+    /// The median.
+    pub median: f64,
+    /// The first quartile.
+    pub q1: f64,
+    /// The third quartile.
+    pub q3: f64,
+    /// How many repeats.
+    pub repeats: usize,
+}
+
+/// What one device can do at most, as measured.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Peak {
+    /// What records call the device.
+    pub device: String,
+    /// Its platform's name.
+    pub platform: String,
+    /// Its driver's version.
+    pub driver: String,
+    /// When they were measured, RFC 3339.
+    pub timestamp: String,
+    /// raycl's version.
+    pub raycl_version: String,
+    /// The highest clock, as the driver says: what cycles are counted in.
+    pub max_clock_mhz: Option<u64>,
+    /// Fused multiply-adds a second, single precision, all units busy.
+    pub fma_per_s: Figure,
+    /// Bytes read and bytes written a second, added up, by a copy in global memory.
+    pub copy_bytes_per_s: Figure,
+    /// Bytes of `__local` memory read a second, all units together.
+    pub local_bytes_per_s: Figure,
+    /// Device time of a kernel that does nothing, in microseconds.
+    pub launch_device_us: Figure,
+    /// The host's clock from enqueueing it to its end.
+    pub launch_host_us: Figure,
+    /// The host's clock a launch, of many enqueued one after another.
+    pub launch_batched_us: Figure,
+    /// Latency of a multiply-add on private values, in nanoseconds.
+    pub private_ns: Figure,
+    /// Latency of a read of a private array that is not in registers.
+    pub private_array_ns: Figure,
+    /// Latency of a read of `__local` memory.
+    pub local_ns: Figure,
+    /// Latency of a read of global memory that no cache holds.
+    pub global_ns: Figure,
+}
+
+impl Figure {
+    /// Of repeats; zero where there are none.
+    pub fn of(values: &[f64]) -> Self {
+        let found = Summary::of(values).map(|summary| Self {
+            median: summary.median_ms,
+            q1: summary.q1_ms,
+            q3: summary.q3_ms,
+            repeats: values.len(),
+        });
+        found.unwrap_or_default()
+    }
+}
+
+impl Peak {
+    /// Cycles of a latency at the device's highest clock; none where it is not known.
+    pub fn cycles(&self, latency_ns: &Figure) -> Option<f64> {
+        self.max_clock_mhz.map(|mhz| latency_ns.median * mhz as f64 * 1e-3)
+    }
+
+    /// Reads one device's figures, or a list of several's.
+    pub fn read(path: &Path) -> Result<Vec<Self>> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())))?;
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum File {
+            Several(Vec<Peak>),
+            One(Box<Peak>),
+        }
+        match serde_json::from_str(&text) {
+            Ok(File::Several(several)) => Ok(several),
+            Ok(File::One(one)) => Ok(vec![*one]),
+            Err(_) => {
+                let error =
+                    Error::input(format!("{} does not say what a device can do at most", path.display()));
+                Err(error.with_help("`raycl peak --out FILE` writes such a file"))
+            }
+        }
+    }
+
+    /// What a folder of results keeps; nothing where it was not measured.
+    pub fn kept_in(folder: &Path) -> Result<Vec<Self>> {
+        let kept = [FILE, OLD_FILE].map(|name| folder.join(name)).into_iter().find(|path| path.exists());
+        kept.map_or(Ok(Vec::new()), |path| Self::read(&path))
+    }
+
+    /// Writes a list.
+    pub fn write(all: &[Self], path: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(all).map_err(|error| Error::run(error.to_string()))?;
+        write_whole(path, format!("{text}\n").as_bytes())
+    }
+
+    /// Writes into a record what part of its device's multiply-adds its tests reach.
+    pub fn apply(all: &[Self], record: &mut Record) {
+        let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
+        record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);
+        record.operations_per_test = operations_per_test(&record.strategy);
+        if let (Some(tests), Some(operations), Some(fma)) =
+            (record.tests_per_s, record.operations_per_test, record.fma_per_s)
+        {
+            record.limit_fraction = Some(tests * f64::from(operations) / fma);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn peak(device: &str) -> Peak {
+        let fma_per_s = Figure::of(&[3.0e12, 2.0e12, 4.0e12]);
+        Peak { device: device.into(), fma_per_s, max_clock_mhz: Some(2000), ..Peak::default() }
+    }
+
+    #[test]
+    fn a_record_learns_its_part_of_the_peak() {
+        let strategy = "traversal=exhaustive intersector=common-origin vectors=private".to_owned();
+        let mut record = Record { device: "gpu".into(), strategy, ..Record::default() };
+        record.tests_per_s = Some(1.0e11);
+        Peak::apply(&[peak("cpu"), peak("gpu")], &mut record);
+        let operations = record.operations_per_test.expect("a count");
+        assert_eq!(record.fma_per_s, Some(3.0e12));
+        assert_eq!(record.limit_fraction, Some(1.0e11 * f64::from(operations) / 3.0e12));
+        let mut other = Record { device: "other".into(), ..record.clone() };
+        other.limit_fraction = None;
+        Peak::apply(&[peak("cpu"), peak("gpu")], &mut other);
+        assert_eq!(other.limit_fraction, None);
+    }
+
+    #[test]
+    fn a_file_of_one_or_several_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        Peak::write(&[peak("a"), peak("b")], &path).unwrap();
+        assert_eq!(Peak::read(&path).unwrap(), [peak("a"), peak("b")]);
+        std::fs::write(&path, serde_json::to_string(&peak("a")).unwrap()).unwrap();
+        assert_eq!(Peak::read(&path).unwrap(), [peak("a")]);
+        for wrong in ["", "{}", "[1]", "{\"device\": 3}"] {
+            std::fs::write(&path, wrong).unwrap();
+            assert_eq!(Peak::read(&path).unwrap_err().exit_code(), 2, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_folder_of_an_older_raycl_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Peak::kept_in(folder.path()).unwrap(), []);
+        Peak::write(&[peak("old")], &folder.path().join("limits.json")).unwrap();
+        assert_eq!(Peak::kept_in(folder.path()).unwrap(), [peak("old")]);
+        Peak::write(&[peak("new")], &folder.path().join("peak.json")).unwrap();
+        assert_eq!(Peak::kept_in(folder.path()).unwrap(), [peak("new")]);
+    }
+
+    #[test]
+    fn cycles_follow_from_the_clock() {
+        assert_eq!(peak("a").cycles(&Figure::of(&[250.0])), Some(500.0));
+        let unknown = Peak { max_clock_mhz: None, ..peak("a") };
+        assert_eq!(unknown.cycles(&Figure::of(&[250.0])), None);
+    }
+}

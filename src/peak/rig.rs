@@ -1,0 +1,146 @@
+//! What the measurements share: programs of `cl/peak/`, and timing a kernel until it is long enough.
+
+use crate::device::Device;
+use crate::error::{Error, Result};
+use crate::launch::Queue;
+use crate::program::Sources;
+use ocl::builders::KernelBuilder;
+use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
+use ocl::{Buffer, Event, Kernel, MemFlags, Program};
+use std::time::Instant;
+
+/// A device set up to measure what it can do at most.
+pub struct Rig<'a> {
+    /// The device.
+    pub device: &'a Device,
+    /// Its queue.
+    pub queue: Queue,
+    sources: &'a Sources,
+}
+
+/// Repeats of every measurement.
+const REPEATS: usize = 9;
+/// A launch is made so long that neither timers nor launching count.
+const LONG_ENOUGH_MS: f64 = 20.0;
+/// The most loops of a launch.
+const MOST_LOOPS: i32 = 1 << 24;
+
+/// What a failed measurement says.
+pub fn failed(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("what the device can do at most could not be measured: {error}"))
+}
+
+impl<'a> Rig<'a> {
+    /// Opens the device.
+    pub fn open(device: &'a Device, sources: &'a Sources) -> Result<Self> {
+        Ok(Self { device, queue: Queue::open(device.platform, device.device)?, sources })
+    }
+
+    /// Work-items of a work-group: many where lanes are work-items, one where they are vector elements.
+    pub fn group(&self) -> usize {
+        if self.device.info.limits.is_cpu { 1 } else { self.device.info.limits.work_group_size.min(256) }
+    }
+
+    /// Work-items that keep every unit busy, in whole groups.
+    pub fn items(&self) -> usize {
+        let groups_a_unit = if self.device.info.limits.is_cpu { 4 } else { 32 };
+        self.device.info.limits.compute_units.max(1) as usize * groups_a_unit * self.group()
+    }
+
+    /// Floats of a vector: the device's own, or `otherwise` where its vectors are work-items.
+    pub fn width(&self, otherwise: u32) -> u32 {
+        let own = self.device.info.limits.native_width;
+        if own > 1 { own } else { otherwise }
+    }
+
+    /// A program of `cl/`, built with these defines.
+    pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<Program> {
+        let mut text = String::new();
+        for line in self.sources.read(file)?.lines() {
+            match line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next()) {
+                Some(included) => text.push_str(&self.sources.read(included)?),
+                None => text.push_str(line),
+            }
+            text.push('\n');
+        }
+        let defines: String = defines.iter().map(|(name, value)| format!("-D {name}={value} ")).collect();
+        let options = format!("{defines}-cl-std=CL1.2 -cl-kernel-arg-info");
+        let built = Program::builder()
+            .src(text)
+            .cmplr_opt(options)
+            .devices(self.queue.device)
+            .build(&self.queue.context);
+        built.map_err(|error| failed(format!("{file}: {error}")))
+    }
+
+    /// A kernel of `items` work-items in groups of `group`; the caller adds its arguments.
+    pub fn kernel<'b>(
+        &self,
+        program: &'b Program,
+        name: &'b str,
+        items: usize,
+        group: usize,
+    ) -> KernelBuilder<'b> {
+        let mut kernel = Kernel::builder();
+        kernel.program(program).name(name).queue(self.queue.commands.clone());
+        kernel.global_work_size(items).local_work_size(group);
+        // SAFETY: every caller's arguments follow the parameters in cl/peak/; `ocl` does not know vector pointers.
+        unsafe { kernel.disable_arg_type_check() };
+        kernel
+    }
+
+    /// A buffer of `len` zeros.
+    pub fn buffer<T: ocl::OclPrm>(&self, len: usize) -> Result<Buffer<T>> {
+        let buffer = Buffer::builder()
+            .queue(self.queue.commands.clone())
+            .flags(MemFlags::READ_WRITE)
+            .len(len.max(1))
+            .fill_val(T::default())
+            .build();
+        buffer.map_err(failed)
+    }
+
+    /// Launches a kernel once: milliseconds of the device's clock, and of the host's.
+    pub fn launch(&self, kernel: &Kernel) -> Result<(f64, f64)> {
+        let start = Instant::now();
+        let mut event = Event::empty();
+        // SAFETY: the kernels of cl/peak/ stay inside the buffers that their builders gave them, which live on.
+        unsafe { kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
+        self.queue.commands.finish().map_err(failed)?;
+        let host_ms = start.elapsed().as_secs_f64() * 1e3;
+        let read = |info| match event.profiling_info(info) {
+            Ok(ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns)) => Ok(ns),
+            Ok(_) => Err(failed("the driver gave no time")),
+            Err(error) => Err(failed(error)),
+        };
+        let ns = read(ProfilingInfo::End)?.saturating_sub(read(ProfilingInfo::Start)?);
+        Ok((ns as f64 * 1e-6, host_ms))
+    }
+
+    /// Seconds a loop of a kernel whose argument 0 is the number of loops, as many times as a figure has repeats, and
+    /// that number. `before` is called with it before each launch.
+    pub fn per_loop(
+        &self,
+        kernel: &Kernel,
+        mut before: impl FnMut(i32) -> Result<()>,
+    ) -> Result<(Vec<f64>, i32)> {
+        let mut timed = |loops: i32| -> Result<f64> {
+            before(loops)?;
+            kernel.set_arg(0, loops).map_err(failed)?;
+            self.launch(kernel).map(|(device_ms, _)| device_ms)
+        };
+        let mut loops = 256;
+        // The first launch may compile.
+        timed(loops)?;
+        while timed(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
+            loops *= 2;
+        }
+        let seconds = self.repeat(|| timed(loops).map(|ms| ms * 1e-3 / f64::from(loops)))?;
+        Ok((seconds, loops))
+    }
+
+    /// The same measurement as often as a figure has repeats.
+    pub fn repeat<T>(&self, mut once: impl FnMut() -> Result<T>) -> Result<Vec<T>> {
+        (0..REPEATS).map(|_| once()).collect()
+    }
+}

@@ -1,0 +1,87 @@
+//! The values of the defines that the manifest names.
+
+use crate::accel::{PADDING_ROWS, WideBvh};
+use crate::device::Builtins;
+use crate::manifest::{
+    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES, WORKING_VECTORS,
+};
+use crate::scene::Material;
+use crate::strategy::{Culling, Epsilons, Intersector, Math, Strategy, Workload};
+
+/// The value of a define; none where there is no such define.
+pub(super) fn value_of(
+    name: &str,
+    strategy: &Strategy,
+    workload: &Workload,
+    builtins: Builtins,
+) -> Option<u64> {
+    of_strategy(name, strategy)
+        .or_else(|| of_workload(name, strategy, workload))
+        .or_else(|| of_device(name, strategy, builtins))
+        .or_else(|| constant(name))
+}
+
+fn of_strategy(name: &str, strategy: &Strategy) -> Option<u64> {
+    let (tile_x, tile_y) = strategy.tile.pixels();
+    let children = strategy.node_width.children();
+    Some(match name {
+        "WIDTH" => strategy.width.rays() as u64,
+        "BLOCK_X" => strategy.block().0 as u64,
+        "CULL_BACK" => u64::from(strategy.culling == Culling::Back),
+        "PAPER_EPSILONS" => u64::from(strategy.epsilons == Epsilons::Paper),
+        "FAST_MATH" => u64::from(strategy.math == Math::Fast),
+        "TREE" => u64::from(strategy.needs_tree()),
+        "PLANES_OF_ORIGIN" => u64::from(strategy.intersector.prepares_planes()),
+        "LINEAR_IN_PIXEL" => u64::from(strategy.intersector.counts_in_pixels()),
+        "WATERTIGHT" => u64::from(strategy.intersector == Intersector::Watertight),
+        "INDEX_BITS" => u64::from(strategy.layout.index_bits()?),
+        "NODE_WIDTH" => children as u64,
+        "NODE_STRIDE" => WideBvh::stride(children) as u64,
+        "TILE_X" => tile_x as u64,
+        "TILE_Y" => tile_y as u64,
+        "LIGHTS_OF_ROUND" => strategy.lights_of_round() as u64,
+        _ => return None,
+    })
+}
+
+fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u64> {
+    let if_staged = |count: usize| if strategy.triangles.are_staged() { count as u64 } else { 0 };
+    Some(match name {
+        "LOCAL_X" => u64::from(workload.local_size[0]),
+        "LOCAL_Y" => u64::from(workload.local_size[1]),
+        "TRIANGLES" => if_staged(workload.triangles),
+        "POSITIONS" => if_staged(workload.positions),
+        "NORMALS" => if_staged(workload.normals),
+        "MATERIALS" => if_staged(workload.materials),
+        "STACK_SIZE" => workload.stack_size as u64,
+        "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
+        _ => return None,
+    })
+}
+
+fn of_device(name: &str, strategy: &Strategy, builtins: Builtins) -> Option<u64> {
+    Some(match name {
+        "REDUCE_BUILTIN" => u64::from(builtins.reduce),
+        "PREFETCH" => u64::from(builtins.prefetch),
+        "LANE_OPERATIONS" => strategy.lane_operations(builtins) as u64,
+        _ => return None,
+    })
+}
+
+fn constant(name: &str) -> Option<u64> {
+    Some(match name {
+        "NO_HIT" => NO_HIT as u64,
+        "ROW_FLOATS" => ROW_FLOATS as u64,
+        "LIGHT_FLOATS" => LIGHT_FLOATS as u64,
+        "MATERIAL_FLOATS" => Material::FLOATS as u64,
+        "SOUP_STRIDE" => SOUP_FLOATS as u64,
+        "WORKING_VECTORS" => WORKING_VECTORS as u64,
+        "TILE_TRIANGLES" => TILE_TRIANGLES,
+        "GROUP_LANES" => u64::from(GROUP_LANES),
+        "LEAF_COUNT_SHIFT" => u64::from(WideBvh::COUNT_SHIFT),
+        "LEAF_MOST" => WideBvh::MAX_LEAF_SIZE as u64,
+        "PADDING_ROWS" => PADDING_ROWS as u64,
+        "UNUSED_WORD" => u64::from(WideBvh::UNUSED),
+        _ => return None,
+    })
+}

@@ -1,0 +1,66 @@
+//! Which includes a text follows: those under `#if NAME` or `#if !NAME` only where that define of the host holds, so that a
+//! program is made of no file that it does not use.
+
+/// The branches that a line stands in, outermost first; what the host cannot tell may be live.
+#[derive(Default)]
+pub(super) struct Branches(Vec<Option<bool>>);
+
+impl Branches {
+    /// Passes a line.
+    pub fn pass(&mut self, line: &str, defines: &[(&'static str, u64)]) {
+        let line = line.split("//").next().unwrap_or_default().trim();
+        let Some(directive) = line.strip_prefix('#').map(str::trim) else { return };
+        let (word, rest) = directive.split_once(char::is_whitespace).unwrap_or((directive, ""));
+        match word {
+            "if" => self.0.push(holds(rest.trim(), defines)),
+            "ifdef" | "ifndef" => self.0.push(None),
+            "elif" => self.turn(|_| None),
+            "else" => self.turn(|holds| holds.map(|holds| !holds)),
+            "endif" => {
+                self.0.pop();
+            }
+            _ => {}
+        }
+    }
+
+    fn turn(&mut self, change: impl FnOnce(Option<bool>) -> Option<bool>) {
+        if let Some(last) = self.0.last_mut() {
+            *last = change(*last);
+        }
+    }
+
+    /// Whether the compiler may see the next line.
+    pub fn may_be_live(&self) -> bool {
+        !self.0.contains(&Some(false))
+    }
+}
+
+/// Whether a condition holds, if it is a define of the host or its negation.
+fn holds(condition: &str, defines: &[(&'static str, u64)]) -> Option<bool> {
+    let (name, wanted) = condition.strip_prefix('!').map_or((condition, true), |name| (name, false));
+    let (_, value) = defines.iter().find(|(define, _)| *define == name)?;
+    Some((*value != 0) == wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn live(lines: &str) -> bool {
+        let mut branches = Branches::default();
+        lines.lines().for_each(|line| branches.pass(line, &[("TREE", 1), ("WATERTIGHT", 0)]));
+        branches.may_be_live()
+    }
+
+    #[test]
+    fn only_what_the_host_knows_to_be_dead_is() {
+        assert!(live("") && live("#if TREE") && live("#if !WATERTIGHT") && live("#if TREE\n#if OTHER"));
+        assert!(
+            !live("#if WATERTIGHT // why") && !live("#if TREE\n#else") && !live("#if WATERTIGHT\n#if TREE")
+        );
+        assert!(
+            live("#if WATERTIGHT\n#else") && live("#if WATERTIGHT\n#endif") && live("#if WATERTIGHT == 0")
+        );
+        assert!(live("#ifndef TREE") && live("#if WATERTIGHT\n#elif OTHER") && live("#define WATERTIGHT 0"));
+    }
+}

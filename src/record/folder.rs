@@ -1,0 +1,220 @@
+//! The one door to a folder of results: what is read through it is the current plan's, and everything shown is read through it.
+
+use super::plan::CurrentPlan;
+use super::scenes::tell_scenes_apart;
+use super::types::Record;
+use super::{DIRTY, is_dirty, ordinary, read_lines};
+use crate::error::{Error, Result};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// The name of the journal of records.
+const RECORDS: &str = "records.jsonl";
+
+/// The records of a run, and where and how it was made.
+#[derive(Clone, Debug, Default)]
+pub struct Folder {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// What a report calls it: the folder's name.
+    pub label: String,
+    /// One record a point of the current plan, in its order and by its names; scenes of the same name are told apart.
+    /// Without a plan: the latest record of every point.
+    pub records: Vec<Record>,
+    /// `environment.json` as it is, so that what a newer raycl wrote is shown too; null where there is none.
+    pub environment: Value,
+    /// What is to be said wherever its figures are shown, such as records that are not among them.
+    pub notes: Vec<String>,
+}
+
+impl Folder {
+    /// Reads a folder, or the journal in it. One without records is the user's mistake.
+    pub fn read(path: &Path) -> Result<Self> {
+        let (folder, journal) = match path.is_file() {
+            true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
+            false => (path, path.join(RECORDS)),
+        };
+        if !journal.is_file() {
+            let error = Error::input(format!("{} holds no results: {RECORDS} is missing", path.display()));
+            return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
+        }
+        let lines = read_lines::<Record>(&journal)?;
+        let (environment, unknown) = environment(folder);
+        let Shown { records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
+        let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
+        let dirty = dirty(&records, environment["git_revision"].as_str());
+        Ok(Self {
+            path: folder.to_owned(),
+            label: label(folder),
+            records,
+            environment,
+            notes: notes.into_iter().chain(dirty).chain(torn).chain(unknown).collect(),
+        })
+    }
+
+    /// A value of the config that the run was made with.
+    pub fn config(&self, key: &str) -> Option<String> {
+        let table: toml::Table = toml::from_str(self.environment["config"].as_str()?).ok()?;
+        Some(table.get(key)?.as_str()?.to_owned())
+    }
+}
+
+/// What a folder shows of its records, and what is to be said of the others.
+struct Shown {
+    records: Vec<Record>,
+    notes: Vec<String>,
+}
+
+impl Shown {
+    fn of(lines: Vec<Record>, plan: Option<CurrentPlan>) -> Self {
+        let all = latest(lines, |record| record.key.clone());
+        let count = all.len();
+        let mut notes = Vec::new();
+        let mut records = match plan {
+            Some(plan) => {
+                let by_key: HashMap<_, _> =
+                    all.into_iter().map(|record| (record.key.clone(), record)).collect();
+                let (picked, missing) = plan.pick(by_key);
+                notes.extend(counted(
+                    missing,
+                    "point of the plan is not measured yet.",
+                    "points of the plan are not measured yet.",
+                ));
+                picked
+            }
+            None => latest(all, |record| format!("{:?} {}", record.scene_hash, point(record))),
+        };
+        notes.extend(counted(
+            count - records.len(),
+            "record of an earlier plan is kept and not shown.",
+            "records of earlier plans are kept and not shown.",
+        ));
+        tell_scenes_apart(&mut records);
+        Self { records, notes }
+    }
+}
+
+/// "1 record is", "3 records are"; nothing for none.
+fn counted(count: usize, one: &str, several: &str) -> Option<String> {
+    (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
+}
+
+/// `environment.json`; null, and a note of that, where it cannot be read.
+fn environment(folder: &Path) -> (Value, Option<String>) {
+    let path = folder.join("environment.json");
+    let text = ordinary(&path).and_then(|()| std::fs::read(path)).ok();
+    match text.and_then(|text| serde_json::from_slice(&text).ok()) {
+        Some(environment) => (environment, None),
+        None => (
+            Value::Null,
+            Some(
+                "environment.json is missing or cannot be read: what the run depended on is unknown.".into(),
+            ),
+        ),
+    }
+}
+
+/// Which records come of a program that nobody can have again. Those of before revisions were recorded are of the environment's.
+fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
+    let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
+    let count = records.iter().filter(|record| of(record)).count();
+    (count > 0).then(|| format!("{count} of {} records come of {}.", records.len(), DIRTY))
+}
+
+fn label(path: &Path) -> String {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The last record of every name, in the order in which names first came.
+pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
+    let mut places: HashMap<String, usize> = HashMap::new();
+    let mut kept: Vec<Record> = Vec::new();
+    for record in records {
+        let name = name(&record);
+        match places.get(&name) {
+            Some(&place) => kept[place] = record,
+            None => {
+                places.insert(name, kept.len());
+                kept.push(record);
+            }
+        }
+    }
+    kept
+}
+
+/// What two records of the same point share, by the names they are shown with.
+pub fn point(record: &Record) -> String {
+    format!(
+        "{}|{}|{:?}|{}|{:?}",
+        record.scene, record.device, record.image_size, record.name, record.local_size
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::JsonLines;
+
+    fn record(key: &str, name: &str, median_ms: f64) -> Record {
+        Record {
+            key: key.into(),
+            scene: "teapot".into(),
+            device: "gpu".into(),
+            name: name.into(),
+            median_ms: Some(median_ms),
+            ..Record::default()
+        }
+    }
+
+    fn folder(records: &[Record]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let mut journal = JsonLines::append_to(&folder.path().join(RECORDS)).unwrap();
+        records.iter().for_each(|record| journal.append(record).unwrap());
+        folder
+    }
+
+    fn shown(folder: &tempfile::TempDir) -> (Vec<(String, Option<f64>)>, Vec<String>) {
+        let read = Folder::read(folder.path()).unwrap();
+        (read.records.into_iter().map(|record| (record.name, record.median_ms)).collect(), read.notes)
+    }
+
+    #[test]
+    fn a_folder_with_a_plan_shows_its_points_by_its_names() {
+        let folder =
+            folder(&[record("a", "bvh", 1.0), record("b", "deferred", 2.0), record("b", "deferred", 3.0)]);
+        let plan = [record("c", "naive", 0.0), record("b", "renamed", 0.0), record("b", "twin", 0.0)];
+        CurrentPlan::of(&plan).write(folder.path()).unwrap();
+        let (records, notes) = shown(&folder);
+        assert_eq!(records, [("renamed".to_owned(), Some(3.0))]);
+        assert!(notes[0].starts_with("1 point of the plan is not measured"), "{notes:?}");
+        assert_eq!(notes[1], "1 record of an earlier plan is kept and not shown.");
+    }
+
+    #[test]
+    fn a_folder_without_a_plan_shows_the_latest_record_of_each_point() {
+        let folder =
+            folder(&[record("a", "bvh", 1.0), record("b", "deferred", 2.0), record("c", "bvh", 3.0)]);
+        let (records, notes) = shown(&folder);
+        assert_eq!(records, [("bvh".to_owned(), Some(3.0)), ("deferred".to_owned(), Some(2.0))]);
+        assert!(notes[0].starts_with("1 record of an earlier plan"), "{notes:?}");
+        std::fs::write(folder.path().join("plan.json"), "{").unwrap();
+        assert_eq!(Folder::read(folder.path()).unwrap_err().exit_code(), 2);
+    }
+
+    #[test]
+    fn a_tree_that_was_changed_is_said() {
+        let dirty = Record { revision: Some("0123-dirty".into()), ..record("a", "bvh", 1.0) };
+        let clean = Record { revision: Some("0123".into()), ..record("b", "naive", 1.0) };
+        let (_, notes) = shown(&folder(&[dirty, clean]));
+        assert!(notes[0].starts_with("1 of 2 records come of"), "{notes:?}");
+    }
+
+    #[test]
+    fn a_folder_without_records_is_a_mistake_that_names_it() {
+        let error = Folder::read(Path::new("/nonexistent/x")).expect_err("it is not there");
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("/nonexistent/x"));
+    }
+}

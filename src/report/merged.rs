@@ -1,0 +1,108 @@
+//! Several folders of results as one list of records.
+
+use crate::record::{Folder, Record, latest, point};
+use std::collections::{HashMap, HashSet};
+
+/// The records of all folders. Where two folders measured the same point in another way (another driver, machine, program or timing: the
+/// keys differ), devices and baselines of each get the folder's label, so that they stand side by side instead of mixed; so do scenes
+/// that share a name and not their content. The same thing measured twice is one point: the later folder's.
+pub fn merged(folders: &[Folder]) -> Vec<Record> {
+    let labels = labels(folders);
+    let mut all = with_one_name_a_scene(folders, &labels);
+    let clashing = clashing(&all);
+    for (records, label) in all.iter_mut().zip(&labels) {
+        for record in records.iter_mut().filter(|record| clashing.contains(&record.device)) {
+            if record.is_baseline() {
+                record.name = format!("{} ({label})", record.name);
+                record.strategy = format!("{} ({label})", record.strategy);
+            } else {
+                record.device = format!("{} ({label})", record.device);
+            }
+        }
+    }
+    latest(all.concat(), point)
+}
+
+/// What folders are called: their names, or where two have the same one their paths.
+pub fn labels(folders: &[Folder]) -> Vec<String> {
+    let alone = |label: &str| folders.iter().filter(|folder| folder.label == label).count() == 1;
+    let name = |folder: &Folder| match alone(&folder.label) {
+        true => folder.label.clone(),
+        false => folder.path.display().to_string(),
+    };
+    folders.iter().map(name).collect()
+}
+
+/// Every folder's records, a scene by the name it has first, scenes that share one with their folders' labels.
+fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
+    let mut scenes: Vec<(&str, &str, &str)> = Vec::new();
+    for (folder, label) in folders.iter().zip(labels) {
+        for record in &folder.records {
+            let Some(hash) = record.scene_hash.as_deref() else { continue };
+            if !scenes.iter().any(|(known, ..)| *known == hash) {
+                scenes.push((hash, &record.scene, label));
+            }
+        }
+    }
+    let namesakes = |name: &str| scenes.iter().filter(|(_, other, _)| *other == name).count();
+    let named = |(hash, name, label): &(&str, &str, &str)| match namesakes(name) {
+        1 => ((*hash).to_owned(), (*name).to_owned()),
+        _ => ((*hash).to_owned(), format!("{name} ({label})")),
+    };
+    let names: HashMap<String, String> = scenes.iter().map(named).collect();
+    let renamed = |record: &Record| {
+        let name = record.scene_hash.as_ref().and_then(|hash| names.get(hash));
+        Record { scene: name.unwrap_or(&record.scene).clone(), ..record.clone() }
+    };
+    folders.iter().map(|folder| folder.records.iter().map(renamed).collect()).collect()
+}
+
+/// Devices, the host among them, that have a point of two keys.
+fn clashing(all: &[Vec<Record>]) -> HashSet<String> {
+    let mut keys: HashMap<String, &str> = HashMap::new();
+    let mut clashing = HashSet::new();
+    for record in all.iter().flatten() {
+        if *keys.entry(point(record)).or_insert(&record.key) != record.key {
+            clashing.insert(record.device.clone());
+        }
+    }
+    clashing
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(label: &str, gpu_key: &str, scene_hash: Option<&str>) -> Folder {
+        let record = |key: &str, device: &str| Record {
+            key: key.into(),
+            scene: "teapot".into(),
+            scene_hash: scene_hash.map(str::to_owned),
+            device: device.into(),
+            ..Record::default()
+        };
+        let records = vec![record(gpu_key, "gpu"), record(&format!("{scene_hash:?} on the host"), "host")];
+        Folder { label: label.into(), records, ..Folder::default() }
+    }
+
+    fn places(folders: &[Folder]) -> Vec<(String, String)> {
+        merged(folders).into_iter().map(|record| (record.scene, record.device)).collect()
+    }
+
+    #[test]
+    fn the_same_point_measured_in_another_way_stands_side_by_side() {
+        let devices = |folders: &[Folder]| -> Vec<_> {
+            places(folders).into_iter().map(|(_, device)| device).collect()
+        };
+        let old = || folder("old", "driver 1", None);
+        assert_eq!(devices(&[old(), folder("new", "driver 2", None)]), ["gpu (old)", "host", "gpu (new)"]);
+        assert_eq!(devices(&[old(), folder("new", "driver 1", None)]), ["gpu", "host"]);
+    }
+
+    #[test]
+    fn scenes_of_one_name_and_two_contents_stand_side_by_side() {
+        let (one, other) = (folder("one", "a", Some("1")), folder("other", "b", Some("2")));
+        let scenes: Vec<_> = places(&[one, other]).into_iter().map(|(scene, _)| scene).collect();
+        assert_eq!(scenes, ["teapot (one)", "teapot (one)", "teapot (other)", "teapot (other)"]);
+    }
+}

@@ -1,0 +1,45 @@
+//! What a user should know of a mesh that was read: what it asks for and does not get.
+
+use super::asked::{Asked, counted};
+use super::points::PointChunk;
+use crate::scene::Mesh;
+use crate::scene::normals::MISSING;
+use std::collections::BTreeSet;
+
+/// Notes of vertices' colours, smoothing groups and other statements; `mesh` is as the file has it, without normals made for it.
+pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, notes: &mut Vec<String>) {
+    let colours: usize = points.iter().map(|chunk| chunk.colours).sum();
+    if colours > 0 {
+        let (vertices, has) = (counted(colours, "vertex"), if colours == 1 { "has" } else { "have" });
+        notes.push(format!(
+            "{vertices} {has} a colour (v x y z r g b), which raycl does not read: colours are the materials'"
+        ));
+    }
+    let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
+    // One group is what is done: all faces without normals are smooth.
+    let edges = groups.len() > 1 || groups.iter().any(|group| *group == "off");
+    let made = |mesh: &Mesh| mesh.triangles.iter().filter(|triangle| triangle.normals[0] == MISSING).count();
+    let made = if edges { made(mesh) } else { 0 };
+    if made > 0 {
+        notes.push(format!(
+            "smoothing groups (s) are not read: {} without normals are smooth; flat = true in an [[object]] gives \
+             every face its own",
+            counted(made, "triangle")
+        ));
+    }
+    let mut asked = Asked::default();
+    points.iter().for_each(|chunk| asked.extend(&chunk.asked));
+    notes.extend(asked.notes("statement"));
+}
+
+/// Notes of the materials that some triangle has.
+pub(super) fn of_materials(asked: &[Asked], mesh: &Mesh, notes: &mut Vec<String>) {
+    if asked.iter().all(Asked::is_empty) {
+        return;
+    }
+    let mut used = vec![false; asked.len()];
+    mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
+    let mut all = Asked::default();
+    asked.iter().zip(used).filter(|(_, used)| *used).for_each(|(asked, _)| all.add_material(asked));
+    notes.extend(all.notes("material"));
+}

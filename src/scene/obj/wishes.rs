@@ -1,0 +1,68 @@
+//! Which statements of OBJ and MTL ask for what raycl does not do. Those that change no picture ask for nothing:
+//! names and groups (`o`, `g`, `mg`), texture coordinates (`vt`; the map that needs them is told), how free-form shapes are
+//! made (`cstype`, `deg`, `parm`, ...; the shape is told), a refractive index (`Ni`; the refraction is told).
+
+use super::asked::{Asked, Wish};
+use super::text::{number, tokens};
+
+/// What a line of an OBJ file asks for that is none of `v`, `vn`, `f`, `usemtl` and `mtllib`.
+pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
+    let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
+    let wish = match keyword {
+        [b'#', ..] | b"" | b"vt" | b"o" | b"g" | b"mg" | b"vp" => return,
+        b"cstype" | b"deg" | b"bmat" | b"step" | b"parm" | b"trim" | b"hole" | b"scrv" | b"sp" | b"end"
+        | b"con" | b"maplib" => return,
+        b"l" => Wish::Lines,
+        b"p" => Wish::Points,
+        b"curv" | b"curv2" | b"surf" | b"bsp" | b"bzp" | b"cdc" | b"cdp" | b"res" => Wish::FreeForm,
+        b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"usemap" if off() => return,
+        b"usemap" => Wish::Texture,
+        b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj" | b"ctech"
+        | b"stech" => Wish::Attribute,
+        b"call" | b"csh" => Wish::OtherFile,
+        _ => Wish::Unknown,
+    };
+    asked.add(wish, keyword);
+}
+
+/// What a line of a material asks for that is none of `newmtl`, `Kd`, `Ks` and `Ns`.
+pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
+    let lower = keyword.to_ascii_lowercase();
+    let values = || tokens(rest).filter_map(number);
+    let any = |holds: fn(f32) -> bool| values().any(holds);
+    // Some exporters write a map's keyword without a file.
+    let names_file = || tokens(rest).next().is_some();
+    let not_zero = || any(|value| value != 0.0);
+    let (wish, asks) = match &lower[..] {
+        [b'#', ..] | b"" | b"illum" | b"ni" | b"sharpness" => return,
+        b"bump" | b"disp" | b"decal" | b"norm" | b"refl" => (Wish::Texture, names_file()),
+        _ if lower.starts_with(b"map_") && lower != b"map_aat" => (Wish::Texture, names_file()),
+        b"map_aat" => return,
+        b"d" => (Wish::Transparency, any(|value| value < 1.0)),
+        b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
+        b"tf" => (Wish::Transparency, any(|value| value != 1.0)),
+        b"ke" => (Wish::Emission, not_zero()),
+        b"ka" => (Wish::Ambient, not_zero()),
+        b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => (Wish::Physical, not_zero()),
+        _ => (Wish::Unknown, true),
+    };
+    if asks {
+        asked.add(wish, keyword);
+    }
+}
+
+/// What a material's model of light asks for; 2 is done, 1 too unless there is a highlight to leave out.
+pub(super) fn of_model(asked: &mut Asked, model: Option<&[u8]>, has_highlight: bool) {
+    let Some(model) = model else { return };
+    let wish = match model {
+        b"2" => return,
+        b"1" if !has_highlight => return,
+        b"0" => Wish::Unlit,
+        b"1" => Wish::NoHighlight,
+        b"3" | b"5" | b"8" => Wish::Reflection,
+        b"4" | b"6" | b"7" | b"9" => Wish::Refraction,
+        b"10" => Wish::ShadowCatcher,
+        _ => Wish::UnknownModel,
+    };
+    asked.add(wish, &[b"illum ", model].concat());
+}

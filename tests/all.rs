@@ -1,0 +1,37 @@
+//! Every test that is not beside what it tests, as one program: it is linked once, and its tests share both cores to the
+//! end. `cargo test --test all kernels::` runs those of one file.
+#![allow(missing_docs, reason = "a test program has no documentation")]
+
+mod binary;
+mod common;
+
+mod bad_input;
+mod commands;
+#[cfg(unix)]
+mod device_lock;
+mod edits;
+#[cfg(unix)]
+mod faults;
+mod formats;
+mod goldens;
+#[cfg(unix)]
+mod hostile;
+mod kernel;
+mod kernels;
+mod made;
+mod numbers;
+mod oclgrind;
+mod overwrite;
+mod peak;
+mod readme;
+mod render;
+mod report;
+mod reproduce;
+mod run;
+mod scenes;
+mod split;
+mod supervisor;
+mod torture;
+mod trees;
+mod turns;
+mod watertight;

@@ -1,0 +1,171 @@
+//! Two commands that measure on one device: the second waits, says for whom, and never times beside the first.
+
+use crate::binary::{Place, device, has, repository, send_interrupt, until};
+use std::fs::File;
+use std::process::{Child, Command, Stdio};
+
+/// Five points: the baseline, and two kernels at two local sizes.
+const CONFIG: &str = r#"
+question = "?"
+expectation = "!"
+scenes = ["scene.toml"]
+image_sizes = [[40, 25]]
+local_sizes = [2, 4]
+strategies = ["naive", "deferred"]
+baselines = ["serial"]
+
+[timing]
+warmup = 1
+min_samples = 3
+max_samples = 3
+"#;
+/// A point of the kernels, which hangs while it is timed.
+const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", crate::binary::TRIANGLE), ("test.toml", CONFIG)])
+}
+
+/// Starts the binary in the place, what it says on standard error going to a file there.
+fn start(place: &Place, arguments: &[&str], said: &str) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    command.args(arguments).current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));
+    let said = File::create(place.path(said)).expect("a file");
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said).spawn().expect("it starts")
+}
+
+fn run<'a>(out: &'a str, device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["run", "test.toml", "--quiet", "--device", device, "--out", out], more].concat()
+}
+
+/// Starts a run that hangs while it times a point; its process holds the device.
+fn holder(place: &Place, device: &str) -> Child {
+    let holder = start(place, &run("first", device, &HANGS), "first.txt");
+    until("the first hangs", || place.path("first/.hangs").exists());
+    holder
+}
+
+/// Starts a run that waits for `holder`.
+fn waiter(place: &Place, device: &str, holder: &Child) -> Child {
+    let waiter = start(place, &run("second", device, &[]), "second.txt");
+    let words = format!("waiting for process {}, `raycl run test.toml", holder.id());
+    until("the second waits", || place.text("second.txt").contains(&words));
+    waiter
+}
+
+fn end(mut process: Child) {
+    process.kill().expect("a kill");
+    process.wait().expect("a process");
+}
+
+/// Its exit code, once it has ended.
+fn code(process: Child) -> Option<i32> {
+    crate::binary::finish(process).status.code()
+}
+
+#[test]
+fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
+    let (place, device) = (place(), device());
+    let first = holder(&place, &device);
+    let second = waiter(&place, &device, &first);
+    // Where the device is the host's processors, the second has not even timed its baseline.
+    let timed = place.json_lines("second/samples.jsonl").len();
+    assert!(timed <= 3, "{timed} samples beside the first");
+    end(first);
+    assert_eq!(code(second), Some(0), "{}", place.text("second.txt"));
+    let records = place.json_lines("second/records.jsonl");
+    assert!(
+        records.len() == 5 && records.iter().all(|record| record["outcome"] == "measured"),
+        "{records:?}"
+    );
+}
+
+#[test]
+fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
+    let (place, device) = (place(), device());
+    let first = holder(&place, &device);
+    let process = format!("process {}, `raycl run test.toml", first.id());
+    let render = ["render", "scene.toml", "--width", "40", "--height", "25", "--device", &device];
+    for arguments in [
+        run("second", &device, &["--no-wait"]),
+        [&render[..], &["--repeat", "2", "--no-wait"]].concat(),
+        vec!["render", "scene.toml", "--devices", &device, "--repeat", "2", "--no-wait"],
+        vec!["peak", "--device", &device, "--no-wait"],
+    ] {
+        let message = place.mistake(&arguments, 1);
+        has(&message, &[&process, "without --no-wait this waits"]);
+    }
+    let refused = place.raycl(&run("third", &device, &["--peak", "--no-wait"])).assert().code(1);
+    has(&String::from_utf8_lossy(&refused.get_output().stderr), &[&process]);
+    place.output(&render);
+    end(first);
+    place.output(&[&render[..], &["--repeat", "2", "--no-wait", "-o", "other.png"]].concat());
+}
+
+#[test]
+fn ctrl_c_ends_the_waiting_and_says_how_to_go_on() {
+    let (place, device) = (place(), device());
+    let first = holder(&place, &device);
+    let second = waiter(&place, &device, &first);
+    send_interrupt(second.id());
+    assert_eq!(code(second), Some(130));
+    has(&place.text("second.txt"), &["interrupted", "to go on from here", "--resume"]);
+    end(first);
+    place.output(&run("second", &device, &["--resume"]));
+}
+
+#[test]
+fn two_runs_at_once_both_measure_everything() {
+    let (place, device) = (place(), device());
+    let runs = ["a", "b"].map(|out| (out, start(&place, &run(out, &device, &[]), &format!("{out}.txt"))));
+    for (out, process) in runs {
+        assert_eq!(code(process), Some(0), "{}", place.text(&format!("{out}.txt")));
+        assert_eq!(place.json_lines(&format!("{out}/records.jsonl")).len(), 5);
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_hold_locks_is_an_error_with_its_remedy() {
+    let place = place();
+    std::fs::write(place.path("file"), "").expect("a file");
+    let mut command = place.raycl(&run("out", &device(), &[]));
+    let refused = command.env("RAYCL_LOCK_DIR", place.path("file/locks")).assert().code(1);
+    has(&String::from_utf8_lossy(&refused.get_output().stderr), &["file/locks", "RAYCL_LOCK_DIR"]);
+}
+
+#[test]
+fn pocl_has_no_more_threads_than_the_process_may_run_on() {
+    let scene = repository("scenes/triangle.toml");
+    let threads = |program: &str, more: &[&str], variable: Option<&str>| {
+        let place = Place::new();
+        let mut command = Command::new(program);
+        command.args(more).arg(env!("CARGO_BIN_EXE_raycl")).arg("render").arg(&scene);
+        command.args([
+            "--width",
+            "16",
+            "--height",
+            "10",
+            "--device",
+            "portable computing language",
+            "--json",
+        ]);
+        command.current_dir(place.path(""));
+        for name in ["POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "POCL_MAX_COMPUTE_UNITS"] {
+            command.env_remove(name);
+        }
+        command.envs(variable.map(|count| ("POCL_MAX_PTHREAD_COUNT", count)));
+        let output = crate::binary::run(&mut command);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let at = text.find('{').unwrap_or_else(|| panic!("{output:?}"));
+        let json: serde_json::Value = serde_json::from_str(&text[at..]).expect("JSON");
+        json["threads"].as_u64().expect("PoCL's threads are known")
+    };
+    let all = std::thread::available_parallelism().expect("a number").get() as u64;
+    assert_eq!(threads("env", &[], None), all);
+    // The lowest processor that this process may run on.
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    let list = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).expect("a list");
+    let first = list.trim().split([',', '-']).next().expect("a processor");
+    assert_eq!(threads("taskset", &["-c", first], None), 1);
+    assert_eq!(threads("env", &[], Some("1")), 1, "the user's word stands");
+}

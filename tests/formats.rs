@@ -1,0 +1,143 @@
+//! Files that are something else than they are given for: named, with the remedy, in two lines.
+
+use crate::binary::{Place, TRIANGLE, device, has};
+
+const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+const CONFIG: &str = r#"question = "?"
+expectation = "!"
+scenes = ["other"]
+image_sizes = [[8, 5]]
+local_sizes = [4]
+strategies = ["naive"]
+"#;
+
+/// Runs what must be a mistake, told in two lines of which none is long.
+fn told(place: &Place, arguments: &[&str]) -> String {
+    let message = place.mistake(arguments, 2);
+    let lines: Vec<_> = message.lines().filter(|line| !line.trim().is_empty()).collect();
+    assert!(lines.len() <= 2 && lines.iter().all(|line| line.len() < 200), "{message}");
+    message
+}
+
+/// Files of formats that raycl does not read, by content, and what each is called.
+fn foreign() -> Vec<(Vec<u8>, &'static str)> {
+    let gltf = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"x\":\"{}\"}}", "A".repeat(140_000));
+    let mut stl = vec![b' '; 80];
+    stl.extend(1_u32.to_le_bytes());
+    stl.extend([0; 50]);
+    vec![
+        (b"ply\nformat ascii 1.0\n".to_vec(), "a PLY mesh (ASCII)"),
+        (stl, "an STL mesh (binary)"),
+        (b"solid a\nfacet normal 0 0 1\n".to_vec(), "an STL mesh (ASCII)"),
+        (gltf.into_bytes(), "a glTF scene (JSON)"),
+        (b"\x89PNG\r\n\x1a\n\0\0".to_vec(), "a PNG picture"),
+        (b"<COLLADA>".to_vec(), "a COLLADA scene"),
+        (b"newmtl a\n".to_vec(), "an MTL material file"),
+        (b"\xff\xfev\0".to_vec(), "UTF-16 text"),
+        (b"\0\x01\x02\x03".to_vec(), "a binary file"),
+    ]
+}
+
+#[test]
+fn other_formats_are_named_wherever_a_file_is_taken() {
+    let scene = format!("{TRIANGLE}\n[[object]]\nobj = \"other\"\n");
+    let place = Place::with(&[("scene.toml", &scene), ("config.toml", CONFIG)]);
+    for (bytes, name) in foreign() {
+        for ending in ["other", "other.obj", "other.toml"] {
+            std::fs::write(place.path(ending), &bytes).expect("a file");
+            has(&told(&place, &["render", ending]), &[name, "which raycl does not read", "help"]);
+        }
+        has(&told(&place, &["run", "other"]), &[name, "help"]);
+        has(&told(&place, &["render", "scene.toml"]), &["scene.toml:15", name, "help"]);
+        has(&told(&place, &["run", "config.toml"]), &["config.toml:3", name, "help"]);
+    }
+}
+
+#[test]
+fn scenes_meshes_and_experiments_are_told_apart() {
+    let config = CONFIG.replace("other", "scene.toml");
+    let scene = "[[object]]\nobj = \"config.toml\"\n";
+    let files = [("scene.toml", TRIANGLE), ("mesh.obj", MESH), ("config.toml", &config), ("odd.toml", scene)];
+    let place = Place::with(&files);
+    has(&told(&place, &["run", "scene.toml"]), &["a scene, not an experiment", "`raycl render scene.toml`"]);
+    has(&told(&place, &["run", "mesh.obj"]), &["an OBJ mesh, not an experiment", "`raycl render mesh.obj`"]);
+    has(
+        &told(&place, &["render", "config.toml"]),
+        &["an experiment, not a scene", "`raycl run config.toml`"],
+    );
+    has(&told(&place, &["render", "odd.toml"]), &["odd.toml:2", "config.toml is a TOML file, not a mesh"]);
+}
+
+#[test]
+fn a_file_is_read_by_what_it_holds_and_that_is_said() {
+    let place = Place::with(&[("mesh.txt", MESH), ("scene.obj", TRIANGLE), ("mesh", MESH)]);
+    let device = device();
+    let render =
+        |name| place.output(&["render", name, "--width", "16", "--height", "10", "--device", &device]);
+    has(&render("mesh.txt"), &["note      mesh.txt: read as an OBJ mesh"]);
+    has(&render("scene.obj"), &["note      scene.obj: read as a scene (TOML)"]);
+    assert!(!render("mesh").contains("note"));
+}
+
+#[test]
+fn empty_files_and_other_text() {
+    let text = "Notes on my scene\nand more\n";
+    let place = Place::with(&[("a.toml", " \n"), ("a.txt", text), ("a.obj", "")]);
+    has(&told(&place, &["render", "a.toml"]), &["a.toml is empty", "[[object]]"]);
+    has(&told(&place, &["run", "a.toml"]), &["a.toml is empty", "configs/quick.toml"]);
+    has(
+        &told(&place, &["render", "a.txt"]),
+        &["a.txt:1", "neither a scene (TOML) nor an OBJ mesh", "raycl reads"],
+    );
+    has(&place.mistake(&["run", "a.txt"], 2), &["a.txt:1", "not TOML", "reads experiments (TOML)"]);
+    has(&place.mistake(&["render", "a.obj"], 2), &["a.obj:1", "the file is empty", "`f 1 2 3`"]);
+}
+
+#[test]
+fn no_long_line_of_a_file_is_printed() {
+    let long = "A".repeat(140_000);
+    let text = [
+        format!("[camera]\nz_near = \"{long}\"\n"),
+        format!("# x\n{long} = 1\n"),
+        format!("# {long}\nx = 1\n# {long}\n"),
+        format!("x = 1 {long}\n"),
+        format!("[[object]]\nshape = \"{long}\"\n"),
+        format!("[[object]]\nobj = \"{long}\"\n"),
+        format!("question = \"{long}\"\nx = 1\n"),
+    ];
+    for text in text {
+        let place = Place::with(&[("a.toml", &text)]);
+        for command in ["render", "run"] {
+            let message = place.mistake(&[command, "a.toml"], 2);
+            assert!(message.lines().all(|line| line.chars().count() < 450), "{text:.40}: {message:.2000}");
+        }
+    }
+}
+
+#[test]
+fn what_a_mesh_asks_for_is_noted_in_text_json_and_a_run() {
+    let mesh = format!("mtllib m.mtl\nusemtl a\n{MESH}l 1 2\n");
+    let scene = "[[object]]\nobj = \"mesh.obj\"\n[[object]]\nobj = \"mesh.obj\"\n[[light]]\nposition = [1, 3, 1]\npower = 1\n";
+    let config = CONFIG.replace("other", "scene.toml");
+    let files = [
+        ("mesh.obj", &*mesh),
+        ("m.mtl", "newmtl a\nmap_Kd a.png\n"),
+        ("scene.toml", scene),
+        ("c.toml", &config),
+    ];
+    let place = Place::with(&files);
+    let (device, textures) = (device(), "mesh.obj: 1 material asks for textures (map_Kd)");
+    let render = ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &device];
+    let text = place.output(&render);
+    has(&text, &[&format!("note      {textures}"), "1 statement asks for lines (l)"]);
+    assert_eq!(text.matches("note ").count(), 2, "a mesh of two objects is told of once: {text}");
+    let json: serde_json::Value =
+        serde_json::from_str(&place.output(&[&render[..], &["--json"]].concat())).expect("JSON");
+    has(json["notes"][1].as_str().expect("a note"), &[textures]);
+    let bands = ["--devices", &device, "--json"];
+    let json: serde_json::Value =
+        serde_json::from_str(&place.output(&[&render[..6], &bands].concat())).expect("JSON");
+    has(json["notes"][1].as_str().expect("a note"), &[textures]);
+    has(&place.output(&["run", "c.toml", "--dry-run", "--device", &device]), &[textures]);
+}

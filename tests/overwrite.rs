@@ -1,0 +1,225 @@
+//! What lies where a command is to write: a file that raycl did not make, or that was changed since, stays without `--force`.
+//! Reports and comparisons are tested in tests/report.rs.
+
+use crate::binary::{Place, TRIANGLE, device, has};
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+/// Somebody's work.
+const MINE: &str = "the only copy";
+
+/// Only a hang takes longer.
+const LIMIT: Duration = Duration::from_secs(180);
+
+const CONFIG: &str = r#"question = "?"
+expectation = "!"
+scenes = ["scene.toml"]
+image_sizes = [[8, 5]]
+local_sizes = [4]
+strategies = ["deferred"]
+
+[timing]
+warmup = 0
+min_samples = 1
+max_samples = 1
+"#;
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
+}
+
+/// The command is refused before any work, so without a driver too: the file is as it was, and the message says what to do.
+fn refused(place: &Place, arguments: &[&str], file: &str, parts: &[&str]) {
+    let before = std::fs::read(place.path(file)).expect("a file");
+    let mut command = place.raycl(arguments);
+    let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(2).get_output().clone();
+    let message = String::from_utf8(output.stderr).expect("UTF-8");
+    has(&message, &[file, "`--force` ", " writes elsewhere"]);
+    has(&message, parts);
+    assert!(std::fs::read(place.path(file)).expect("a file") == before, "{file} was touched");
+}
+
+const STRANGE: &str = "raycl did not make it";
+const CHANGED: &str = "was changed since raycl made it";
+
+/// Renders with these arguments.
+fn render(place: &Place, more: &[&str]) {
+    let device = device();
+    let size = ["render", "--quiet", "--device", &device, "--width", "24", "--height", "15"];
+    place.output(&[&size, more].concat());
+}
+
+#[test]
+fn a_texture_beside_its_mesh_stays() {
+    let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let place = Place::with(&[("spot.obj", mesh), ("spot.png", MINE)]);
+    for more in [&[][..], &["--devices", "all"], &["-o", "spot.png"]] {
+        let help = &[STRANGE, "`--force` replaces it", "`-o FILE` writes elsewhere"];
+        refused(&place, &[&["render", "spot.obj"], more].concat(), "spot.png", help);
+    }
+    render(&place, &["spot.obj", "--force"]);
+    render(&place, &["spot.obj"]);
+    assert!(image::open(place.path("spot.png")).is_ok());
+}
+
+#[test]
+fn pictures_of_every_format_are_replaced_until_somebody_changes_them() {
+    let place = place();
+    for name in ["a.png", "a.jpg", "a.exr", "a.hdr"] {
+        let arguments = ["scene.toml", "-o", name];
+        render(&place, &arguments);
+        render(&place, &[&arguments[..], &["--set", "display.exposure=0.5"]].concat());
+        let mut bytes = std::fs::read(place.path(name)).expect("a picture");
+        *bytes.last_mut().expect("a byte") ^= 1;
+        std::fs::write(place.path(name), &bytes).expect("an edit");
+        let command = [&["render"], &arguments[..]].concat();
+        refused(&place, &command, name, &[CHANGED]);
+        refused(&place, &[&command[..], &["--devices", "all"]].concat(), name, &[CHANGED]);
+        std::fs::write(place.path(name), MINE).expect("a file");
+        refused(&place, &command, name, &[STRANGE]);
+        render(&place, &[&arguments[..], &["--force"]].concat());
+        render(&place, &arguments);
+    }
+}
+
+#[test]
+fn an_edited_picture_that_kept_its_comment_stays() {
+    let place = place();
+    render(&place, &["scene.toml", "-o", "a.png"]);
+    let made = std::fs::read(place.path("a.png")).expect("a picture");
+    let chunk = 33..33 + 12 + u32::from_be_bytes(made[33..37].try_into().expect("a length")) as usize;
+    assert_eq!(&made[37..41], b"tEXt");
+    let mut picture = image::open(place.path("a.png")).expect("a picture").to_rgb8();
+    picture.put_pixel(3, 4, image::Rgb([255, 0, 0]));
+    picture.save(place.path("a.png")).expect("it saves");
+    let edited = std::fs::read(place.path("a.png")).expect("a picture");
+    let edited = [&edited[..33], &made[chunk], &edited[33..]].concat();
+    std::fs::write(place.path("a.png"), edited).expect("it writes");
+    assert_eq!(image::open(place.path("a.png")).expect("a picture").to_rgb8(), picture);
+    refused(&place, &["render", "scene.toml", "-o", "a.png"], "a.png", &[CHANGED]);
+}
+
+/// A process that is ended with its test.
+struct Watching(Child, Receiver<String>);
+
+impl Watching {
+    fn start(place: &Place) -> Self {
+        let device = device();
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
+        command.args(["render", "scene.toml", "--watch", "--quiet", "--width", "24", "--height", "15"]);
+        command.args(["--device", &device]).current_dir(place.path(""));
+        let mut child = command.stderr(Stdio::piped()).spawn().expect("it starts");
+        let lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+        let (sender, receiver) = channel();
+        std::thread::spawn(move || lines.map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        Self(child, receiver)
+    }
+
+    /// Waits for a round of which this is true: what it said until it waited for a change. One change may make two rounds.
+    fn until(&self, holds: impl Fn(&str) -> bool) {
+        let mut said = String::new();
+        loop {
+            let line = self.1.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("it hangs, and said: {said}"));
+            said += &(line + "\n");
+            if said.ends_with("waiting for a change (Ctrl-C ends)\n") {
+                match holds(&said) {
+                    true => return,
+                    false => said.clear(),
+                }
+            }
+        }
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn watching_goes_on_where_the_picture_was_changed_meanwhile() {
+    let place = place();
+    let watching = Watching::start(&place);
+    let picture = place.path("scene.png");
+    let is_picture = || image::open(&picture).is_ok();
+    // At once, as editors do.
+    let edit_scene = |power: &str| {
+        let text = TRIANGLE.replace("power = 10", &format!("power = {power}"));
+        std::fs::write(place.path("draft"), text).expect("it writes");
+        std::fs::rename(place.path("draft"), place.path("scene.toml")).expect("it moves");
+    };
+    watching.until(|_| is_picture());
+    let first = std::fs::read(&picture).expect("a picture");
+    edit_scene("20");
+    watching.until(|_| is_picture() && std::fs::read(&picture).expect("a picture") != first);
+    std::fs::write(&picture, MINE).expect("it writes");
+    edit_scene("30");
+    watching.until(|said| said.contains("scene.png") && said.contains(STRANGE));
+    assert_eq!(place.text("scene.png"), MINE);
+    std::fs::remove_file(&picture).expect("it was there");
+    edit_scene("40");
+    watching.until(|_| is_picture());
+}
+
+#[test]
+fn limits_and_what_was_compiled_stay_where_they_are_somebodys() {
+    let place = place();
+    std::fs::write(place.path("notes.json"), MINE).expect("a file");
+    refused(&place, &["peak", "--out", "notes.json"], "notes.json", &[STRANGE, "`--out FILE`"]);
+
+    let device = device();
+    let command = ["compile", "scene.toml", "--strategy", "naive", "--out", "made"];
+    let again = [&command[..], &["--device", &device]].concat();
+    place.output(&again);
+    place.output(&again);
+    has(&place.text("made/raycl.b3sum"), &["  naive/source.cl\n", "  naive/made.json\n"]);
+    let source = place.text("made/naive/source.cl");
+    std::fs::write(place.path("made/naive/source.cl"), MINE).expect("it writes");
+    refused(&place, &command, "made/naive/source.cl", &[CHANGED, "`--out DIR`"]);
+    place.output(&[&again[..], &["--force"]].concat());
+    assert_eq!(place.text("made/naive/source.cl"), source);
+
+    std::fs::create_dir_all(place.path("other/naive")).expect("a folder");
+    std::fs::write(place.path("other/naive/build.log"), MINE).expect("a file");
+    let command = ["compile", "scene.toml", "--strategy", "naive", "--out", "other"];
+    refused(&place, &command, "other/naive/build.log", &[STRANGE]);
+}
+
+#[test]
+fn runs_write_into_folders_of_results_only() {
+    let (place, device) = (place(), device());
+    std::fs::create_dir(place.path("thesis")).expect("a folder");
+    std::fs::write(place.path("thesis/summary.md"), MINE).expect("a file");
+    let run = ["run", "config.toml", "--out", "thesis"];
+    for more in [&[][..], &["--resume"]] {
+        let message = refused_folder(&place, &[&run[..], more].concat());
+        has(&message, &["'thesis' is no folder of results: it holds 'summary.md'"]);
+    }
+    has(&refused_folder(&place, &["reproduce", "--out", "thesis"]), &["it holds 'summary.md'"]);
+    has(
+        &refused_folder(&place, &["reproduce", "--page-only", "--out", "thesis"]),
+        &["it holds 'summary.md'"],
+    );
+    assert_eq!(std::fs::read_dir(place.path("thesis")).expect("a folder").count(), 1);
+    assert_eq!(place.text("thesis/summary.md"), MINE);
+
+    let run = [&run[..], &["--device", &device, "--quiet"]].concat();
+    place.output(&[&run[..], &["--force"]].concat());
+    assert!(place.text("thesis/summary.md") != MINE, "--force replaces it");
+    // From now on it is a folder of results.
+    place.output(&[&run[..], &["--resume"]].concat());
+    has(&place.mistake(&[&run[..], &["--force"]].concat(), 2), &["thesis already holds results"]);
+}
+
+/// What is said to a command that writes into somebody's folder; no driver is started.
+fn refused_folder(place: &Place, arguments: &[&str]) -> String {
+    let mut command = place.raycl(arguments);
+    let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(2).get_output().clone();
+    let message = String::from_utf8(output.stderr).expect("UTF-8");
+    has(&message, &["`--force` writes into it all the same", "`--out DIR` writes elsewhere"]);
+    message
+}

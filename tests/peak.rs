@@ -1,0 +1,102 @@
+//! `raycl peak`, and what a run does with them. No figure is judged but that there is one: every kernel of
+//! `cl/peak/` checks its own result.
+
+use crate::binary::{Place, TRIANGLE, device, has};
+use serde_json::Value;
+
+const CONFIG: &str = r#"
+question = "?"
+expectation = "!"
+scenes = ["scene.toml"]
+image_sizes = [[40, 30]]
+local_sizes = [4]
+strategies = ["naive", "watertight", "bvh"]
+baselines = ["serial"]
+
+[timing]
+warmup = 1
+min_samples = 3
+max_samples = 3
+"#;
+
+/// The names of a device's figures.
+const FIGURES: [&str; 10] = [
+    "fma_per_s",
+    "copy_bytes_per_s",
+    "local_bytes_per_s",
+    "launch_device_us",
+    "launch_host_us",
+    "launch_batched_us",
+    "private_ns",
+    "private_array_ns",
+    "local_ns",
+    "global_ns",
+];
+
+#[test]
+fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    let device = device();
+    let text = place.output(&["peak", "--device", &device, "--out", "peak.json"]);
+    has(&text, &["multiply-adds", "Gfma/s", "__local reads", "GB/s", "global memory", "ns"]);
+    let kept: Value = serde_json::from_str(&place.text("peak.json")).expect("JSON");
+    for figure in FIGURES {
+        let found = &kept[0][figure];
+        assert!(
+            found["median"].as_f64().is_some_and(|value| value > 0.0 && value.is_finite()),
+            "{figure}: {found}"
+        );
+        assert!(
+            found["repeats"].as_u64() >= Some(5) && found["q1"].as_f64() <= found["q3"].as_f64(),
+            "{found}"
+        );
+    }
+    let fma = kept[0]["fma_per_s"]["median"].as_f64().expect("a rate");
+
+    let table = place.output(&["run", "test.toml", "--device", &device, "--out", "out", "--peak=peak.json"]);
+    has(&table, &["of the device's peak multiply-adds: "]);
+    for record in place.json_lines("out/records.jsonl") {
+        let number = |field: &str| record[field].as_f64();
+        let expected = match record["name"].as_str().expect("a name") {
+            "naive" => Some(15.0),
+            "watertight" => Some(50.0),
+            _ => None,
+        };
+        let fraction = expected.map(|operations| number("tests_per_s").expect("tests") * operations / fma);
+        assert_eq!(number("limit_fraction").is_some(), fraction.is_some(), "{record}");
+        if let (Some(found), Some(expected)) = (number("limit_fraction"), fraction) {
+            assert!((found / expected - 1.0).abs() < 1e-9, "{record}");
+        }
+    }
+    let copied: Value = serde_json::from_str(&place.text("out/peak.json")).expect("JSON");
+    assert_eq!(copied[0]["timestamp"], kept[0]["timestamp"]);
+    has(&place.text("out/summary.md"), &["of peak"]);
+
+    let missing =
+        place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--peak=none.json"], 2);
+    has(&missing, &["none.json"]);
+}
+
+#[test]
+fn a_point_records_what_the_compiler_made() {
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    place.output(&["run", "test.toml", "--device", &device(), "--out", "out", "--quiet"]);
+    for record in place.json_lines("out/records.jsonl") {
+        let kernels = record["kernels"].as_array().expect("a list");
+        let names: Vec<_> = kernels.iter().filter_map(|kernel| kernel["name"].as_str()).collect();
+        match record["name"].as_str().expect("a name") {
+            "naive" => assert_eq!(names, ["cast_frame"]),
+            "watertight" | "bvh" => assert_eq!(names, ["cast_primary", "shade_nearest"]),
+            _ => assert!(names.is_empty(), "{record}"),
+        }
+        assert!(kernels.iter().all(|kernel| kernel["work_group_size"].as_u64() >= Some(16)), "{record}");
+    }
+}
+
+#[test]
+fn an_old_spelling_is_answered_with_the_new_one() {
+    let place = Place::with(&[("test.toml", CONFIG), ("old.toml", &format!("{CONFIG}[limits]\n"))]);
+    has(&place.mistake(&["limits"], 2), &["did you mean `raycl peak`?"]);
+    has(&place.mistake(&["run", "test.toml", "--limits=peak.json"], 2), &["did you mean `--peak`?"]);
+    has(&place.mistake(&["run", "old.toml"], 2), &["old.toml:15", "did you mean 'emulate'?"]);
+}

@@ -1,0 +1,111 @@
+//! Two runs on one device with workers that note when they cast: no process, no device, no clock.
+
+use raycl::config;
+use raycl::device_lock::Locks;
+use raycl::experiment::{Reply, Request, Results, Run, Spawner, Wait, Worker};
+use raycl::launch::FrameTimes;
+use raycl::program::Sources;
+use raycl::record::{Environment, Record};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Barrier, Mutex};
+use std::time::Duration;
+
+/// Three groups, of an image size each, of two points.
+const CONFIG: &str = r#"
+question = "Do they meet?"
+expectation = "No."
+scenes = ["scenes/triangle.toml"]
+image_sizes = [[8, 5], [16, 10], [24, 15]]
+baselines = ["serial", "parallel"]
+timing = { warmup = 0, min_samples = 20, max_samples = 20, time_limit_ms = 1e8 }
+"#;
+const GROUPS: usize = 3;
+const CASTS_OF_A_GROUP: usize = 2 * 20;
+
+/// Which run cast, in the order of the casts of both.
+type Log = Arc<Mutex<Vec<usize>>>;
+
+struct Noting {
+    run: usize,
+    log: Log,
+    reply: Reply,
+}
+
+impl Spawner for Noting {
+    fn spawn(&mut self, _device: usize) -> raycl::Result<Box<dyn Worker>> {
+        Ok(Box::new(Self { run: self.run, log: Arc::clone(&self.log), reply: Reply::Started }))
+    }
+}
+
+impl Worker for Noting {
+    fn send(&mut self, request: &Request) {
+        self.reply = match request {
+            Request::Check { key, .. } => {
+                let record = Record { key: key.clone(), ..Record::default() };
+                Reply::Checked { record: Box::new(record), ready: true }
+            }
+            Request::Cast { .. } => {
+                self.log.lock().expect("no test panicked").push(self.run);
+                // Whoever else may cast now gets the processor.
+                std::thread::yield_now();
+                Reply::Sample(FrameTimes::whole(1.0, 1.0))
+            }
+        };
+    }
+
+    fn wait(&mut self, _limit: Duration) -> Wait {
+        Wait::Reply(self.reply.clone())
+    }
+}
+
+fn measure(run: usize, log: &Log, locks: &Locks) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+    let experiment = config::parse(&path, CONFIG.to_owned(), &[]).expect("a config");
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = Run {
+        experiment: &experiment,
+        overrides: &[],
+        devices: &[],
+        sources: &Sources::Embedded,
+        limit: Duration::from_secs(120),
+        retry_failed: false,
+        locks,
+        spread: false,
+    };
+    let mut results = Results::create(folder.path(), &Environment::default()).expect("results");
+    let mut spawner = Noting { run, log: Arc::clone(log), reply: Reply::Started };
+    let records =
+        plan.execute(&mut results, &mut (), &mut spawner, &AtomicBool::new(false)).expect("it runs");
+    assert_eq!(records.len(), 2 * GROUPS);
+}
+
+/// How many casts a run made each time before the other's turn.
+fn turns(log: &Log) -> Vec<usize> {
+    let log = log.lock().expect("no test panicked");
+    assert_eq!(log.len(), 2 * GROUPS * CASTS_OF_A_GROUP);
+    log.chunk_by(|one, other| one == other).map(<[usize]>::len).collect()
+}
+
+fn both(locks: &[Locks; 2]) -> Log {
+    let (log, together) = (Log::default(), Barrier::new(2));
+    std::thread::scope(|scope| {
+        for (run, locks) in locks.iter().enumerate() {
+            let (log, together) = (&log, &together);
+            scope.spawn(move || {
+                together.wait();
+                measure(run, log, locks);
+            });
+        }
+    });
+    log
+}
+
+#[test]
+fn a_group_is_timed_whole_before_another_run_times_on_the_device() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let locks = [(); 2].map(|()| Locks::in_folder(folder.path(), true));
+    for turn in turns(&both(&locks)) {
+        assert_eq!(turn % CASTS_OF_A_GROUP, 0, "a run was timed inside another's group");
+    }
+}
