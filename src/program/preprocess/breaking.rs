@@ -108,9 +108,13 @@ fn length(tokens: &[Token]) -> usize {
 
 /// A statement in as many lines as it needs.
 fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
-    let is_long = indent.len() + length(&statement) > WIDEST;
+    let is_long = indent.chars().count() + length(&statement) > WIDEST;
     let brace = statement.iter().position(|token| token.is("{"));
-    match brace.filter(|_| is_long && statement.last().is_some_and(|last| last.is("}"))) {
+    let holds = |brace: &usize| {
+        let closed = statement.last().is_some_and(|last| last.is("}"));
+        closed && statement[brace + 1..].iter().filter(|token| token.is_code()).count() > 1
+    };
+    match brace.filter(|brace| is_long && holds(brace)) {
         Some(brace) => body_apart(indent, statement, brace),
         None => continued(indent, statement),
     }
