@@ -121,7 +121,10 @@ impl Ground {
         };
         // The scene is called as its file is.
         ground.write("a/scene.toml", &TRIANGLE.replace("name = \"little\"\n", ""));
-        ground.place.kernels("cast.cl", "", "");
+        let cl = repository("cl");
+        let one = find(&cl, "deferred.cl").expect("a kernel file");
+        let one = one.strip_prefix(&cl).ok().and_then(Path::to_str).expect("a name in it");
+        ground.place.kernels(one, "", "");
         ground
     }
 
