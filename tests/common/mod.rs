@@ -99,15 +99,20 @@ impl Stand {
 
     /// The same of a program that is there.
     pub fn cast_built(&self, strategy: &Strategy, built: &Built) -> Result<(Radiance, usize), String> {
-        let Built { workload, program, scene, tree } = built;
-        let local_size = workload.local_size;
-        let caster =
-            match Caster::new(&self.queue, program, strategy, workload, &self.scene, scene, tree.as_ref()) {
-                Err(error @ LaunchError::WorkGroup { .. }) => return Err(error.to_string()),
-                other => other.unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}")),
-            };
-        caster.cast().unwrap_or_else(|error| panic!("{strategy} at {local_size:?}: {error}"));
+        let caster = self.caster(strategy, built)?;
+        caster.cast().unwrap_or_else(|error| panic!("{strategy}: {error}"));
         Ok(caster.read().expect("an image"))
+    }
+
+    /// What casts a program that is there: it has all kernels of a frame.
+    pub fn caster(&self, strategy: &Strategy, built: &Built) -> Result<Caster, String> {
+        let Built { workload, program, scene, tree } = built;
+        match Caster::new(&self.queue, program, strategy, workload, &self.scene, scene, tree.as_ref()) {
+            Err(error @ LaunchError::WorkGroup { .. }) => Err(error.to_string()),
+            other => {
+                Ok(other.unwrap_or_else(|error| panic!("{strategy} at {:?}: {error}", workload.local_size)))
+            }
+        }
     }
 
     /// How a strategy's image compares with the reference; an error where the device cannot hold it.
