@@ -1,5 +1,6 @@
 //! Every preset at every local size, and a pairwise cover of all axes, against the reference on PoCL.
 
+use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
 use crate::common::{Stand, scene};
 use raycl::strategy::{PRESETS, Strategy, Traversal, Vectors, Width, preset};
@@ -70,6 +71,7 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
 /// As on a GPU, whose vectors are made of scalars: edges are asked one by one, masks reduced by trees of operations.
 #[test]
 fn presets_of_vectors_that_no_built_in_reduces() {
+    apart!();
     let mut stand = Stand::new(scene("still-life.toml"), SIZE);
     stand.builtins.reduce = false;
     let vectors = PRESETS.iter().map(|preset| preset.strategy);
@@ -80,6 +82,7 @@ fn presets_of_vectors_that_no_built_in_reduces() {
 
 #[test]
 fn presets_that_share_tiles() {
+    apart!();
     let mut stand = Stand::new(scene("terrain.toml"), SIZE);
     let shared = PRESETS.iter().map(|preset| preset.strategy).filter(Strategy::shares_tiles);
     assert_eq!(shared.clone().count(), 2);
@@ -88,21 +91,25 @@ fn presets_that_share_tiles() {
 
 #[test]
 fn every_preset_at_small_local_sizes() {
+    apart!();
     presets_agree_at(&LOCAL_SIZES[..4]);
 }
 
 #[test]
 fn every_preset_at_middling_local_sizes() {
+    apart!();
     presets_agree_at(&LOCAL_SIZES[4..8]);
 }
 
 #[test]
 fn every_preset_at_large_and_odd_local_sizes() {
+    apart!();
     presets_agree_at(&LOCAL_SIZES[8..]);
 }
 
 #[test]
 fn a_pairwise_cover_of_all_axes() {
+    apart!();
     let cover = pairwise_cover();
     assert!(cover.len() > 30, "only {} strategies", cover.len());
     let mut stand = Stand::new(scene("still-life.toml"), SIZE);
@@ -113,6 +120,7 @@ fn a_pairwise_cover_of_all_axes() {
 
 #[test]
 fn local_size_and_memory_change_no_bit_of_the_papers_kernel() {
+    apart!();
     let stand = Stand::new(scene("figure-4.toml"), SIZE);
     let naive = preset("naive").expect("a preset").strategy;
     let expected = stand.cast(&naive, [8, 8]).expect("an image");

@@ -1,6 +1,7 @@
 //! Numbers that bring other casters down: very small and very large scenes, lights on surfaces, cameras inside and on
 //! triangles, normals of no length.
 
+use crate::common::apart::apart;
 use crate::common::{Stand, scene};
 use glam::Vec3;
 use raycl::image::Radiance;
@@ -37,6 +38,7 @@ fn all_finite(image: &Radiance) -> bool {
 
 #[test]
 fn a_scene_in_other_units_gives_the_same_picture() {
+    apart!();
     for name in ["still-life.toml", "pyramid-lower.toml"] {
         let original = scene(name);
         for factor in [1e-4, 1e4] {
@@ -53,6 +55,7 @@ fn a_scene_in_other_units_gives_the_same_picture() {
 
 #[test]
 fn a_scene_scaled_by_a_power_of_two_gives_the_same_bits() {
+    apart!();
     let original = scene("pyramid-lower.toml");
     let at = |factor| Stand::new(scaled(&original, factor), SIZE);
     let stands = [at(1.0), at(1.0 / 16384.0), at(16384.0)];
@@ -78,6 +81,7 @@ fn finite_everywhere(what: &str, scene: Scene) {
 
 #[test]
 fn a_light_on_a_surface_or_at_a_corner() {
+    apart!();
     let scene = scene("pyramid-lower.toml");
     let corners = scene.mesh.corners(&scene.mesh.triangles[0]);
     let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
@@ -90,6 +94,7 @@ fn a_light_on_a_surface_or_at_a_corner() {
 
 #[test]
 fn a_light_at_the_eye() {
+    apart!();
     let mut scene = scene("pyramid-lower.toml");
     scene.lights[0].position = scene.camera.position;
     finite_everywhere("a light at the eye", scene);
@@ -97,6 +102,7 @@ fn a_light_at_the_eye() {
 
 #[test]
 fn a_camera_inside_a_mesh_on_a_triangle_and_at_a_corner() {
+    apart!();
     let scene = scene("pyramid-lower.toml");
     let corners = scene.mesh.corners(&scene.mesh.triangles[0]);
     let middle = scene.mesh.positions.iter().copied().sum::<Vec3>() / scene.mesh.positions.len() as f32;
@@ -111,6 +117,7 @@ fn a_camera_inside_a_mesh_on_a_triangle_and_at_a_corner() {
 
 #[test]
 fn a_bias_of_nothing_and_a_bias_larger_than_the_scene() {
+    apart!();
     for bias in [0.0, 100.0] {
         let scene = Scene { shadow_bias: bias, ..scene("pyramid-lower.toml") };
         finite_everywhere(&format!("a bias of {bias}"), scene);
@@ -119,6 +126,7 @@ fn a_bias_of_nothing_and_a_bias_larger_than_the_scene() {
 
 #[test]
 fn normals_that_cancel_out_between_corners() {
+    apart!();
     let mut scene = scene("triangle.toml");
     // Half way between two opposite normals the interpolated one has no length.
     let normal = scene.mesh.normals[0];
@@ -130,6 +138,7 @@ fn normals_that_cancel_out_between_corners() {
 
 #[test]
 fn normals_of_no_length_in_a_file() {
+    apart!();
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("zero.obj");
     let text = "v 0 1 -2\nv -1 -1 -2\nv 1 -1 -2\nvn 0 0 0\nvn 1e-38 0 0\nvn 0 0 1\nf 1//1 2//2 3//3\nf 1//1 2//1 3//1\n";
@@ -142,6 +151,7 @@ fn normals_of_no_length_in_a_file() {
 
 #[test]
 fn triangles_of_no_area_and_needles() {
+    apart!();
     let mut scene = scene("pyramid-lower.toml");
     let count = scene.mesh.positions.len() as u32;
     let first = scene.mesh.triangles[0];

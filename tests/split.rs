@@ -2,6 +2,7 @@
 //! two devices of one machine.
 
 use crate::binary::{Place, TRIANGLE, repository};
+use crate::common::apart::apart;
 use crate::common::{Stand, scene};
 use raycl::launch::Caster;
 use raycl::strategy::preset;
@@ -23,6 +24,7 @@ fn render(place: &Place, devices: Option<&str>, [strategy, local]: [&str; 2], pi
 
 #[test]
 fn two_devices_cast_the_pixels_of_one() {
+    apart!();
     let place = Place::new();
     // A tile of 32 x 16 pixels is a work-group.
     for strategy in [
@@ -75,6 +77,7 @@ max_samples = 3
 
 #[test]
 fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
+    apart!();
     let place = Place::with(&[("little.toml", TRIANGLE), ("test.toml", CONFIG)]);
     let run = |more: &[&str]| {
         let all = [
@@ -99,6 +102,7 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
 
 #[test]
 fn a_batch_has_the_mean_time_of_its_frames_and_the_same_picture() {
+    apart!();
     let stand = Stand::new(scene("pyramid-lower.toml"), [45, 29]);
     let strategy = preset("deferred").expect("a preset").strategy;
     let built = stand.build(&strategy, [4, 4]).expect("it fits");

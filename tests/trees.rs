@@ -2,6 +2,7 @@
 //! what a mesh can be.
 
 use crate::common::Stand;
+use crate::common::apart::apart;
 use glam::Vec3;
 use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
@@ -37,6 +38,7 @@ fn agrees(scene: Scene) {
 
 #[test]
 fn many_lights_an_interior_and_hills() {
+    apart!();
     for (scene, triangles, lights) in
         [("many-lights.toml", 2_000, 32), ("atrium.toml", 9_000, 4), ("terrain-10m.toml", 20_000, 1)]
     {
@@ -49,6 +51,7 @@ fn many_lights_an_interior_and_hills() {
 /// The lights of a round are as many as a word has room for, which depends on the tile: 32 lights are two to eleven rounds.
 #[test]
 fn rounds_of_lights_of_every_tile() {
+    apart!();
     let shared = of("tile-group");
     let mut stand = Stand::new(coarse("many-lights.toml", 2_000), SIZE);
     for (tile, intersector, rounds) in [
@@ -80,6 +83,7 @@ fn scaled(mut scene: Scene, scale: f32) -> Scene {
 
 #[test]
 fn coordinates_from_a_millionth_to_a_million() {
+    apart!();
     for scale in [1e-6, 1e6] {
         agrees(scaled(crate::common::scene("gourd.toml"), scale));
     }
@@ -94,6 +98,7 @@ fn with_triangles(change: impl FnOnce(&mut Scene)) -> Scene {
 
 #[test]
 fn one_triangle_and_coincident_and_degenerate_ones() {
+    apart!();
     agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
         // Each twelve times, so that no plane tells the copies apart and leaves overflow.
@@ -115,6 +120,7 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
 
 #[test]
 fn no_triangle_is_all_background() {
+    apart!();
     let scene = with_triangles(|scene| scene.mesh.triangles.clear());
     let background = scene.background.to_array();
     let stand = Stand::new(scene, SIZE);
@@ -126,6 +132,7 @@ fn no_triangle_is_all_background() {
 
 #[test]
 fn every_width_of_node_and_size_of_leaf_and_tile_gives_the_same_picture() {
+    apart!();
     let mut stand = Stand::new(coarse("interior.toml", 3_000), SIZE);
     let base = |name| preset(name).expect("a preset").strategy;
     let mut points = Vec::new();
@@ -144,6 +151,7 @@ fn every_width_of_node_and_size_of_leaf_and_tile_gives_the_same_picture() {
 
 #[test]
 fn the_scene_of_ten_million_is_what_it_says_and_made_anew_each_time() {
+    apart!();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/terrain-10m.toml");
     let text = std::fs::read_to_string(&path).expect("the scene");
     assert!(text.contains("triangles = 10_000_000"), "{text}");

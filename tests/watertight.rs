@@ -3,6 +3,7 @@
 //! counted, so that the rays are known to probe what they should.
 
 use crate::common::Stand;
+use crate::common::apart::apart;
 use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
 };
@@ -97,6 +98,7 @@ fn leaks_from(strategy: &Strategy) -> usize {
 
 #[test]
 fn the_watertight_test_leaks_none_of_sixty_thousand_rays() {
+    apart!();
     let (stand, scene) = meshes();
     for strategy in traversals_of_rays(Intersector::Watertight) {
         assert_eq!(leaks_of_rays(&stand, &scene, &strategy), 0, "{strategy}");
@@ -105,6 +107,7 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_rays() {
 
 #[test]
 fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
+    apart!();
     for strategy in traversals_of_pixels(Intersector::Watertight) {
         assert_eq!(leaks_to(&strategy), 0, "primary rays: {strategy}");
         let lit_and_hit = lit_and_hit(net_before_the_light(SIDE, true), &strategy);
@@ -115,11 +118,13 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
 /// The rasteriser's edge functions are exact opposites as well, and belong to one side where they are zero.
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
+    apart!();
     assert_eq!(leaks_to(&of("raster")), 0);
 }
 
 #[test]
 fn without_its_net_the_floor_is_lit() {
+    apart!();
     assert_eq!(lit_and_hit(net_before_the_light(SIDE, false), &of("tile")), (PIXELS, PIXELS));
 }
 
@@ -127,6 +132,7 @@ fn without_its_net_the_floor_is_lit() {
 /// leak in a hundred edge rays would be a mistake. Run with --nocapture for the table of docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
+    apart!();
     let (stand, scene) = meshes();
     for intersector in [Intersector::MollerTrumbore, Intersector::CommonOrigin, Intersector::EdgePlanes] {
         for strategy in traversals_of_rays(intersector) {
@@ -151,6 +157,7 @@ fn few(rays: &str, leaks: usize, strategy: &Strategy) {
 
 #[test]
 fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
+    apart!();
     let paper = of("private");
     let (stand, scene) = meshes();
     let rays = leaks_of_rays(&stand, &scene, &paper);

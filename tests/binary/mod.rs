@@ -22,14 +22,20 @@ pub fn until(what: &str, so: impl Fn() -> bool) {
 /// What a process said until it ended. One that hangs is killed and fails the test.
 #[track_caller]
 pub fn finish(child: Child) -> Output {
+    finish_within(LIMIT, child)
+}
+
+/// The same with another limit.
+#[track_caller]
+pub fn finish_within(limit: Duration, child: Child) -> Output {
     let process = child.id();
     let (sender, ended) = channel();
     std::thread::spawn(move || sender.send(child.wait_with_output()));
-    match ended.recv_timeout(LIMIT) {
+    match ended.recv_timeout(limit) {
         Ok(output) => output.expect("the output of a process"),
         Err(_) => {
             kill(process);
-            panic!("process {process} has not ended in {} s", LIMIT.as_secs())
+            panic!("process {process} has not ended in {} s", limit.as_secs())
         }
     }
 }

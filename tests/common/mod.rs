@@ -1,5 +1,6 @@
 //! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
 
+pub mod apart;
 pub mod cover;
 pub mod edges;
 
