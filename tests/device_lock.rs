@@ -16,8 +16,8 @@ baselines = ["serial"]
 
 [timing]
 warmup = 1
-min_samples = 3
-max_samples = 3
+min_samples = 5
+max_samples = 5
 "#;
 /// A point of the kernels, which hangs while it is timed.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];

@@ -15,8 +15,8 @@ baselines = ["serial"]
 
 [timing]
 warmup = 1
-min_samples = 3
-max_samples = 3
+min_samples = 5
+max_samples = 5
 "#;
 
 /// The names of a device's figures.

@@ -15,8 +15,8 @@ baselines = ["serial"]
 
 [timing]
 warmup = 0
-min_samples = 3
-max_samples = 3
+min_samples = 5
+max_samples = 5
 "#;
 
 /// The fields that the issue names.
@@ -78,7 +78,7 @@ fn every_point_is_recorded_with_every_field() {
             (&record["scene"], &record["image_size"]),
             (&"little".into(), &serde_json::json!([33, 20]))
         );
-        assert_eq!(record["samples_ms"].as_array().map(Vec::len), Some(3));
+        assert_eq!(record["samples_ms"].as_array().map(Vec::len), Some(5));
         assert_eq!(record["stop_reason"], "max-samples");
         let [median_ms, q1_ms, q3_ms, tests] = ["median_ms", "q1_ms", "q3_ms", "tests_per_s"]
             .map(|name| record[name].as_f64().expect("a number"));
@@ -98,7 +98,7 @@ fn the_folder_has_all_that_is_promised() {
     let place = place();
     let records = records(&place, &["--set", "timing.seed=7"], 0);
     let samples = place.json_lines("out/samples.jsonl");
-    assert_eq!(samples.len(), 15);
+    assert_eq!(samples.len(), 25);
     for record in &records {
         let own = samples.iter().filter(|sample| sample["key"] == record["key"]);
         let times: Vec<_> = own.map(|sample| sample["ms"].clone()).collect();
@@ -242,7 +242,7 @@ fn without_a_terminal_progress_is_plain_lines_and_the_table_comes_last() {
     let output = place.raycl(&arguments(&device, &[])).assert().success().get_output().clone();
     let (progress, table) =
         (String::from_utf8(output.stderr).expect("UTF-8"), String::from_utf8(output.stdout).expect("UTF-8"));
-    assert_eq!(progress.lines().filter(|line| line.contains(" ms, n = 3")).count(), 5, "{progress}");
+    assert_eq!(progress.lines().filter(|line| line.contains(" ms, n = 5")).count(), 5, "{progress}");
     has(&progress, &["[1/5", "[5/5] "]);
     assert!(!progress.contains('\u{1b}') && !table.contains('\u{1b}'), "{progress}{table}");
     has(&table, &["median ms", "strategy", "4x4", "8x2", "* fastest", "out/images", "out/summary.md"]);

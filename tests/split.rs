@@ -71,8 +71,8 @@ baselines = ["serial"]
 
 [timing]
 warmup = 1
-min_samples = 3
-max_samples = 3
+min_samples = 5
+max_samples = 5
 "#;
 
 #[test]
