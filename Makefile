@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-intel test-browser fuzz lint bench
+.PHONY: help setup setup-tests build demo test test-long test-intel test-browser fuzz lint bench
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -23,6 +23,9 @@ setup-tests:
 
 test: setup-tests ## run the tests
 	cargo test --locked
+
+test-long: setup-tests ## run them without leaving anything out: every preset at every local size (half an hour)
+	RAYCL_TEST_LONG=1 cargo test --locked
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
 	@.ci/test-intel

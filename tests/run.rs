@@ -19,7 +19,7 @@ min_samples = 5
 max_samples = 5
 "#;
 
-/// The fields that the issue names.
+/// Fields that every record has.
 const FIELDS: [&str; 21] = [
     "key",
     "scene",

@@ -24,6 +24,17 @@ pub fn device() -> Device {
     (*chosen.first().expect("a usable test device")).clone()
 }
 
+/// Whether this is `make test-long`, which leaves out nothing. `make test` takes samples where compiling takes minutes.
+pub fn is_long() -> bool {
+    std::env::var_os("RAYCL_TEST_LONG").is_some()
+}
+
+/// Whether a strategy is in every run: PoCL takes half a minute to compile tiles that work-items share. `make test` has
+/// them in tests of their own, and all their combinations under Oclgrind, which compiles nothing.
+pub fn compiles_soon(strategy: &Strategy) -> bool {
+    !strategy.shares_tiles() || is_long()
+}
+
 /// A scene of the repository.
 pub fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
