@@ -1,8 +1,9 @@
-//! Kernel files: those built in, or a folder that replaces them.
+//! Kernel files: those built in, and a folder whose files take their places or add to them.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest};
+use crate::strategy::{FOLDERS, make_known, read_header};
 use include_dir::{Dir, include_dir};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
 
@@ -12,23 +13,58 @@ pub enum Sources {
     /// The files this binary was built with.
     #[default]
     Embedded,
-    /// A folder laid out as `cl/` is, for who edits kernels.
+    /// A folder laid out as `cl/` is, for who edits kernels: what it lacks is built in.
     Folder(PathBuf),
 }
 
 impl Sources {
+    /// Those of a `--cl-dir`, if there is one. Its files in folders of values become values of axes.
+    pub fn of(folder: Option<PathBuf>) -> Result<Self> {
+        let Some(folder) = folder else { return Ok(Self::Embedded) };
+        let mut files = Vec::new();
+        kernel_files(&folder, &folder, &mut files)?;
+        if files.is_empty() {
+            let message = format!("{} holds no kernel file", folder.display());
+            return Err(Error::input(message).with_help(LAYOUT));
+        }
+        let built_in = Self::names();
+        let new = || files.iter().filter(|file| !built_in.contains(&file.as_str()));
+        for file in new() {
+            if let Some((axis, _)) = FOLDERS.iter().find(|(_, values)| file.starts_with(values)) {
+                let path = folder.join(file);
+                make_known(read_header(axis, file, &path.display().to_string(), &read_text(&path)?)?);
+            }
+        }
+        let texts = files.iter().map(|file| read_text(&folder.join(file))).collect::<Result<Vec<_>>>()?;
+        for file in new() {
+            refuse_unused(&folder, file, &texts, &built_in)?;
+        }
+        Ok(Self::Folder(folder))
+    }
+
     /// The text of one file, named relative to `cl/`.
     pub fn read(&self, name: &str) -> Result<String> {
-        match self {
-            Self::Embedded => {
-                let text = EMBEDDED.get_file(name).and_then(|file| file.contents_utf8());
-                text.map(str::to_owned).ok_or_else(|| Error::run(format!("there is no kernel file {name}")))
+        if let Self::Folder(folder) = self {
+            let path = folder.join(name);
+            if path.exists() {
+                return read_text(&path);
             }
+        }
+        let text = EMBEDDED.get_file(name).and_then(|file| file.contents_utf8());
+        text.map(str::to_owned).ok_or_else(|| self.lacks(name))
+    }
+
+    fn lacks(&self, name: &str) -> Error {
+        match self {
+            Self::Embedded => Error::run(format!("there is no kernel file {name}")),
             Self::Folder(folder) => {
-                let path = folder.join(name);
-                std::fs::read_to_string(&path)
-                    .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())))
-                    .map_err(|error| error.with_help("--cl-dir wants a folder laid out as raycl's cl/"))
+                let message =
+                    format!("there is no kernel file {name}: neither in {} nor built in", folder.display());
+                let error = Error::input(message);
+                match nearest(name, Self::names()) {
+                    Some(meant) => error.with_help(format!("did you mean {meant}?")),
+                    None => error.with_help(LAYOUT),
+                }
             }
         }
     }
@@ -55,6 +91,50 @@ impl Sources {
         names.sort_unstable();
         names
     }
+}
+
+const LAYOUT: &str = "--cl-dir wants a folder laid out as raycl's cl/, with the files that differ or are new";
+
+fn read_text(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path)
+        .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT))
+}
+
+/// The `.cl` files in a folder and those within it, named from `root`.
+fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<()> {
+    let failed = |error| Error::input(format!("cannot read {}: {error}", folder.display())).with_help(LAYOUT);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            kernel_files(root, &path, files)?;
+        } else if path.extension().is_some_and(|extension| extension == "cl") {
+            let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy();
+            files.push(name.replace('\\', "/"));
+        }
+    }
+    files.sort_unstable();
+    Ok(())
+}
+
+/// A file that nothing includes would change nothing, without a word.
+fn refuse_unused(folder: &Path, file: &str, texts: &[String], built_in: &[&'static str]) -> Result<()> {
+    let is_value = file.rsplit_once('/').is_some_and(|(inner, _)| {
+        built_in.iter().any(|name| name.rsplit_once('/').is_some_and(|(values, _)| values == inner))
+            && (FOLDERS.iter().any(|(_, values)| *values == format!("{inner}/"))
+                || inner.ends_with("/intersect"))
+    });
+    if is_value || texts.iter().any(|text| text.contains(&format!("#include \"{file}\""))) {
+        return Ok(());
+    }
+    let message = format!(
+        "{} is no file of raycl's, no value of an axis, and nothing includes it",
+        folder.join(file).display()
+    );
+    let folders: Vec<_> = FOLDERS.iter().map(|(_, values)| *values).collect();
+    Err(Error::input(message).with_help(match nearest(file, built_in.iter().copied()) {
+        Some(meant) => format!("did you mean {meant}?"),
+        None => format!("values of axes lie in {}", folders.join(", ")),
+    }))
 }
 
 fn file_names(folder: &'static Dir<'_>, names: &mut Vec<&'static str>) {

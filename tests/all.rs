@@ -21,6 +21,7 @@ mod kernels;
 mod made;
 mod numbers;
 mod oclgrind;
+mod overlay;
 mod overwrite;
 mod peak;
 mod readme;

@@ -67,11 +67,11 @@ const IMAGE_SIZE: [u32; 2] = [64, 64];
 pub fn run(args: Args) -> Result<()> {
     disable_caches();
     let scene = load_scene(&args.scene)?.scene;
+    let sources = Sources::of(args.cl_dir.clone())?;
     let strategies: Vec<Strategy> =
         args.strategy.iter().map(|text| parse_strategy(text)).collect::<Result<_>>()?;
     strategies.iter().try_for_each(|strategy| strategy.check())?;
     let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let device = one_device(args.device.as_deref(), &sources)?;
     let queue = Queue::open(device.platform, device.device)?;
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
@@ -129,7 +129,7 @@ fn compile(
     })?;
     let tree = DeviceTree::build(queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
     workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let sources = Sources::of(args.cl_dir.clone())?;
     let spec = ProgramSpec::new(&sources, strategy, &workload, device.info.builtins())?;
     let program = BuiltProgram::build(&queue.context, queue.device, &spec)
         .map_err(|error| failed("the build", &error))?;

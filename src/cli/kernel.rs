@@ -66,9 +66,9 @@ const SMALL: Workload = Workload {
 
 /// Prints the program.
 pub fn run(args: Args) -> Result<()> {
+    let sources = Sources::of(args.cl_dir.clone())?;
     let strategy = parse_strategy(&args.strategy)?;
     strategy.check()?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let device = args.device.as_deref().map(|pattern| one_device(Some(pattern), &sources)).transpose()?;
     let builtins = device.as_ref().map_or_else(Builtins::default, |device| device.info.builtins());
     let workload = workload(&args, &strategy, builtins)?;

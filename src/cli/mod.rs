@@ -103,7 +103,7 @@ impl Cli {
             Command::Strategies(args) => strategies::run(args),
             // On a line of its own, whatever a driver has left on the line before.
             Command::Worker { list: true, cl_dir } => {
-                let sources = cl_dir.map_or(Sources::Embedded, Sources::Folder);
+                let sources = Sources::of(cl_dir)?;
                 print(format!("\n{}", crate::experiment::list_devices(&sources)?))
             }
             Command::Worker { list: false, .. } => crate::experiment::serve(),

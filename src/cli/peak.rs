@@ -48,7 +48,7 @@ pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--out FILE" };
     let target = args.out.as_ref().map(|path| Target::new(path, choice));
     target.iter().try_for_each(Target::check)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let sources = Sources::of(args.cl_dir.clone())?;
     let all: Vec<Peak> = devices(args.device.as_deref(), &sources)?
         .iter()
         .map(|device| {

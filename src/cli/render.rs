@@ -107,7 +107,7 @@ fn render(args: &Args) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let sources = Sources::of(args.cl_dir.clone())?;
     let Opened { loaded, device, queue, load_ms, discover_ms } = open(args, &sources)?;
     let scene = &loaded.scene;
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;

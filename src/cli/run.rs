@@ -168,6 +168,7 @@ fn run_of<'a>(
 
 /// Measures what is missing; the folder of results, and the records of all points.
 pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
+    let sources = Sources::of(args.cl_dir.clone())?;
     let experiment = config::load(&args.config, &args.set)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_other_folders(&out, choice(args), false)?;
@@ -175,7 +176,6 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let interrupted = interrupt_flag()?;
     let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let open = if args.resume { Results::resume } else { Results::create };
@@ -230,10 +230,10 @@ fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
 
 /// Prints what the run would do.
 fn foresee(args: &Args) -> Result<()> {
+    let sources = Sources::of(args.cl_dir.clone())?;
     let experiment = config::load(&args.config, &args.set)?;
     let devices = find_devices(args.cl_dir.as_deref())?;
     let infos = chosen(args, &experiment, &devices)?;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     forecast(&dry_run(&run)?, args.json)

@@ -1,10 +1,12 @@
 //! `raycl strategies`: every axis with its values, and every preset.
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 use serde_json::{Map, Value, json};
 
 use crate::error::Result;
+use crate::sources::Sources;
 use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
 
 /// Arguments of `raycl strategies`.
@@ -19,10 +21,14 @@ pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
+    /// Kernel files that differ from the built-in ones, or add values of axes, in a folder laid out as cl/
+    #[arg(long, value_name = "DIR")]
+    cl_dir: Option<PathBuf>,
 }
 
 /// Lists axes and presets.
 pub fn run(args: Args) -> Result<()> {
+    Sources::of(args.cl_dir)?;
     if args.json {
         return super::print_json(&json!({
             "axes": AXES.iter().map(axis_json).collect::<Vec<_>>(),
@@ -33,8 +39,9 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn axis_json(axis: &AxisInfo) -> Value {
-    let value = |&(name, about): &(&str, &str)| json!({ "name": name, "about": about });
-    json!({ "name": axis.name, "about": axis.about, "values": axis.values.iter().map(value).collect::<Vec<_>>() })
+    let value = |(name, about)| json!({ "name": name, "about": about });
+    let values: Vec<_> = axis.all_values().into_iter().map(value).collect();
+    json!({ "name": axis.name, "about": axis.about, "values": values })
 }
 
 fn preset_json(preset: &Preset) -> Value {
@@ -61,9 +68,10 @@ fn text() -> String {
 }
 
 fn axis_text(axis: &AxisInfo) -> String {
-    let wide = axis.values.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
+    let values = axis.all_values();
+    let wide = values.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     let mut text = format!("{}: {}\n", axis.name, axis.about);
-    for (name, about) in axis.values {
+    for (name, about) in values {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  {name:wide$}  {about}");
     }

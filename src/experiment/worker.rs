@@ -30,8 +30,8 @@ pub fn serve() -> Result<()> {
 
 /// Opens the job's device and answers requests.
 fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
+    let sources = Sources::of(job.cl_dir.clone())?;
     let experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
-    let sources = job.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
     let device = job.device.as_deref().map(|identity| find(identity, &sources)).transpose()?;
     let drafter = Drafter { experiment: &experiment, sources: &sources };
     let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;

@@ -8,6 +8,7 @@ use crate::image::Radiance;
 use crate::program::{BuiltProgram, ProgramSpec, Sources};
 use crate::scene::Scene;
 use crate::strategy::{Requirements, Strategy, Workload};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Parts of the trial frame whose costs are measured.
@@ -163,8 +164,8 @@ impl Split<'_> {
         let row_pixels = workload.group_height(self.strategy);
         let rows = [band.start, band.end].map(|row| (row as u32 * row_pixels).min(height));
         let caster = self.caster(stand, workload, band).map_err(failed)?;
-        let frames =
-            (0..self.repeat.max(1) + 1).map(|_| caster.cast().map_err(failed)).collect::<Result<Vec<_>>>()?;
+        cast_first(&caster)?;
+        let frames = (0..self.repeat.max(1)).map(|_| caster.cast().map_err(failed)).collect::<Result<_>>()?;
         let start = Instant::now();
         let (part, hits) = caster.read_rows(rows).map_err(failed)?;
         let share = Share {
@@ -172,18 +173,27 @@ impl Split<'_> {
             rows,
             build_ms: stand.build_ms,
             upload_ms: stand.scene.upload_ms + stand.tree.as_ref().map_or(0.0, |tree| tree.upload_ms),
-            // The first may compile.
-            frames: frames[1..].to_vec(),
+            frames,
             read_ms: start.elapsed().as_secs_f64() * 1e3,
         };
         Ok((part, hits, share))
     }
 }
 
+/// The first cast, which may compile: one device at a time. PoCL 3.1 counts a kernel's users wrongly where two devices of
+/// one process compile it at once, and aborts when they let go of it.
+fn cast_first(caster: &Caster) -> Result<()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    // Nothing is guarded but the turn, so that a holder's panic spoils nothing.
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    caster.cast().map(drop).map_err(failed)
+}
+
 /// The fastest of a few casts after one that may compile.
 fn fastest_ms(caster: &Caster) -> Result<f64> {
-    let times = (0..4).map(|_| caster.cast().map_err(failed)).collect::<Result<Vec<_>>>()?;
-    Ok(times[1..].iter().map(|times| times.frame_ms).fold(f64::INFINITY, f64::min).max(1e-6))
+    cast_first(caster)?;
+    let times = (0..3).map(|_| caster.cast().map_err(failed)).collect::<Result<Vec<_>>>()?;
+    Ok(times.iter().map(|times| times.frame_ms).fold(f64::INFINITY, f64::min).max(1e-6))
 }
 
 /// Does the same with each, each in a thread of its own.

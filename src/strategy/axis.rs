@@ -30,7 +30,7 @@ pub trait Axis: Sized + Copy + Eq + 'static {
     /// The value called `name`; the error names the nearest one.
     fn parse(name: &str) -> Result<Self> {
         Self::ALL.iter().copied().find(|value| value.name() == name).ok_or_else(|| {
-            let names: Vec<_> = Self::INFO.values.iter().map(|(name, _)| *name).collect();
+            let names: Vec<_> = Self::INFO.all_values().iter().map(|(name, _)| *name).collect();
             let error = Error::input(format!(
                 "'{name}' is not a value of '{}'; expected one of {}",
                 Self::INFO.name,

@@ -1,8 +1,8 @@
 //! Named strategies: the paper's rows and the fast ones.
 
 use super::{
-    Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading, Strategy, TileSize,
-    Traversal, Triangles, Vectors, Width,
+    AddedValues, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading,
+    Strategy, TileSize, Traversal, Triangles, Vectors, Width,
 };
 use crate::error::{Error, Result, nearest};
 
@@ -33,6 +33,7 @@ const PAPER: Strategy = Strategy {
     leaf_size: LeafSize::L4,
     tile: TileSize::T32x16,
     math: Math::Strict,
+    added: AddedValues::NONE,
 };
 
 /// What raycl starts from when it is free to choose.

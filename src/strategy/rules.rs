@@ -18,9 +18,9 @@ impl Strategy {
     /// contradict each other.
     pub fn contradiction(&self) -> Option<String> {
         let family = self.family();
-        let broken = family.broken_rule(&self.axes());
+        let broken = family.broken_rule(&self.built_in_axes());
         let refused = broken.map(|(rule, value)| refusal(family.label, rule, value));
-        refused.or_else(|| self.conflict().map(str::to_owned))
+        refused.or_else(|| self.conflict().map(str::to_owned)).or_else(|| self.added_conflict())
     }
 
     /// Why two of its values contradict each other in any family, if so.

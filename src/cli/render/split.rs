@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     check_target(&target)?;
     let loaded = load_scene_with(&args.scene, &scene_overrides(args)?)?;
     let scene = &loaded.scene;
-    let sources = args.cl_dir.clone().map_or(Sources::Embedded, Sources::Folder);
+    let sources = Sources::of(args.cl_dir.clone())?;
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
     // One strategy for all, as the pixels are to be the same.
