@@ -21,11 +21,14 @@ demo: build ## build, cast the paper's scenes in a few strategies, say where pic
 setup-tests:
 	@.ci/setup --test
 
+# One test more than cores, since some wait.
+TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked
+
 test: setup-tests ## run the tests
-	cargo test --locked
+	$(TEST)
 
 test-long: setup-tests ## run them without leaving anything out: every preset at every local size (half an hour)
-	RAYCL_TEST_LONG=1 cargo test --locked
+	RAYCL_TEST_LONG=1 $(TEST)
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
 	@.ci/test-intel

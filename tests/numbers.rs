@@ -2,7 +2,7 @@
 //! triangles, normals of no length.
 
 use crate::common::apart::apart;
-use crate::common::{Stand, compiles_soon, scene};
+use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::Vec3;
 use raycl::image::Radiance;
 use raycl::reference::reference;
@@ -11,7 +11,7 @@ use raycl::strategy::{Epsilons, PRESETS, Strategy};
 use raycl::verify::verify;
 
 const SIZE: [u32; 2] = [30, 20];
-const LOCAL: [u32; 2] = [4, 2];
+const LOCAL: [u32; 2] = COMMON_LOCAL_SIZE;
 
 /// The same scene in other units: lengths times `factor`, powers times its square.
 fn scaled(scene: &Scene, factor: f32) -> Scene {

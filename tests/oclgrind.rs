@@ -2,6 +2,7 @@
 //! never written. `make test` installs it; without it these tests fail.
 
 use crate::common::cover::pairwise_cover;
+use crate::common::is_long;
 use raycl::strategy::{PRESETS, Strategy, Traversal, Width};
 use std::path::Path;
 use std::process::Command;
@@ -85,9 +86,15 @@ fn presets_of_one_ray_read_nothing_unwritten() {
 
 #[test]
 fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
-    let cover = pairwise_cover();
+    let cover: Vec<_> =
+        pairwise_cover().into_iter().enumerate().filter(in_this_run).map(|(_, s)| s).collect();
     let run = all_clean("figure-4.toml", &cover, "4x2", RACES);
     assert!(run * 10 > cover.len() * 8, "only {run} of {} fit", cover.len());
+}
+
+/// All of it, or the half that PoCL does not verify in tests/kernels.rs, with tiles that work-items share.
+fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
+    is_long() || row % 2 == 1 || strategy.shares_tiles()
 }
 
 /// A copy of `cl/` with one change, which some file must have.

@@ -137,8 +137,9 @@ fn the_environment_says_what_ran_where() {
 #[test]
 fn a_dry_run_compiles_nothing_and_writes_nothing() {
     let (place, device) = (place(), device());
-    // Kernels that are not there could not be compiled.
-    let text = place.output(&arguments(&device, &["--dry-run", "--cl-dir", "nowhere"]));
+    std::fs::create_dir_all(place.path("kernels/common")).expect("a folder");
+    std::fs::write(place.path("kernels/common/hit.cl"), "no C at all").expect("a file that does not compile");
+    let text = place.output(&arguments(&device, &["--dry-run", "--cl-dir", "kernels"]));
     has(&text, &["__local B", "scratch B", "naive 4x4", "local-vectors 8x2", "host", "5 points, 0 of which"]);
     assert!(!place.path("out").exists());
     let json = place.output(&arguments(&device, &["--dry-run", "--json", "--set", "baselines=[]"]));

@@ -29,13 +29,17 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Writes the report. It reads records and pictures, never a device.
+/// Writes the report, and a single folder's summaries again. It reads records and pictures, never a device.
 pub fn run(args: Args) -> Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
     let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;
     out.check([report::PAGE])?;
     let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
     let written = report::write(&folders, &mut out)?;
+    if let ([folder], None) = (&folders[..], &args.out) {
+        let of_config = |key| folder.config(key).unwrap_or_default();
+        folder.summarise(&of_config("question"), &of_config("expectation"))?;
+    }
     let (plots, count) = &written.plots;
     if args.json {
         return super::print_json(&serde_json::json!({

@@ -6,7 +6,7 @@ use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
 use crate::record::{
     CurrentPlan, Environment, Folder, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines,
-    summary_csv, summary_markdown, sync_folder, write_whole,
+    sync_folder,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -109,9 +109,7 @@ impl Results {
     /// Writes the summaries of what the folder shows by its plan, and returns that.
     pub fn summarise(&self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
-        let markdown = summary_markdown(&shown.records, &shown.notes, question, expectation);
-        write_whole(&self.folder.join("summary.md"), markdown.as_bytes())?;
-        write_whole(&self.folder.join("summary.csv"), &summary_csv(&shown.records)?)?;
+        shown.summarise(question, expectation)?;
         Ok(shown.records)
     }
 }

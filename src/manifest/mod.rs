@@ -6,6 +6,8 @@
 
 mod constants;
 mod families;
+#[cfg(test)]
+mod labels;
 mod parameters;
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign as _;
 
 /// Presets, and what is a value or two of other axes away from them: every file of every family is in one of them.
-fn strategies() -> Vec<Strategy> {
+pub(super) fn strategies() -> Vec<Strategy> {
     let mut all: Vec<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     for strategy in all.clone() {
         for axis in AXES {
@@ -25,7 +25,11 @@ fn strategies() -> Vec<Strategy> {
     all
 }
 
-fn spec(strategy: &Strategy) -> ProgramSpec {
+pub(super) fn spec(strategy: &Strategy) -> ProgramSpec {
+    spec_of(&Sources::Embedded, strategy)
+}
+
+pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
     let workload = Workload {
         triangles: 10,
         positions: 10,
@@ -38,8 +42,7 @@ fn spec(strategy: &Strategy) -> ProgramSpec {
     };
     let builtins =
         Builtins { reduce: true, prefetch: false, lanes: LaneOperations::Barriers, opencl_3: true };
-    ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins)
-        .unwrap_or_else(|error| panic!("{error}"))
+    ProgramSpec::new(sources, strategy, &workload, builtins).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The words of a text without its comments.

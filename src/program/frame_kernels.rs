@@ -1,25 +1,52 @@
 //! Which kernels of a program a frame runs.
 
-use crate::strategy::{Passes, Strategy, Traversal};
+use crate::manifest::{Family, Role};
+use crate::strategy::{Passes, Strategy};
 
-/// The kernels that cast a frame of a scene with lights, in the order they first run.
+/// The kernels that cast a frame of a scene with lights, in the order they first run, by the manifest.
 pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
-    let fused = strategy.passes == Passes::Fused;
-    if strategy.shares_tiles() {
-        let own: &[_] = match fused {
-            true => &["tile_cast", "tile_shadow", "tile_shade"],
-            false => &["tile_primary", "tile_shadow", "tile_left_over", "tile_shade"],
-        };
-        let prepared = strategy.intersector.prepares_planes().then_some("tile_prepare");
-        return prepared.into_iter().chain(own.iter().copied()).collect();
+    let family = strategy.family();
+    let runs = runs(family, strategy.passes == Passes::Fused);
+    let kernels = family.kernels.iter().filter(|kernel| strategy.holds(kernel.when) && runs(kernel.role));
+    kernels.map(|kernel| kernel.name).collect()
+}
+
+/// Which roles have a part in a frame: where passes are fused, the frame's kernel does what it can, and shades, too, where
+/// no other kernel casts shadow rays.
+fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
+    let shades_apart = family.kernel(Role::Shadow).is_some();
+    move |role| match role {
+        Role::Prepare | Role::Shadow => true,
+        Role::Frame => fused,
+        Role::Primary | Role::Resolve | Role::LeftOver => !fused,
+        Role::Shade => !fused || shades_apart,
+        Role::Rays => false,
     }
-    let own: &[_] = match (strategy.traversal, fused) {
-        (Traversal::Tile, true) => &["tile_frame"],
-        (Traversal::Tile, false) => &["tile_primary", "tile_shade"],
-        (Traversal::Raster, _) => &["raster_depth", "raster_nearest", "shade_nearest"],
-        (_, true) => &["cast_frame"],
-        (_, false) => &["cast_primary", "shade_nearest"],
-    };
-    let prepared = strategy.intersector.prepares_planes().then_some("prepare_origins");
-    prepared.into_iter().chain(own.iter().copied()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    fn kernels(name: &str, passes: Passes) -> Vec<&'static str> {
+        let strategy = preset(name).unwrap_or_else(|error| panic!("{error}")).strategy;
+        frame_kernels(&Strategy { passes, ..strategy })
+    }
+
+    #[test]
+    fn a_frame_runs_what_its_passes_need_in_order() {
+        let fused = Passes::Fused;
+        assert_eq!(kernels("naive", fused), ["cast_frame"]);
+        assert_eq!(kernels("tile", fused), ["tile_frame"]);
+        assert_eq!(kernels("tile-group", fused), ["tile_prepare", "tile_cast", "tile_shadow", "tile_shade"]);
+        let separate = Passes::Separate;
+        assert_eq!(kernels("bvh", separate), ["cast_primary", "shade_nearest"]);
+        assert_eq!(kernels("tile", separate), ["tile_primary", "tile_shade"]);
+        assert_eq!(kernels("raster", separate), ["raster_depth", "raster_nearest", "shade_nearest"]);
+        assert_eq!(
+            kernels("tile-group-watertight", separate),
+            ["tile_primary", "tile_shadow", "tile_left_over", "tile_shade"]
+        );
+    }
 }

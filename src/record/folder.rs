@@ -3,7 +3,7 @@
 use super::plan::CurrentPlan;
 use super::scenes::tell_scenes_apart;
 use super::types::Record;
-use super::{DIRTY, is_dirty, ordinary, read_lines};
+use super::{DIRTY, is_dirty, ordinary, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -57,6 +57,13 @@ impl Folder {
     pub fn config(&self, key: &str) -> Option<String> {
         let table: toml::Table = toml::from_str(self.environment["config"].as_str()?).ok()?;
         Some(table.get(key)?.as_str()?.to_owned())
+    }
+
+    /// Writes `summary.md` and `summary.csv` of what it shows.
+    pub fn summarise(&self, question: &str, expectation: &str) -> Result<()> {
+        let markdown = summary_markdown(&self.records, &self.notes, question, expectation);
+        write_whole(&self.path.join("summary.md"), markdown.as_bytes())?;
+        write_whole(&self.path.join("summary.csv"), &summary_csv(&self.records)?)
     }
 }
 

@@ -24,6 +24,9 @@ pub fn device() -> Device {
     (*chosen.first().expect("a usable test device")).clone()
 }
 
+/// A local size that tests share where any would do, so that PoCL compiles for it once.
+pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
+
 /// Whether this is `make test-long`, which leaves out nothing. `make test` takes samples where compiling takes minutes.
 pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
