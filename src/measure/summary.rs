@@ -58,13 +58,6 @@ impl Summary {
     }
 }
 
-/// The median of values in any order; none of no values.
-pub(super) fn median_of(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    (!sorted.is_empty()).then(|| quantile(&sorted, 0.5))
-}
-
 /// The quantile `q` (0 to 1) of at least one sorted value, interpolated linearly
 /// (type 7 of Hyndman and Fan 1996, as R and NumPy have it).
 fn quantile(sorted: &[f64], q: f64) -> f64 {
