@@ -35,7 +35,8 @@ impl Drop for Held {
     fn drop(&mut self) {
         // Who takes it next writes over what stays here. Closing alone would not let go of it: a process that is being
         // started has the file, too, until it runs its own program.
-        let _ = self.file.set_len(0).and_then(|()| self.file.unlock());
+        let _ = self.file.set_len(0);
+        let _ = self.file.unlock();
     }
 }
 
