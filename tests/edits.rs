@@ -355,9 +355,10 @@ fn between<'t>(text: &'t str, from: &str, to: &str) -> &'t str {
     rest.split_once(to).map_or("", |(inner, _)| inner)
 }
 
+/// Six points of a run on 2026-11-20, before folders had a plan.
 #[test]
-fn the_repositorys_results_are_read_without_a_plan() {
-    let folder = repository("docs/results/2026-11-20-h200/figure-8");
+fn results_of_before_are_read_without_a_plan() {
+    let folder = repository("tests/data/old-results");
     let place = Place::new();
     let out = place.path("out");
     let names = [folder.to_str().expect("UTF-8"), out.to_str().expect("UTF-8")];
