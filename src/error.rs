@@ -111,6 +111,13 @@ impl Error {
         self
     }
 
+    /// The mistake of naming a file that cannot be read: the remedy is the nearest name beside it, or else `otherwise`.
+    pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
+        let meant = nearest_file(path).map(|meant| format!("did you mean `{}`?", meant.display()));
+        Self::input(format!("cannot read the {what} `{}`: {error}", path.display()))
+            .with_help(meant.unwrap_or_else(|| otherwise.to_owned()))
+    }
+
     /// Gives an input error that has no place yet the place that `at` gives its message; the remedy stays.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {

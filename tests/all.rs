@@ -30,6 +30,7 @@ mod report;
 mod reproduce;
 mod run;
 mod scenes;
+mod session;
 mod split;
 mod supervisor;
 mod torture;

@@ -1,10 +1,12 @@
 //! `raycl kernel`: what it prints is what a compiler sees, and casts what the strategy casts.
 
 use crate::binary::{Place, has};
-use crate::common::{Built, Stand};
+use crate::common::Stand;
 use raycl::device::{Builtins, LaneOperations};
+use raycl::image::Radiance;
+use raycl::launch::Prepared;
 use raycl::program::preprocess::{canonical, preprocess};
-use raycl::program::{BuiltProgram, ProgramSpec, Sources, frame_kernels};
+use raycl::program::{ProgramSpec, Sources, frame_kernels};
 use raycl::strategy::{PRESETS, Strategy, Workload, preset};
 use std::collections::BTreeMap;
 use std::io::Write as _;
@@ -97,14 +99,16 @@ fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
 }
 
 /// The same program from what the binary prints of it, with no define from outside: the text has all it needs.
-fn rebuilt(stand: &Stand, name: &str, strategy: &Strategy, built: &Built) -> BuiltProgram {
-    let spec = ProgramSpec::new(&Sources::Embedded, strategy, &built.workload, stand.builtins);
-    let options = spec.expect("a program").options;
-    let options = options.split_whitespace().filter(|word| word.starts_with("-cl")).collect::<Vec<_>>();
-    let source = printed(name, SCENE, built.workload.local_size);
-    let spec = ProgramSpec { source, options: options.join(" "), files: Vec::new() };
-    BuiltProgram::build(&stand.queue.context, stand.queue.device, &spec)
-        .unwrap_or_else(|error| panic!("{name}: {error}"))
+fn reprinted(name: &str, built: &Prepared) -> ProgramSpec {
+    let options = built.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
+    let options = options.collect::<Vec<_>>().join(" ");
+    ProgramSpec { source: printed(name, SCENE, built.workload.local_size), options, files: Vec::new() }
+}
+
+fn image(built: &Prepared) -> Radiance {
+    let caster = built.caster().expect("a caster");
+    caster.cast().expect("a frame");
+    caster.read().expect("an image").0
 }
 
 const SCENE: &str = "still-life.toml";
@@ -126,16 +130,13 @@ fn what_is_printed_casts_the_same_image() {
         if !width.is_empty() {
             strategy.set("width", width).expect("a width");
         }
-        let mut built = stand.build(&strategy, [8, 4]).expect("a device that holds it");
-        let own = casts.then(|| stand.cast_built(&strategy, &built).expect("an image").0);
-        built.program = rebuilt(&stand, name, &strategy, &built);
-        match own {
-            Some(own) => {
-                let image = stand.cast_built(&strategy, &built).expect("an image").0;
-                assert!(image == own, "{name}: another image");
-            }
-            None => drop(stand.caster(&strategy, &built).unwrap_or_else(|error| panic!("{name}: {error}"))),
-        }
+        let own = stand.build(&strategy, [8, 4]).expect("a device that holds it");
+        let mut session = stand.session.borrow_mut();
+        let again = session.build(&strategy, &own.workload, reprinted(name, &own));
+        let again = again.unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
+        // It has all kernels of a frame.
+        again.caster().unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
+        assert!(!casts || image(&again) == image(&own), "{name}: another image");
     }
 }
 

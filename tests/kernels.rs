@@ -4,6 +4,8 @@
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, is_long, scene};
+use raycl::device::Builtins;
+use raycl::program::Sources;
 use raycl::strategy::{PRESETS, Strategy, Traversal, Vectors, Width, preset};
 
 /// The paper's local sizes and some that divide nothing.
@@ -79,8 +81,8 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
 #[test]
 fn presets_of_vectors_that_no_built_in_reduces() {
     apart!();
-    let mut stand = Stand::new(scene("still-life.toml"), SIZE);
-    stand.builtins.reduce = false;
+    let scalars = |builtins| Builtins { reduce: false, ..builtins };
+    let mut stand = Stand::of(&Sources::Embedded, scene("still-life.toml"), SIZE, scalars);
     let vectors = PRESETS.iter().map(|preset| preset.strategy);
     let vectors = vectors.filter(|s| s.tests_every_triangle() && s.width != Width::W1);
     assert_eq!(vectors.clone().count(), 6);

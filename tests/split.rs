@@ -4,7 +4,6 @@
 use crate::binary::{Place, TRIANGLE, repository};
 use crate::common::apart::apart;
 use crate::common::{Stand, is_long, scene};
-use raycl::launch::Caster;
 use raycl::strategy::preset;
 use serde_json::Value;
 
@@ -109,10 +108,7 @@ fn a_batch_has_the_mean_time_of_its_frames_and_the_same_picture() {
     let strategy = preset("deferred").expect("a preset").strategy;
     let built = stand.build(&strategy, [4, 4]).expect("it fits");
     let expected = stand.cast(&strategy, [4, 4]).expect("an image");
-    let (world, none) = (scene("pyramid-lower.toml"), built.tree.as_ref());
-    let caster =
-        Caster::new(&stand.queue, &built.program, &strategy, &built.workload, &world, &built.scene, none)
-            .expect("a caster");
+    let caster = built.caster().expect("a caster");
     assert_eq!(caster.cast().expect("a frame").batch, None);
     let times = caster.cast_batch(5).expect("a batch");
     assert_eq!(times.batch, Some(5));

@@ -7,7 +7,6 @@ use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
 };
 use crate::common::{Stand, compiles_soon};
-use raycl::launch::cast_rays;
 use raycl::scene::Scene;
 use raycl::strategy::{
     Intersector, NodeWidth, Passes, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
@@ -65,9 +64,8 @@ fn leaks_of_rays(stand: &Stand, scene: &Scene, strategy: &Strategy) -> usize {
     let built = stand.build(strategy, LOCAL_SIZE).expect("a strategy that fits");
     let leaks = |origin| {
         let (rays, targets) = rays_at_edges(&scene.mesh, origin, RAYS / ORIGINS.len());
-        let (program, tree) = (&built.program, built.tree.as_ref());
-        let hits = cast_rays(&stand.queue, program, strategy, LOCAL_SIZE, &built.scene, tree, &rays);
-        let rays = rays.iter().zip(targets).zip(hits.expect("a cast"));
+        let hits = built.cast_rays(&rays).expect("a cast");
+        let rays = rays.iter().zip(targets).zip(hits);
         rays.filter(|((ray, target), hit)| !is_stopped(&scene.mesh, ray, *target, *hit)).count()
     };
     ORIGINS.into_iter().map(leaks).sum()

@@ -3,14 +3,15 @@
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::launch::{Caster, DeviceScene, DeviceTree, Queue};
+use crate::launch::{Refused, Session};
 use crate::output::{Choice, OutFolder};
 use crate::program::made::is_ptx;
-use crate::program::{BuiltProgram, CACHE_DISABLE, MadeKernel, ProgramSpec, Sources};
-use crate::scene::{Scene, load_scene};
-use crate::strategy::{Requirements, Strategy, Workload};
+use crate::program::{CACHE_DISABLE, MadeKernel, Sources};
+use crate::scene::load_scene;
+use crate::strategy::Strategy;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Arguments of `raycl compile`.
 #[derive(Debug, clap::Args)]
@@ -73,9 +74,9 @@ pub fn run(args: Args) -> Result<()> {
     strategies.iter().try_for_each(|strategy| strategy.check())?;
     let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
     let device = one_device(args.device.as_deref(), &sources)?;
-    let queue = Queue::open(device.platform, device.device)?;
+    let mut session = Session::open(&device, &sources, Arc::new(scene))?;
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
-        let (made, files) = compile(&args, &device, &queue, &scene, strategy)?;
+        let (made, files) = compile(&args, &device, &mut session, strategy)?;
         if let Some(out) = &mut out {
             keep(out, &folder_name(text), &made, files)?;
         }
@@ -118,30 +119,15 @@ type Files = Vec<(&'static str, Vec<u8>)>;
 fn compile(
     args: &Args,
     device: &Device,
-    queue: &Queue,
-    scene: &Scene,
+    session: &mut Session,
     strategy: &Strategy,
 ) -> Result<(Made, Files)> {
-    let failed = |what: &str, error: &dyn std::fmt::Display| Error::run(format!("{what} failed: {error}"));
-    let mut workload = Workload::of(scene, IMAGE_SIZE, args.local_size);
-    Requirements::check(strategy, &workload, &device.info.limits).map_err(|infeasible| {
-        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
-    })?;
-    let tree = DeviceTree::build(queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
-    workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-    let sources = Sources::of(args.cl_dir.clone())?;
-    let spec = ProgramSpec::new(&sources, strategy, &workload, device.info.builtins())?;
-    let program = BuiltProgram::build(&queue.context, queue.device, &spec)
-        .map_err(|error| failed("the build", &error))?;
-    let uploaded =
-        DeviceScene::upload(queue, scene, strategy).map_err(|error| failed("uploading the scene", &error))?;
-    let caster = Caster::new(queue, &program, strategy, &workload, scene, &uploaded, tree.as_ref())
-        .map_err(|error| failed("preparing the frame", &error))?;
+    let refused = |refused: Refused| refused.into_error(&device.info.name);
+    let prepared = session.prepare(strategy, IMAGE_SIZE, args.local_size).map_err(refused)?;
+    let caster = prepared.caster().map_err(refused)?;
+    let (spec, program) = (&prepared.spec, &prepared.program);
     let (log, ptx) = (program.log(), program.ptx());
-    let capability = device.info.hardware.compute_capability.as_deref();
-    let items = args.local_size.iter().product();
-    let made = |kernel| MadeKernel::of(kernel, queue.device, &log, &ptx).predicted(capability, items);
-    let kernels = caster.kernels().map(made).collect();
+    let kernels = prepared.made(&caster, &log, &ptx);
     let binary = if args.out.is_some() { program.binary() } else { Vec::new() };
     let binary_is_ptx = !ptx.is_empty() || is_ptx(&binary);
     let made = Made {
@@ -154,7 +140,7 @@ fn compile(
         kernels,
     };
     let files = vec![
-        ("source.cl", spec.source.into_bytes()),
+        ("source.cl", spec.source.clone().into_bytes()),
         ("options.txt", format!("{}\n", spec.options).into_bytes()),
         ("build.log", format!("{log}\n").into_bytes()),
         (if binary_is_ptx { "binary.ptx" } else { "binary.bin" }, binary),

@@ -3,10 +3,9 @@
 mod title;
 
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
-use crate::accel::WideBvh;
 use crate::device::{Builtins, Device};
-use crate::error::{Error, Result};
-use crate::launch::{DeviceTree, Queue, preprocess_for};
+use crate::error::Result;
+use crate::launch::{Queue, Refused, preprocess_for, stack_size};
 use crate::manifest::GROUP_LANES;
 use crate::program::preprocess::{Preprocessed, canonical, preprocess, read};
 use crate::program::{ProgramSpec, Sources, frame_kernels};
@@ -95,8 +94,8 @@ fn on_device(
     spec: &ProgramSpec,
 ) -> Result<Preprocessed> {
     Requirements::check(strategy, workload, &device.info.limits).map_err(|infeasible| {
-        Error::input(format!("{} cannot hold this: {}", device.info.name, infeasible.reason))
-            .with_help("choose another --local-size or --scene")
+        let refused = Refused::Device(infeasible).into_error(&device.info.name);
+        refused.with_help("choose another --local-size or --scene")
     })?;
     preprocess_for(&Queue::open(device.platform, device.device)?, spec)
 }
@@ -110,12 +109,6 @@ fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Work
     let local_size = args.local_size.unwrap_or(usual);
     let Some(path) = &args.scene else { return Ok(Workload { local_size, ..SMALL }) };
     let scene = load_scene(path)?.scene;
-    let mut workload = Workload::of(&scene, IMAGE_SIZE, local_size);
-    if strategy.needs_tree() {
-        let (children, leaf_size) = (strategy.node_width.children(), strategy.leaf_size.triangles());
-        let tree = WideBvh::of_mesh(&scene.mesh, children, leaf_size)
-            .map_err(|error| Error::run(format!("the tree failed: {error}")))?;
-        workload.stack_size = DeviceTree::stack_size_of(&tree);
-    }
-    Ok(workload)
+    let stack_size = stack_size(&scene.mesh, strategy).map_err(|refused| refused.into_error("the host"))?;
+    Ok(Workload { stack_size, ..Workload::of(&scene, IMAGE_SIZE, local_size) })
 }

@@ -11,18 +11,19 @@ use super::watch::{RecursiveMode, watch};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::{Radiance, check_target, save};
-use crate::launch::{Caster, DeviceScene, DeviceTree, FrameTimes, Queue};
+use crate::launch::{FrameTimes, Prepared, Queue, Refused, Session};
 use crate::measure::Summary;
-use crate::memory::{Available, peak_bytes, resident_bytes};
+use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
-use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::reference;
 use crate::scene::{Loaded, Scene, load_scene_with};
-use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload, fastest};
+use crate::strategy::{Strategy, Traversal, fastest};
 use crate::verify::{Verdict, verify};
 use report::{Report, Verified};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Arguments of `raycl render`.
@@ -109,29 +110,29 @@ fn render(args: &Args) -> Result<()> {
     check_target(&target)?;
     let sources = Sources::of(args.cl_dir.clone())?;
     let Opened { loaded, device, queue, load_ms, discover_ms } = open(args, &sources)?;
-    let scene = &loaded.scene;
+    let Loaded { scene, notes } = loaded;
+    let scene = Arc::new(scene);
     let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
-    let mut workload = Workload::of(scene, [args.width, args.height], local_size);
-    let device_bytes = fit(args, &device, &strategy, &mut workload)?;
-    let needs = HostNeeds::of(&strategy, &workload, queue.shares_memory, args.verify);
-    host_fits(&needs)?;
-    let cast = cast(args, &device, &queue, scene, &strategy, &mut workload, &sources)?;
+    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).verifying(args.verify);
+    let prepared = prepare(args, session, &strategy, local_size);
+    let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
+    let cast = cast(args, &device, &prepared)?;
     let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(scene, &cast.image, &strategy, target.path())).transpose()?;
+    let verified = args.verify.then(|| check(&scene, &cast.image, &strategy, target.path())).transpose()?;
     let report = Report {
         load_ms,
         discover_ms,
         save_ms,
         total_ms: ms_since(start),
         frames: args.repeat,
-        host_bytes: needs.bytes(),
-        device_bytes,
+        host_bytes: prepared.host_bytes,
+        device_bytes: prepared.device_bytes(),
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: loaded.notes.iter().cloned().chain(dirty_program()).collect(),
-        ..Report::of(scene, &device, &strategy, &workload, &cast)
+        notes: notes.into_iter().chain(dirty_program()).collect(),
+        ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     match (args.json, args.quiet) {
         (true, _) => super::print_json(&report),
@@ -167,31 +168,20 @@ fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     })
 }
 
-const SMALLER: &str =
-    "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
-
-/// Refuses what the device cannot hold; the bytes of its buffers otherwise. Where the local size is free, as many tiles
-/// share a work-group as fit.
-fn fit(args: &Args, device: &Device, strategy: &Strategy, workload: &mut Workload) -> Result<u64> {
+/// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
+fn prepare(
+    args: &Args,
+    mut session: Session,
+    strategy: &Strategy,
+    [across, mut down]: [u32; 2],
+) -> std::result::Result<Prepared, Refused> {
+    let may_shrink = strategy.shares_tiles() && args.local_size.is_none();
     loop {
-        let refused = match Requirements::check(strategy, workload, &device.info.limits) {
-            Ok(needed) => return Ok(needed.global_bytes + needed.scratch_bytes),
-            Err(refused) => refused,
-        };
-        let [_, tiles] = &mut workload.local_size;
-        if !strategy.shares_tiles() || args.local_size.is_some() || *tiles == 1 {
-            let reason = format!("{} cannot hold this: {}", device.info.name, refused.reason);
-            return Err(Error::input(reason).with_help(SMALLER));
+        match session.prepare(strategy, [args.width, args.height], [across, down]) {
+            Err(Refused::Device(_)) if may_shrink && down > 1 => down /= 2,
+            other => return other,
         }
-        *tiles /= 2;
     }
-}
-
-/// Refuses what the host cannot hold.
-fn host_fits(needs: &HostNeeds) -> Result<()> {
-    needs.check(&Available::read(), resident_bytes().unwrap_or(0)).map_err(|infeasible| {
-        Error::input(format!("this machine cannot hold this: {}", infeasible.reason)).with_help(SMALLER)
-    })
 }
 
 /// What `work` gives, and how long it took.
@@ -250,9 +240,7 @@ struct Cast {
     image: Radiance,
     hits: usize,
     times: FrameTimes,
-    tree_ms: f64,
     build_ms: f64,
-    upload_ms: f64,
     read_ms: f64,
 }
 
@@ -260,43 +248,22 @@ struct Cast {
 /// is timed only where it took longer than this, beside which neither counts.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-fn cast(
-    args: &Args,
-    device: &Device,
-    queue: &Queue,
-    scene: &Scene,
-    strategy: &Strategy,
-    workload: &mut Workload,
-    sources: &Sources,
-) -> Result<Cast> {
-    let failed = |what: &str, error: &dyn std::fmt::Display| Error::run(format!("{what} failed: {error}"));
-    let tree = DeviceTree::build(queue, &scene.mesh, strategy).map_err(|error| failed("the tree", &error))?;
-    workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-    fit(args, device, strategy, workload)?;
-    let build_start = Instant::now();
-    let spec = ProgramSpec::new(sources, strategy, workload, device.info.builtins())?;
-    let program = BuiltProgram::build(&queue.context, queue.device, &spec)
-        .map_err(|error| failed("the build", &error))?;
-    let mut build_ms = ms_since(build_start);
-    let device_scene =
-        DeviceScene::upload(queue, scene, strategy).map_err(|error| failed("uploading the scene", &error))?;
-    let caster = Caster::new(queue, &program, strategy, workload, scene, &device_scene, tree.as_ref())
-        .map_err(|error| failed("preparing the frame", &error))?;
+fn cast(args: &Args, device: &Device, prepared: &Prepared) -> Result<Cast> {
+    let refused = |refused: Refused| refused.into_error(&device.info.name);
+    let caster = prepared.caster().map_err(refused)?;
     // A picture alone disturbs, but it is no measurement: it never waits.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let frame = || caster.cast().map_err(|error| failed("the launch", &error));
+    let frame = || caster.cast().map_err(Refused::at("the launch")).map_err(refused);
     let first = frame()?;
     // Some drivers compile a kernel when it is first launched: that is build time too.
-    build_ms += (first.host_ms - first.frame_ms).max(0.0);
+    let build_ms = prepared.program.build_ms + (first.host_ms - first.frame_ms).max(0.0);
     let mut frames: Vec<_> = Some(first).filter(|first| first.frame_ms > LONG_FRAME_MS).into_iter().collect();
     while frames.len() < args.repeat as usize {
         frames.push(frame()?);
     }
     let (read, read_ms) = timed(|| caster.read());
-    let (image, hits) = read.map_err(|error| failed("reading the image", &error))?;
-    let upload_ms = device_scene.upload_ms + tree.as_ref().map_or(0.0, |tree| tree.upload_ms);
-    let tree_ms = tree.map_or(0.0, |tree| tree.build_ms);
-    Ok(Cast { image, hits, times: medians(&frames), tree_ms, build_ms, upload_ms, read_ms })
+    let (image, hits) = read.map_err(Refused::at("reading the image")).map_err(refused)?;
+    Ok(Cast { image, hits, times: medians(&frames), build_ms, read_ms })
 }
 
 fn medians(frames: &[FrameTimes]) -> FrameTimes {

@@ -3,7 +3,10 @@
 //! reported at its line.
 
 mod document;
+mod lists;
+mod numbers;
 mod scenes;
+mod sizes;
 mod strategies;
 #[cfg(test)]
 mod tests;
@@ -15,7 +18,7 @@ pub use types::{Baseline, Emulate, Experiment, NamedStrategy, SceneChoice, Timin
 
 use std::path::Path;
 
-use crate::error::{Error, Result, nearest_file};
+use crate::error::{Error, Result};
 use crate::filetype::{Opened, Wanted, scene_instead};
 use document::Document;
 
@@ -25,11 +28,15 @@ use document::Document;
 /// replaced, tables merged. Paths of scenes are relative to the file.
 /// Any mistake is an input error that names the file, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
-    let opened = Opened::at(path).map_err(|error| unreadable(path, &error))?;
+    let unreadable = |error| {
+        let otherwise = "give the path of an experiment (.toml), such as configs/quick.toml";
+        Error::unreadable("experiment", path, &error, otherwise)
+    };
+    let opened = Opened::at(path).map_err(unreadable)?;
     if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Experiment) {
         return Err(refusal);
     }
-    let text = opened.text().map_err(|error| unreadable(path, &error))?;
+    let text = opened.text().map_err(unreadable)?;
     if text.trim().is_empty() {
         return Err(Error::input(format!("{} is empty", path.display())).with_help(
             "an experiment has a question, scenes, image sizes and strategies: see configs/quick.toml",
@@ -43,12 +50,4 @@ pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Resul
     let document = Document::new(path.display().to_string(), text, overrides)?;
     let wire = document.read().map_err(|error| scene_instead(path, document.text()).unwrap_or(error))?;
     validate::experiment(wire, path, &document)
-}
-
-fn unreadable(path: &Path, error: &std::io::Error) -> Error {
-    let message = format!("cannot read the experiment {}: {error}", path.display());
-    Error::input(message).with_help(match nearest_file(path) {
-        Some(meant) => format!("did you mean {}?", meant.display()),
-        None => "give the path of an experiment (.toml), such as configs/quick.toml".to_owned(),
-    })
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use toml::Spanned;
 
 use super::document::Document;
+use super::sizes::local_sizes;
 use super::types::NamedStrategy;
-use super::validate::local_sizes;
 use super::wire::{Choices, StrategyEntry};
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};

@@ -230,7 +230,7 @@ fn broken_toml_and_a_missing_file_are_input_errors() {
     refuses(&GOOD.replace("[[800, 500]]", "[[800, 500"), &["this is not TOML", "test.toml:"]);
     let error = load(&PathBuf::from("no/such.toml"), &[]).expect_err("it was read");
     assert_eq!(error.exit_code(), 2);
-    assert!(error.to_string().contains("cannot read the experiment no/such.toml"));
+    assert!(error.to_string().contains("cannot read the experiment `no/such.toml`"));
 }
 
 #[test]

@@ -1,22 +1,18 @@
 //! From what the file spells to an experiment that makes sense.
 
-use std::fmt::Display;
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use toml::Spanned;
 
 use super::document::Document;
+use super::lists::{distinct, not_empty};
+use super::numbers::{real, whole};
+use super::sizes::{image_sizes, local_sizes};
 use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::error::{Result, nearest};
 
-/// Pixels an image may have across or down.
-const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
-/// Work-items a work-group may have across or down; a device may allow fewer.
-const LOCAL_SIDE: RangeInclusive<i64> = 1..=1024;
-/// Work-items a work-group may have in all.
-const LOCAL_ITEMS: u64 = 4096;
 /// Samples a point may take.
 const MOST_SAMPLES: i64 = 1_000_000;
 
@@ -82,50 +78,6 @@ fn baselines(document: &Document, list: &[Spanned<String>]) -> Result<Vec<Baseli
     Ok(distinct(list.iter().map(parse).collect::<Result<_>>()?))
 }
 
-fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
-    not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
-    let parse = |wire: &Spanned<wire::Size>| {
-        size(document, wire, "image size", &IMAGE_SIDE, u64::from(u32::MAX), "pixels")
-    };
-    Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
-}
-
-/// Local sizes in the order of the file, each once.
-pub fn local_sizes(document: &Document, list: &[Spanned<wire::Size>]) -> Result<Vec<[u32; 2]>> {
-    let parse = |wire: &Spanned<wire::Size>| {
-        size(document, wire, "local size", &LOCAL_SIDE, LOCAL_ITEMS, "work-items")
-    };
-    Ok(distinct(list.iter().map(parse).collect::<Result<_>>()?))
-}
-
-fn size(
-    document: &Document,
-    wire: &Spanned<wire::Size>,
-    what: &str,
-    side: &RangeInclusive<i64>,
-    most: u64,
-    unit: &str,
-) -> Result<[u32; 2]> {
-    let check = |value: i64, span: Range<usize>| whole(document, value, span, what, side);
-    let [across, down] = match wire.get_ref() {
-        wire::Size::Square(value) => [check(*value, wire.span())?; 2],
-        wire::Size::List(values) => match values.as_slice() {
-            [across, down] => {
-                [check(*across.get_ref(), across.span())?, check(*down.get_ref(), down.span())?]
-            }
-            other => {
-                let message = format!("a {what} has two sides, not {}", other.len());
-                return Err(document.error(wire.span(), message, "expected [across, down]"));
-            }
-        },
-    };
-    if u64::from(across) * u64::from(down) > most {
-        let message = format!("{what} {across} x {down} is too large");
-        return Err(document.error(wire.span(), message, format!("expected at most {most} {unit}")));
-    }
-    Ok([across, down])
-}
-
 fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
     let bytes = |value: &Option<Spanned<i64>>, what: &str| {
         let check = |value: &Spanned<i64>| {
@@ -170,62 +122,4 @@ fn timing(document: &Document, wire: &wire::Timing) -> Result<Timing> {
             default.relative_sigma,
         )?,
     })
-}
-
-fn whole(
-    document: &Document,
-    value: i64,
-    span: Range<usize>,
-    what: &str,
-    range: &RangeInclusive<i64>,
-) -> Result<u32> {
-    match u32::try_from(value) {
-        Ok(number) if range.contains(&value) => Ok(number),
-        _ => Err(out_of_range(document, span, what, value, "a whole number", range)),
-    }
-}
-
-fn real(
-    document: &Document,
-    value: &Option<Spanned<f64>>,
-    what: &str,
-    range: RangeInclusive<f64>,
-    default: f64,
-) -> Result<f64> {
-    let Some(spanned) = value else { return Ok(default) };
-    let value = *spanned.get_ref();
-    if range.contains(&value) {
-        return Ok(value);
-    }
-    Err(out_of_range(document, spanned.span(), what, value, "a number", &range))
-}
-
-fn out_of_range<T: Display>(
-    document: &Document,
-    span: Range<usize>,
-    what: &str,
-    value: T,
-    kind: &str,
-    range: &RangeInclusive<T>,
-) -> crate::Error {
-    let label = format!("expected {kind} from {} to {}", range.start(), range.end());
-    document.error(span, format!("{what} {value} is out of range"), label)
-}
-
-fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expected: &str) -> Result<()> {
-    if !list.get_ref().is_empty() {
-        return Ok(());
-    }
-    Err(document.error(list.span(), format!("'{key}' is empty"), format!("expected at least {expected}")))
-}
-
-/// The list without repetitions, in its order.
-fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
-    let mut kept = Vec::new();
-    for item in list {
-        if !kept.contains(&item) {
-            kept.push(item);
-        }
-    }
-    kept
 }

@@ -1,23 +1,26 @@
 //! All that a point must pass before it is timed: it fits, it builds, it runs, its image is right.
 
-use super::bench::{Bench, Refusal, first_image};
 use super::draft::Drafter;
-use super::hands::Ready;
 use super::oracle::Oracle;
-use super::{Pictures, Point, Work, host, views};
+use super::ready::Ready;
+use super::{Pictures, Point, Refusal, Work, host, views};
 use crate::config::Baseline;
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::Radiance;
+use crate::launch::{Queue, Refused, Session};
 use crate::record::Record;
 use crate::scene::Scene;
-use crate::strategy::{Culling, Workload};
+use crate::strategy::{Culling, Requirements, Strategy};
 use crate::verify::verify;
+use std::sync::Arc;
 
 /// Checks points of one device one after another, and keeps what they share.
 pub struct Checker<'a> {
     drafter: Drafter<'a>,
-    device: Option<(&'a Device, Bench)>,
+    device: Option<(&'a Device, Queue)>,
+    /// The scene at hand on the device.
+    session: Option<Session>,
     pictures: Pictures,
     oracle: Oracle,
 }
@@ -33,10 +36,10 @@ impl<'a> Checker<'a> {
     /// Opens the device; without one only casters on the host can be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
-            Some(device) => Some((device, Bench::open(device, &drafter.experiment.emulate)?)),
+            Some(device) => Some((device, Queue::open(device.platform, device.device)?)),
             None => None,
         };
-        Ok(Self { drafter, device, pictures, oracle: Oracle::default() })
+        Ok(Self { drafter, device, session: None, pictures, oracle: Oracle::default() })
     }
 
     /// The device.
@@ -44,54 +47,44 @@ impl<'a> Checker<'a> {
         self.device.as_ref().map(|(device, _)| *device)
     }
 
-    /// Says that the points checked before were dropped.
-    pub fn let_go(&mut self) {
-        if let Some((_, bench)) = &mut self.device {
-            bench.let_go();
-        }
+    /// Drops what the device has of a scene: another comes.
+    pub fn leave_scene(&mut self) {
+        self.session = None;
+    }
+
+    /// The scene on the device, imitating a smaller one where the experiment says so.
+    fn session(&mut self, scene: &Arc<Scene>) -> Option<&mut Session> {
+        let (device, queue) = self.device.as_ref()?;
+        let Drafter { experiment, sources } = self.drafter;
+        self.session.take_if(|session| !session.is_of(scene));
+        Some(self.session.get_or_insert_with(|| {
+            let session = Session::new(queue.clone(), &device.info, sources, Arc::clone(scene));
+            session.limited(experiment.emulate.apply(device.info.limits)).verifying(true)
+        }))
     }
 
     /// Casts a point once and compares its image with the reference; fills in `record` on the way.
     pub fn check(
         &mut self,
         point: &Point,
-        scene: &Scene,
+        scene: &Arc<Scene>,
         record: &mut Record,
     ) -> Result<std::result::Result<Ready, Refusal>> {
         let cast = match point.work {
             Work::Kernel { strategy, local_size } => {
-                self.cast_kernel(point, strategy, local_size, scene, record)?
+                let strategy = &self.drafter.experiment.strategies[strategy].strategy;
+                match self.session(scene) {
+                    Some(session) => cast_kernel(session, strategy, local_size, record),
+                    None => return Ok(Err(Refusal::no_device())),
+                }
             }
             Work::Host(baseline) => Ok(cast_host(baseline, scene, point.image_size)),
         };
         match cast {
             Ok(cast) => Ok(self.judge(&cast, point.scene, scene, record)?.map(|()| cast.ready)),
-            Err(refusal) => Ok(Err(refusal)),
+            Err(Refused::Mistake(error)) => Err(error),
+            Err(refused) => Ok(Err(refused.into())),
         }
-    }
-
-    fn cast_kernel(
-        &mut self,
-        point: &Point,
-        strategy: usize,
-        local_size: [u32; 2],
-        scene: &Scene,
-        record: &mut Record,
-    ) -> Result<std::result::Result<Cast, Refusal>> {
-        let Some((device, bench)) = &mut self.device else { return Ok(Err(Refusal::no_device())) };
-        let named = &self.drafter.experiment.strategies[strategy];
-        let mut workload = Workload::of(scene, point.image_size, local_size);
-        if let Err(refusal) = bench.grow(named, point.scene, scene, &mut workload) {
-            return Ok(Err(refusal));
-        }
-        let spec = self.drafter.spec(named, &workload, device.info.builtins())?;
-        record.program_hash = Some(spec.hash());
-        let cast = bench.prepare(named, &workload, point.scene, scene, &spec, record).and_then(|caster| {
-            let (image, hits) = first_image(&caster)?;
-            record.shadow_rays = Some((hits * scene.lights.len()) as u64);
-            Ok(Cast { image, culling: named.strategy.culling, ready: Ready::Kernel(Box::new(caster)) })
-        });
-        Ok(cast)
     }
 
     /// Compares an image with the reference and keeps its pictures.
@@ -114,6 +107,31 @@ impl<'a> Checker<'a> {
         }
         Ok(Err(Refusal::wrong_image(verdict.reason.unwrap_or_default())))
     }
+}
+
+/// Casts the first frame, which drivers may still compile for, and writes down what is learnt on the way to it.
+fn cast_kernel(
+    session: &mut Session,
+    strategy: &Strategy,
+    local_size: [u32; 2],
+    record: &mut Record,
+) -> std::result::Result<Cast, Refused> {
+    let workload = session.workload(strategy, record.image_size, local_size)?;
+    let needs = Requirements::of(strategy, &workload);
+    record.local_bytes = Some(needs.local_bytes);
+    record.constant_bytes = Some(needs.constant_bytes);
+    record.scratch_bytes = Some(needs.scratch_bytes);
+    record.private_bytes = Some(needs.private_bytes);
+    let spec = session.spec(strategy, &workload)?;
+    record.program_hash = Some(spec.hash());
+    let prepared = session.build(strategy, &workload, spec)?;
+    record.build_ms = Some(prepared.program.build_ms);
+    let caster = prepared.caster()?;
+    record.kernels = prepared.made(&caster, &prepared.program.log(), &prepared.program.ptx());
+    caster.cast().map_err(Refused::at("the launch"))?;
+    let (image, hits) = caster.read().map_err(Refused::at("reading the image"))?;
+    record.shadow_rays = Some((hits * workload.lights) as u64);
+    Ok(Cast { image, culling: strategy.culling, ready: Ready::Kernel(Box::new(caster)) })
 }
 
 fn cast_host(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> Cast {

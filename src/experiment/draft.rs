@@ -3,13 +3,14 @@
 use super::host::Identity;
 use super::{KeyParts, Point, Work, key};
 use crate::accel;
-use crate::config::{Experiment, NamedStrategy};
-use crate::device::{Builtins, DeviceInfo};
+use crate::config::Experiment;
+use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::program::{ProgramSpec, Sources};
 use crate::record::{HOST, Record};
 use crate::scene::{Loaded, Scene};
 use crate::strategy::Workload;
+use std::sync::Arc;
 
 /// What drafts are made from.
 #[derive(Clone, Copy)]
@@ -23,7 +24,7 @@ pub struct Drafter<'a> {
 /// A scene with what was said of its reading, and its hash, which takes a while to compute.
 pub struct Hashed {
     /// The scene.
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     /// What was passed over or made up when it was read.
     pub notes: Vec<String>,
     /// [`Scene::content_hash`].
@@ -32,7 +33,7 @@ pub struct Hashed {
 
 impl From<Loaded> for Hashed {
     fn from(Loaded { scene, notes }: Loaded) -> Self {
-        Self { hash: scene.content_hash(), scene, notes }
+        Self { hash: scene.content_hash(), scene: Arc::new(scene), notes }
     }
 }
 
@@ -71,22 +72,13 @@ impl Drafter<'_> {
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
                 // Before its tree is built: a key costs no tree. Its depth follows from scene, strategy and builder.
-                record.program_hash = Some(self.spec(named, &workload, builtins)?.hash());
+                let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
+                record.program_hash = Some(spec.hash());
                 tree = if named.strategy.needs_tree() { accel::FINGERPRINT } else { "" };
             }
         }
         record.key = self.key(device, at, &record, tree);
         Ok(record)
-    }
-
-    /// The program of a strategy at a workload.
-    pub fn spec(
-        &self,
-        named: &NamedStrategy,
-        workload: &Workload,
-        builtins: Builtins,
-    ) -> Result<ProgramSpec> {
-        ProgramSpec::new(self.sources, &named.strategy, workload, builtins)
     }
 
     fn key(&self, device: Option<&DeviceInfo>, at: &Hashed, record: &Record, tree: &str) -> String {

@@ -1,6 +1,5 @@
 //! Faults on purpose, for the tests of isolation: `raycl run --fault`, which help does not list.
 
-use super::protocol::Request;
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
 use std::io::Write as _;
@@ -33,9 +32,12 @@ enum Kind {
     Garbage,
 }
 
+/// What a worker is at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Step {
+pub enum Step {
+    /// A point's check.
     Check,
+    /// A frame of it.
     Cast,
 }
 
@@ -73,13 +75,9 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Fails if this request is the one. A hang leaves a file in the folder of results, for who waits for it; a hold
-    /// goes on when that file is removed.
-    pub fn strike(&self, request: &Request, folder: &Path) {
-        let (step, point) = match request {
-            Request::Check { point, .. } => (Step::Check, *point),
-            Request::Cast { point } => (Step::Cast, *point),
-        };
+    /// Fails if this step of this point is the one. A hang leaves a file in the folder of results, for who waits for it; a
+    /// hold goes on when that file is removed.
+    pub fn strike(&self, step: Step, point: usize, folder: &Path) {
         if (step, point) == (self.step, self.point) {
             self.kind.happen(folder);
         }

@@ -1,26 +1,18 @@
 //! What does the work of a run: checks points and casts their frames, one request at a time.
 
-use super::bench::Refusal;
 use super::check::Checker;
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
-use super::{Plan, Point, host};
-use crate::config::Baseline;
+use super::ready::Ready;
+use super::refusal::Refusal;
+use super::{Plan, Point};
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
-use crate::launch::{Caster, FrameTimes};
+use crate::launch::FrameTimes;
 use crate::measure::batch_size;
 use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
 use std::time::Instant;
-
-/// A point that passed its check and can be cast again and again.
-pub enum Ready {
-    /// On a device.
-    Kernel(Box<Caster>),
-    /// On the host.
-    Host(Baseline),
-}
 
 /// A point to be cast, and whether it was warmed up.
 struct Entry {
@@ -67,12 +59,8 @@ impl<'a> Hands<'a> {
 
     fn check(&mut self, number: usize, key: &str) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
-        if self.group.is_none_or(|group| !group.compares_with(&point)) {
-            self.entries.clear();
-            self.checker.let_go();
-            self.group = Some(point);
-        }
-        let at = scene(&mut self.scene, &self.drafter, point.scene)?;
+        self.turn_to(point)?;
+        let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
         let own = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
         let device = self.stands_for.as_ref().filter(|_| own.is_some()).or(own);
         let mut record = self.drafter.draft(&point, device, at)?;
@@ -90,6 +78,22 @@ impl<'a> Hands<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
+    /// Drops what belongs to another group, and loads the scene of a point where another is at hand.
+    fn turn_to(&mut self, point: Point) -> Result<()> {
+        if self.group.is_none_or(|group| !group.compares_with(&point)) {
+            self.entries.clear();
+            self.group = Some(point);
+        }
+        if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
+            // The old one goes first: two large scenes may not fit.
+            self.scene = None;
+            self.checker.leave_scene();
+            let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
+            self.scene = Some((point.scene, choice.load()?.into()));
+        }
+        Ok(())
+    }
+
     fn cast(&mut self, number: usize) -> Result<Reply> {
         let timing = &self.drafter.experiment.timing;
         let (Some(point), Some((_, at)), Some(entry)) =
@@ -97,7 +101,7 @@ impl<'a> Hands<'a> {
         else {
             return Err(no_such_point());
         };
-        let frame = |batch| frame(&entry.ready, point, at, batch);
+        let frame = |batch| entry.ready.frame(&at.scene, point.image_size, batch);
         let batch = match entry.batch {
             Some(batch) => batch,
             None => {
@@ -118,27 +122,6 @@ impl<'a> Hands<'a> {
             Ok(times) => Reply::Sample(times),
             Err(refusal) => Reply::Refused(refusal),
         })
-    }
-}
-
-fn scene<'s>(
-    slot: &'s mut Option<(usize, Hashed)>,
-    drafter: &Drafter<'_>,
-    number: usize,
-) -> Result<&'s Hashed> {
-    if slot.as_ref().is_none_or(|(held, _)| *held != number) {
-        // The old one goes first: two large scenes may not fit.
-        *slot = None;
-        let choice = drafter.experiment.scenes.get(number).ok_or_else(no_such_point)?;
-        *slot = Some((number, choice.load()?.into()));
-    }
-    slot.as_ref().map(|(_, scene)| scene).ok_or_else(no_such_point)
-}
-
-fn frame(ready: &Ready, point: &Point, at: &Hashed, batch: u32) -> std::result::Result<FrameTimes, Refusal> {
-    match ready {
-        Ready::Kernel(caster) => Ok(caster.cast_batch(batch)?),
-        Ready::Host(baseline) => Ok(host::cast(*baseline, &at.scene, point.image_size).1),
     }
 }
 

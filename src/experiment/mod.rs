@@ -5,7 +5,6 @@
 //! [`Run::execute`] asks a worker to check a point or to cast a frame of it, and the worker answers with a record
 //! or a sample; what becomes of a worker that dies or hangs is the supervisor's to decide.
 
-mod bench;
 mod census;
 mod check;
 mod complete;
@@ -24,6 +23,8 @@ mod pictures;
 mod plan;
 mod process;
 mod protocol;
+mod ready;
+mod refusal;
 mod results;
 mod rounds;
 mod run;
@@ -32,16 +33,16 @@ mod supervisor;
 mod views;
 mod worker;
 
-pub use bench::Refusal;
 pub use census::{find_devices, list_devices};
 pub use dry_run::{Forecast, dry_run};
-pub use fault::Fault;
+pub use fault::{Fault, Step};
 pub use key::{KeyParts, key};
 pub use observer::Observer;
 pub use pictures::Pictures;
 pub use plan::{Plan, Point, Work};
 pub use process::Processes;
 pub use protocol::{Job, Reply, Request};
+pub use refusal::Refusal;
 pub use results::{Past, Results};
 pub use run::Run;
 pub use supervisor::{Death, Spawner, Wait, Worker};

@@ -1,7 +1,7 @@
 //! What passes between a run and its workers: JSON lines over pipes.
 
-use super::bench::Refusal;
-use super::fault::Fault;
+use super::fault::{Fault, Step};
+use super::refusal::Refusal;
 use crate::device::DeviceInfo;
 use crate::error::Error;
 use crate::launch::FrameTimes;
@@ -64,6 +64,16 @@ pub enum Request {
         /// Which.
         point: usize,
     },
+}
+
+impl Request {
+    /// What a worker is at when it does this, and of which point.
+    pub fn step(&self) -> (Step, usize) {
+        match self {
+            Self::Check { point, .. } => (Step::Check, *point),
+            Self::Cast { point } => (Step::Cast, *point),
+        }
+    }
 }
 
 /// What a worker answers.

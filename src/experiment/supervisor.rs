@@ -1,8 +1,8 @@
 //! Keeps a run going whatever becomes of its workers: one that dies or hangs costs at most the point it was
 //! at, and the next request goes to a fresh one.
 
-use super::bench::Refusal;
 use super::protocol::{Reply, Request};
+use super::refusal::Refusal;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::{Outcome, Record};

@@ -41,7 +41,8 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     while let Ok(line) = lines.recv() {
         let request: Request = parse(&line)?;
         if let Some(fault) = &job.fault {
-            fault.strike(&request, &job.folder);
+            let (step, point) = request.step();
+            fault.strike(step, point, &job.folder);
         }
         reply(&hands.answer(&request).unwrap_or_else(|error| Reply::of_error(&error)))?;
     }

@@ -3,18 +3,15 @@
 use super::band::Band;
 use super::buffers::{allocate, read_with};
 use super::frame::FrameTimes;
+use super::held::FrameBytes;
 use super::parts::Parts;
 use super::rounds::Rounds;
-use super::scene::DeviceScene;
 use super::setup::{Setup, Working};
 use super::shared::Shared;
 use super::steps::Steps;
-use super::tree::DeviceTree;
 use super::{LaunchError, Queue};
 use crate::image::Radiance;
 use crate::manifest::ROW_FLOATS;
-use crate::program::BuiltProgram;
-use crate::scene::Scene;
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
@@ -28,25 +25,13 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     size: [u32; 2],
+    _bytes: FrameBytes,
 }
 
 impl Caster {
-    /// Makes buffers and kernels for a frame of `workload.image_size`.
-    pub fn new(
-        queue: &Queue,
-        program: &BuiltProgram,
-        strategy: &Strategy,
-        workload: &Workload,
-        scene: &Scene,
-        uploaded: &DeviceScene,
-        tree: Option<&DeviceTree>,
-    ) -> Result<Self, LaunchError> {
-        Self::of_band(Setup { queue, program, strategy, workload, scene, uploaded, tree }, None)
-    }
-
-    /// The same for some rows of work-groups only. Buffers are the whole frame's; what is prepared or rasterised
-    /// before pixels are cast is so for all of it.
-    pub fn of_band(setup: Setup<'_>, band: Option<Band>) -> Result<Self, LaunchError> {
+    /// Makes buffers and kernels for a frame of `workload.image_size`, or for some rows of work-groups only. Buffers are the
+    /// whole frame's; what is prepared or rasterised before pixels are cast is so for all of it.
+    pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let Setup { queue, strategy, workload, .. } = setup;
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
@@ -70,7 +55,7 @@ impl Caster {
                 parts.cast_separate(&image, &nearest)?
             }
         };
-        Ok(Self { queue: queue.clone(), steps, image, working, size })
+        Ok(Self { queue: queue.clone(), steps, image, working, size, _bytes: bytes })
     }
 
     /// Casts the frame once and waits for it.

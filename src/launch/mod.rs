@@ -1,7 +1,7 @@
 //! Running programs: buffers, arguments, NDRanges, events.
 //!
-//! A [`Queue`] is a device ready for commands; a [`DeviceScene`] the scene in its memory, in one layout; a
-//! [`Caster`] everything one point needs to cast a frame again and again.
+//! A [`Queue`] is a device ready for commands; a [`Session`] a scene on it, and the one way from a strategy to a [`Caster`]:
+//! everything one point needs to cast a frame again and again.
 
 mod arguments;
 mod ask;
@@ -10,13 +10,18 @@ mod buffers;
 mod caster;
 mod error;
 mod frame;
+mod held;
 mod parts;
+mod prepared;
 mod queue;
 mod rays;
+mod refused;
 mod rounds;
 mod scene;
+mod session;
 mod setup;
 mod shared;
+mod shared_scene;
 mod split;
 mod steps;
 mod tree;
@@ -26,9 +31,13 @@ pub use band::{Band, cut};
 pub use caster::Caster;
 pub use error::LaunchError;
 pub use frame::FrameTimes;
+pub use prepared::Prepared;
 pub use queue::Queue;
-pub use rays::{Ray, cast_rays};
-pub use scene::DeviceScene;
-pub use setup::Setup;
+pub use rays::Ray;
+pub use refused::Refused;
+pub use session::Session;
 pub use split::{Share, Split};
-pub use tree::DeviceTree;
+pub use tree::stack_size;
+
+use scene::DeviceScene;
+use tree::DeviceTree;

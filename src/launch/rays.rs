@@ -4,8 +4,8 @@ use super::buffers::{allocate, upload};
 use super::parts::{builder, size_for_preparing};
 use super::scene::DeviceScene;
 use super::setup::scene_arguments;
-use super::{DeviceTree, LaunchError, Queue};
-use crate::manifest::{NO_HIT, ROW_FLOATS, Role};
+use super::{LaunchError, Prepared, Queue};
+use crate::manifest::{self, NO_HIT, ROW_FLOATS, Role};
 use crate::program::BuiltProgram;
 use crate::strategy::{Strategy, WorkingMemory};
 use glam::Vec3;
@@ -23,52 +23,54 @@ pub struct Ray {
     pub t_min: f32,
 }
 
-/// The nearest triangle that each ray hits, with the kernels of a strategy at `local_size`.
-///
-/// With the common-origin intersector all rays must start at the first one's origin; pixel-linear casts a camera's rays
-/// only. Working vectors must be private or local: their buffers are sized for images.
-pub fn cast_rays(
-    queue: &Queue,
-    program: &BuiltProgram,
-    strategy: &Strategy,
-    local_size: [u32; 2],
-    scene: &DeviceScene,
-    tree: Option<&DeviceTree>,
-    rays: &[Ray],
-) -> Result<Vec<Option<u32>>, LaunchError> {
-    if !matches!(strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
-        return Err(LaunchError::OpenCl("rays are cast with private or local working vectors".to_owned()));
+impl Prepared {
+    /// The nearest triangle that each ray hits.
+    ///
+    /// With the common-origin intersector all rays must start at the first one's origin; pixel-linear casts a camera's rays
+    /// only. Working vectors must be private or local: their buffers are sized for images.
+    pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
+        let Self { queue, program, strategy, uploaded: scene, .. } = self;
+        let kernel = self.kernel_for_rays()?;
+        let Some(first) = rays.first() else { return Ok(Vec::new()) };
+        let packed: Vec<Float4> = rays.iter().flat_map(pack).collect();
+        let packed = upload(queue, &packed)?;
+        let nearest = allocate::<i32>(queue, rays.len())?;
+        let prepared = prepare(queue, program, strategy, scene, first.origin)?;
+        let mut arguments = scene_arguments(scene, self.tree.as_deref())
+            .with("bias", 0.0_f32)
+            .with("rays", &packed)
+            .with("ray_count", rays.len() as i32)
+            .with("nearest_triangle", &nearest);
+        if let Some(prepared) = &prepared {
+            arguments = arguments.with("prepared", prepared);
+        }
+        let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
+        let items = rays.len().div_ceil(strategy.width.rays());
+        let [across, down] = self.workload.local_size.map(|n| n as usize);
+        kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
+        let kernel = kernel.build()?;
+        // SAFETY: its arguments were checked; the kernel reads and writes no ray past their count.
+        unsafe { kernel.cmd().queue(&queue.commands).enq()? };
+        let mut triangles = vec![0; rays.len()];
+        nearest.read(&mut triangles).enq()?;
+        Ok(triangles.into_iter().map(|id| u32::try_from(id).ok().filter(|_| id != NO_HIT)).collect())
     }
-    if strategy.intersector.counts_in_pixels() {
-        return Err(LaunchError::OpenCl("pixel-linear planes are for a camera's rays".to_owned()));
+
+    /// The kernel that casts any rays, where the strategy can.
+    fn kernel_for_rays(&self) -> Result<&'static manifest::Kernel, LaunchError> {
+        if !matches!(self.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
+            return Err(LaunchError::OpenCl(
+                "rays are cast with private or local working vectors".to_owned(),
+            ));
+        }
+        if self.strategy.intersector.counts_in_pixels() {
+            return Err(LaunchError::OpenCl("pixel-linear planes are for a camera's rays".to_owned()));
+        }
+        let family = self.strategy.family();
+        family
+            .kernel(Role::Rays)
+            .ok_or_else(|| LaunchError::Kernel { family: family.name, role: "any rays".to_owned() })
     }
-    let family = strategy.family();
-    let Some(kernel) = family.kernel(Role::Rays) else {
-        return Err(LaunchError::Kernel { family: family.name, role: "any rays".to_owned() });
-    };
-    let Some(first) = rays.first() else { return Ok(Vec::new()) };
-    let packed: Vec<Float4> = rays.iter().flat_map(pack).collect();
-    let packed = upload(queue, &packed)?;
-    let nearest = allocate::<i32>(queue, rays.len())?;
-    let prepared = prepare(queue, program, strategy, scene, first.origin)?;
-    let mut arguments = scene_arguments(scene, tree)
-        .with("bias", 0.0_f32)
-        .with("rays", &packed)
-        .with("ray_count", rays.len() as i32)
-        .with("nearest_triangle", &nearest);
-    if let Some(prepared) = &prepared {
-        arguments = arguments.with("prepared", prepared);
-    }
-    let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
-    let items = rays.len().div_ceil(strategy.width.rays());
-    let [across, down] = local_size.map(|n| n as usize);
-    kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
-    let kernel = kernel.build()?;
-    // SAFETY: its arguments were checked; the kernel reads and writes no ray past their count.
-    unsafe { kernel.cmd().queue(&queue.commands).enq()? };
-    let mut triangles = vec![0; rays.len()];
-    nearest.read(&mut triangles).enq()?;
-    Ok(triangles.into_iter().map(|id| u32::try_from(id).ok().filter(|_| id != NO_HIT)).collect())
 }
 
 fn pack(ray: &Ray) -> [Float4; 2] {

@@ -44,7 +44,7 @@ impl<I: ocl::OclPrm> Sets<I> {
 
 /// A scene uploaded in one layout.
 #[derive(Debug)]
-pub struct DeviceScene {
+pub(super) struct DeviceScene {
     pub(super) geometry: Geometry,
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,

@@ -11,7 +11,7 @@ use ocl::prm::{Float4, Int2};
 
 /// What a frame is cast with.
 #[derive(Clone, Copy)]
-pub struct Setup<'a> {
+pub(super) struct Setup<'a> {
     /// The device.
     pub queue: &'a Queue,
     /// The strategy's program.
@@ -30,7 +30,7 @@ pub struct Setup<'a> {
 
 impl<'a> Setup<'a> {
     /// Arguments that follow from the scene and the camera.
-    pub(super) fn arguments(&self) -> Arguments<'a> {
+    pub fn arguments(&self) -> Arguments<'a> {
         let [width, height] = self.workload.image_size;
         let [red, green, blue] = self.scene.background.to_array();
         let arguments = scene_arguments(self.uploaded, self.tree);

@@ -1,14 +1,14 @@
 //! One frame on several devices: a band of its rows on each.
 
 use super::band::{Band, cut};
-use super::{Caster, DeviceScene, DeviceTree, FrameTimes, LaunchError, Queue, Setup};
+use super::{Caster, FrameTimes, Prepared, Session};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
-use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::program::Sources;
 use crate::scene::Scene;
-use crate::strategy::{Requirements, Strategy, Workload};
-use std::sync::{Mutex, PoisonError};
+use crate::strategy::{Strategy, Workload};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Parts of the trial frame whose costs are measured.
@@ -21,15 +21,19 @@ const TRIAL_MS: f64 = 5.0;
 /// What is cast.
 pub struct Split<'a> {
     /// The scene.
-    pub scene: &'a Scene,
+    pub scene: Arc<Scene>,
     /// How.
-    pub strategy: &'a Strategy,
-    /// At which sizes; the stack's is filled in.
-    pub workload: Workload,
+    pub strategy: Strategy,
+    /// Pixels across and down.
+    pub image_size: [u32; 2],
+    /// Work-items of a work-group across and down.
+    pub local_size: [u32; 2],
     /// Where kernels come from.
     pub sources: &'a Sources,
     /// How often the frame is cast.
     pub repeat: u32,
+    /// Whether the image is compared with the reference.
+    pub verifies: bool,
 }
 
 /// A device's part of a frame.
@@ -52,12 +56,15 @@ pub struct Share {
 /// A device that is ready to cast.
 struct Stand {
     label: String,
-    queue: Queue,
-    program: BuiltProgram,
-    scene: DeviceScene,
-    tree: Option<DeviceTree>,
-    workload: Workload,
+    prepared: Prepared,
     build_ms: f64,
+}
+
+impl Stand {
+    /// A caster of some rows of work-groups of a frame of other sizes.
+    fn caster(&self, workload: &Workload, band: Band) -> Result<Caster> {
+        self.prepared.caster_of(workload, Some(band)).map_err(|refused| refused.into_error(&self.label))
+    }
 }
 
 fn failed(error: impl std::fmt::Display) -> Error {
@@ -73,11 +80,11 @@ impl Split<'_> {
         // Speeds are frames a millisecond.
         let speeds = at_once(&stands, |stand| self.whole_ms(stand, &trial).map(|ms| 1.0 / ms))?;
         let costs = self.costs(first, &trial)?;
-        let bands = cut(self.group_rows(&self.workload), &costs, &speeds);
+        let bands = cut(self.group_rows(&first.prepared.workload), &costs, &speeds);
         let pairs: Vec<(&Stand, Band)> =
             stands.iter().zip(bands).filter(|(_, band)| !band.is_empty()).collect();
         let parts = at_once(&pairs, |(stand, band)| self.cast_band(stand, band.clone()))?;
-        let [width, height] = self.workload.image_size;
+        let [width, height] = self.image_size;
         let mut image = Radiance { width, height, pixels: Vec::new() };
         let (mut hits, mut shares) = (0, Vec::new());
         for (part, part_hits, share) in parts {
@@ -89,44 +96,28 @@ impl Split<'_> {
     }
 
     fn group_rows(&self, workload: &Workload) -> usize {
-        workload.global_size(self.strategy)[1] / workload.local_size[1] as usize
+        workload.global_size(&self.strategy)[1] / workload.local_size[1] as usize
     }
 
     fn stand(&self, device: &Device) -> Result<Stand> {
         let start = Instant::now();
-        let mut workload = self.workload;
-        Requirements::check(self.strategy, &workload, &device.info.limits).map_err(|infeasible| {
-            Error::input(format!("{} cannot hold this: {}", device.info.label, infeasible.reason))
-        })?;
-        let queue = Queue::open(device.platform, device.device)?;
-        let tree = DeviceTree::build(&queue, &self.scene.mesh, self.strategy).map_err(failed)?;
-        workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-        let spec = ProgramSpec::new(self.sources, self.strategy, &workload, device.info.builtins())?;
-        let program = BuiltProgram::build(&queue.context, queue.device, &spec).map_err(failed)?;
-        let scene = DeviceScene::upload(&queue, self.scene, self.strategy).map_err(failed)?;
-        let build_ms = start.elapsed().as_secs_f64() * 1e3 - scene.upload_ms;
-        Ok(Stand { label: device.info.label.clone(), queue, program, scene, tree, workload, build_ms })
-    }
-
-    fn caster(
-        &self,
-        stand: &Stand,
-        workload: &Workload,
-        band: Band,
-    ) -> std::result::Result<Caster, LaunchError> {
-        let Stand { queue, program, scene: uploaded, tree, .. } = stand;
-        let (strategy, scene, tree) = (self.strategy, self.scene, tree.as_ref());
-        Caster::of_band(Setup { queue, program, strategy, workload, scene, uploaded, tree }, Some(band))
+        let label = device.info.label.clone();
+        let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
+        let prepared =
+            session.verifying(self.verifies).prepare(&self.strategy, self.image_size, self.local_size);
+        let prepared = prepared.map_err(|refused| refused.into_error(&label))?;
+        let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();
+        Ok(Stand { label, prepared, build_ms })
     }
 
     /// The frame in as few pixels as keep a device busy for a while, or in all of its own.
     fn trial(&self, stand: &Stand) -> Result<Workload> {
-        let [width, height] = stand.workload.image_size;
+        let [width, height] = self.image_size;
         let mut rows = TRIAL_ROWS;
         loop {
             let smaller = height.div_ceil(rows).max(1);
             let image_size = [width.div_ceil(smaller), height.div_ceil(smaller)];
-            let trial = Workload { image_size, ..stand.workload };
+            let trial = Workload { image_size, ..stand.prepared.workload };
             if smaller == 1 || self.whole_ms(stand, &trial)? >= TRIAL_MS {
                 return Ok(trial);
             }
@@ -136,8 +127,7 @@ impl Split<'_> {
 
     /// What a whole frame takes.
     fn whole_ms(&self, stand: &Stand, trial: &Workload) -> Result<f64> {
-        let caster = self.caster(stand, trial, 0..self.group_rows(trial)).map_err(failed)?;
-        fastest_ms(&caster)
+        fastest_ms(&stand.caster(trial, 0..self.group_rows(trial))?)
     }
 
     /// What each part of the trial frame takes, from top to bottom.
@@ -151,19 +141,18 @@ impl Split<'_> {
                 return Ok(Vec::new());
             }
             let groups = band.len() as f64;
-            let caster = self.caster(stand, trial, band).map_err(failed)?;
             // Parts differ by a row: their cost is that of a row.
-            costs.push(fastest_ms(&caster)? / groups);
+            costs.push(fastest_ms(&stand.caster(trial, band)?)? / groups);
         }
         Ok(costs)
     }
 
     fn cast_band(&self, stand: &Stand, band: Band) -> Result<(Radiance, usize, Share)> {
-        let workload = &stand.workload;
-        let height = workload.image_size[1];
-        let row_pixels = workload.group_height(self.strategy);
+        let workload = &stand.prepared.workload;
+        let height = self.image_size[1];
+        let row_pixels = workload.group_height(&self.strategy);
         let rows = [band.start, band.end].map(|row| (row as u32 * row_pixels).min(height));
-        let caster = self.caster(stand, workload, band).map_err(failed)?;
+        let caster = stand.caster(workload, band)?;
         cast_first(&caster)?;
         let frames = (0..self.repeat.max(1)).map(|_| caster.cast().map_err(failed)).collect::<Result<_>>()?;
         let start = Instant::now();
@@ -172,7 +161,7 @@ impl Split<'_> {
             device: stand.label.clone(),
             rows,
             build_ms: stand.build_ms,
-            upload_ms: stand.scene.upload_ms + stand.tree.as_ref().map_or(0.0, |tree| tree.upload_ms),
+            upload_ms: stand.prepared.upload_ms(),
             frames,
             read_ms: start.elapsed().as_secs_f64() * 1e3,
         };

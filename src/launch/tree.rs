@@ -1,7 +1,7 @@
 //! A scene's tree in a device's memory.
 
 use super::buffers::{upload, upload_with};
-use super::{LaunchError, Queue};
+use super::{LaunchError, Queue, Refused};
 use crate::accel::{
     PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
 };
@@ -15,7 +15,7 @@ const STACK_STEP: usize = 32;
 
 /// The nodes of a tree, and its triangles in leaf order.
 #[derive(Debug)]
-pub struct DeviceTree {
+pub(super) struct DeviceTree {
     pub(super) nodes: Buffer<u32>,
     pub(super) leaves: Buffer<f32>,
     /// What tiles shade with.
@@ -49,21 +49,33 @@ impl Surfaces {
     }
 }
 
-impl DeviceTree {
-    /// Entries that a stack needs on the deepest way down a tree, rounded up.
-    pub fn stack_size_of(tree: &WideBvh) -> usize {
-        tree.stack_size().next_multiple_of(STACK_STEP)
-    }
+/// A mesh's tree as `strategy` wants it.
+fn tree_of(mesh: &Mesh, strategy: &Strategy) -> Result<WideBvh, LaunchError> {
+    WideBvh::of_mesh(mesh, strategy.node_width.children(), strategy.leaf_size.triangles())
+        .map_err(|error| LaunchError::Tree(error.to_string()))
+}
 
+/// Entries that a stack needs on the deepest way down a tree, rounded up.
+fn stack_size_of(tree: &WideBvh) -> usize {
+    tree.stack_size().next_multiple_of(STACK_STEP)
+}
+
+/// The same of a strategy's tree over a mesh, without a device; none where it wants no tree.
+pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
+    if !strategy.needs_tree() {
+        return Ok(0);
+    }
+    tree_of(mesh, strategy).map(|tree| stack_size_of(&tree)).map_err(Refused::at("the tree"))
+}
+
+impl DeviceTree {
     /// Builds a mesh's tree as `strategy` wants it, and uploads it; none where it wants none.
     pub fn build(queue: &Queue, mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
         if !strategy.needs_tree() {
             return Ok(None);
         }
         let start = Instant::now();
-        let leaf_size = strategy.leaf_size.triangles();
-        let wide = WideBvh::of_mesh(mesh, strategy.node_width.children(), leaf_size)
-            .map_err(|error| LaunchError::Tree(error.to_string()))?;
+        let wide = tree_of(mesh, strategy)?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
 
         let start = Instant::now();
@@ -78,7 +90,7 @@ impl DeviceTree {
             nodes,
             leaves,
             surfaces,
-            stack_size: Self::stack_size_of(&wide),
+            stack_size: stack_size_of(&wide),
             build_ms,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         }))

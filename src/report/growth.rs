@@ -3,7 +3,7 @@
 use super::overview::{best_of_each, devices, numbered};
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
-use super::plot::palette::Look;
+use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};

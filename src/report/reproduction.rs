@@ -6,7 +6,7 @@ use super::page::{SCRIPT, STYLE, nonce, notes};
 use super::paper::{self, CURVES};
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
-use super::plot::palette::Look;
+use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::words::{times, tip};
 use crate::error::{Error, Result};

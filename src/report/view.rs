@@ -4,7 +4,7 @@ use super::paper;
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
 use super::plot::heat::{Cell, HeatMap};
-use super::plot::palette::Look;
+use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::plot::strip::{Row, Strip};
 use super::words::{Looks, group_title, size_name, tip, title};

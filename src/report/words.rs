@@ -1,6 +1,6 @@
 //! What the report's parts say of a record in the same words.
 
-use super::plot::palette::Look;
+use super::plot::look::Look;
 use crate::record::{
     Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant,
 };

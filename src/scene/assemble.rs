@@ -2,7 +2,7 @@
 
 mod objects;
 
-use super::load::{Document, bare_ball};
+use super::document::Document;
 use super::wire::{CameraWire, LightWire, SceneWire};
 use super::{Camera, Display, Light, Mesh, PAPER_BACKGROUND, Scene, framing, normals};
 use crate::error::{Error, Result};
@@ -28,7 +28,7 @@ pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<Str
             .error(0..0, "the scene has no triangles", "no [[object]] in this file")
             .with_help("add [[object]] with obj = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
-    let ball = bare_ball(document, &mesh);
+    let ball = document.bare_ball(&mesh);
     let camera = camera(document, &wire.camera, &mesh, ball)?;
     if document.bare {
         normals::turn_towards(&mut mesh, camera.position);

@@ -6,6 +6,7 @@
 
 mod assemble;
 mod camera;
+mod document;
 mod framing;
 mod load;
 mod material;

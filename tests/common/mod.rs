@@ -6,14 +6,16 @@ pub mod edges;
 
 use raycl::device::{Builtins, Device, discover, select};
 use raycl::image::Radiance;
-use raycl::launch::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
-use raycl::program::{BuiltProgram, ProgramSpec, Sources};
+use raycl::launch::{LaunchError, Prepared, Refused, Session};
+use raycl::program::Sources;
 use raycl::reference::{Reference, reference};
 use raycl::scene::{Scene, load_scene};
-use raycl::strategy::{Culling, Requirements, Strategy, Workload};
+use raycl::strategy::{Culling, Strategy};
 use raycl::verify::{Verdict, verify};
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The device tests run on: PoCL, or what RAYCL_TEST_DEVICE names. A missing device fails the tests.
 pub fn device() -> Device {
@@ -44,31 +46,33 @@ pub fn scene(name: &str) -> Scene {
     load_scene(&path).expect("a scene of the repository").scene
 }
 
-/// A strategy's program with the scene in its layout, and the tree it walks.
-pub struct Built {
-    pub workload: Workload,
-    pub program: BuiltProgram,
-    pub scene: DeviceScene,
-    pub tree: Option<DeviceTree>,
-}
-
 /// A device with the references of one scene at one size.
 pub struct Stand {
     device: Device,
-    pub queue: Queue,
-    /// What kernels may use of what the compiler has.
-    pub builtins: Builtins,
-    scene: Scene,
+    /// The scene on the device.
+    pub session: RefCell<Session>,
+    scene: Arc<Scene>,
     size: [u32; 2],
     references: HashMap<&'static str, Reference>,
 }
 
 impl Stand {
     pub fn new(scene: Scene, size: [u32; 2]) -> Self {
-        let device = device();
-        let queue = Queue::open(device.platform, device.device).expect("an open device");
-        let builtins = device.info.builtins();
-        Self { device, queue, builtins, scene, size, references: HashMap::new() }
+        Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
+    }
+
+    /// With kernels of other sources, and other built-ins than the device's.
+    pub fn of(
+        sources: &Sources,
+        scene: Scene,
+        size: [u32; 2],
+        change: impl Fn(Builtins) -> Builtins,
+    ) -> Self {
+        let (device, scene) = (device(), Arc::new(scene));
+        let session = Session::open(&device, sources, Arc::clone(&scene)).expect("an open device");
+        let builtins = change(session.builtins());
+        let session = RefCell::new(session.with_builtins(builtins));
+        Self { device, session, scene, size, references: HashMap::new() }
     }
 
     /// Whether the device is a CPU.
@@ -76,25 +80,11 @@ impl Stand {
         self.device.info.limits.is_cpu
     }
 
-    /// The local size of a strategy here: `wished` where it has the choice.
-    pub fn local_size(&self, strategy: &Strategy, wished: [u32; 2]) -> [u32; 2] {
-        strategy.local_size(&self.device.info.limits, wished)
-    }
-
-    /// Builds a strategy's program for the scene; none where the device cannot hold it, with why.
-    pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Built, String> {
-        let local_size = self.local_size(strategy, local_size);
-        let mut workload = Workload::of(&self.scene, self.size, local_size);
-        Requirements::check(strategy, &workload, &self.device.info.limits)
-            .map_err(|refused| refused.reason)?;
-        let tree = DeviceTree::build(&self.queue, &self.scene.mesh, strategy).expect("a tree");
-        workload.stack_size = tree.as_ref().map_or(0, |tree| tree.stack_size);
-        let spec = ProgramSpec::new(&Sources::Embedded, strategy, &workload, self.builtins);
-        let spec = spec.expect("a program");
-        let program = BuiltProgram::build(&self.queue.context, self.queue.device, &spec);
-        let program = program.unwrap_or_else(|error| panic!("{strategy}: {error}"));
-        let uploaded = DeviceScene::upload(&self.queue, &self.scene, strategy).expect("an upload");
-        Ok(Built { workload, program, scene: uploaded, tree })
+    /// Builds a strategy's program for the scene; where the device cannot hold it, why.
+    pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Prepared, String> {
+        let local_size = strategy.local_size(&self.device.info.limits, local_size);
+        let prepared = self.session.borrow_mut().prepare(strategy, self.size, local_size);
+        fits(strategy, prepared)
     }
 
     /// The image of a strategy.
@@ -108,26 +98,9 @@ impl Stand {
         strategy: &Strategy,
         local_size: [u32; 2],
     ) -> Result<(Radiance, usize), String> {
-        let built = self.build(strategy, local_size)?;
-        self.cast_built(strategy, &built)
-    }
-
-    /// The same of a program that is there.
-    pub fn cast_built(&self, strategy: &Strategy, built: &Built) -> Result<(Radiance, usize), String> {
-        let caster = self.caster(strategy, built)?;
+        let caster = fits(strategy, self.build(strategy, local_size)?.caster())?;
         caster.cast().unwrap_or_else(|error| panic!("{strategy}: {error}"));
         Ok(caster.read().expect("an image"))
-    }
-
-    /// What casts a program that is there: it has all kernels of a frame.
-    pub fn caster(&self, strategy: &Strategy, built: &Built) -> Result<Caster, String> {
-        let Built { workload, program, scene, tree } = built;
-        match Caster::new(&self.queue, program, strategy, workload, &self.scene, scene, tree.as_ref()) {
-            Err(error @ LaunchError::WorkGroup { .. }) => Err(error.to_string()),
-            other => {
-                Ok(other.unwrap_or_else(|error| panic!("{strategy} at {:?}: {error}", workload.local_size)))
-            }
-        }
     }
 
     /// How a strategy's image compares with the reference; an error where the device cannot hold it.
@@ -139,4 +112,12 @@ impl Stand {
             self.references.entry(name).or_insert_with(|| reference(scene, size, strategy.culling));
         Ok(verify(&image, expected, scene.display))
     }
+}
+
+/// What a step gives, or why the device cannot hold it; anything else that is refused is a mistake.
+fn fits<T>(strategy: &Strategy, step: Result<T, Refused>) -> Result<T, String> {
+    step.map_err(|refused| match refused {
+        Refused::Device(_) | Refused::Launch { error: LaunchError::WorkGroup { .. }, .. } => refused.reason(),
+        other => panic!("{strategy}: {}", other.reason()),
+    })
 }

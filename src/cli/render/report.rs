@@ -2,9 +2,10 @@
 
 use super::Cast;
 use crate::device::{Device, DeviceInfo};
+use crate::launch::Prepared;
 use crate::memory::readable;
 use crate::scene::Scene;
-use crate::strategy::{PRESETS, Strategy, Workload};
+use crate::strategy::{PRESETS, Strategy};
 use serde::Serialize;
 
 /// The fields of `--json`.
@@ -96,7 +97,8 @@ impl Verified {
 
 impl Report {
     /// What casting tells; the rest is for the command to fill in.
-    pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, workload: &Workload, cast: &Cast) -> Self {
+    pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
+        let workload = &prepared.workload;
         let [width, height] = workload.image_size;
         let (pixels, triangles) = (f64::from(width) * f64::from(height), scene.mesh.triangles.len());
         let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
@@ -111,9 +113,9 @@ impl Report {
             strategy: strategy.to_string(),
             local_size: workload.local_size,
             image_size: workload.image_size,
-            tree_ms: cast.tree_ms,
+            tree_ms: prepared.tree_ms(),
             build_ms: cast.build_ms,
-            upload_ms: cast.upload_ms,
+            upload_ms: prepared.upload_ms(),
             primary_ms: cast.times.primary_ms,
             shadow_ms: cast.times.shadow_ms,
             shade_ms: cast.times.shade_ms,

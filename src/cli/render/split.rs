@@ -8,9 +8,9 @@ use crate::error::Result;
 use crate::image::{check_target, save};
 use crate::launch::{Share, Split};
 use crate::program::Sources;
-use crate::scene::load_scene_with;
-use crate::strategy::Workload;
+use crate::scene::{Loaded, load_scene_with};
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The fields of `--json`.
@@ -77,22 +77,30 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target)?;
-    let loaded = load_scene_with(&args.scene, &scene_overrides(args)?)?;
-    let scene = &loaded.scene;
+    let Loaded { scene, notes } = load_scene_with(&args.scene, &scene_overrides(args)?)?;
+    let scene = Arc::new(scene);
     let sources = Sources::of(args.cl_dir.clone())?;
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
     // One strategy for all, as the pixels are to be the same.
     let (strategy, local_size) = strategy(args, &devices[0], scene.mesh.triangles.len())?;
-    let workload = Workload::of(scene, [args.width, args.height], local_size);
-    let split = Split { scene, strategy: &strategy, workload, sources: &sources, repeat: args.repeat };
+    let image_size = [args.width, args.height];
+    let split = Split {
+        scene: Arc::clone(&scene),
+        strategy,
+        image_size,
+        local_size,
+        sources: &sources,
+        repeat: args.repeat,
+        verifies: args.verify,
+    };
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
     let (image, _, shares) = split.cast(&devices)?;
     drop(held);
     let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(scene, &image, &strategy, target.path())).transpose()?;
+    let verified = args.verify.then(|| check(&scene, &image, &strategy, target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let pixels = f64::from(args.width) * f64::from(args.height);
@@ -102,7 +110,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         triangles: scene.mesh.triangles.len(),
         strategy: strategy.to_string(),
         local_size,
-        image_size: [args.width, args.height],
+        image_size,
         frame_ms,
         upload_ms: longest(|row| row.upload_ms),
         read_ms: longest(|row| row.read_ms),
@@ -112,7 +120,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         total_ms: ms_since(start),
         verified,
         output: target.path().display().to_string(),
-        notes: loaded.notes.clone(),
+        notes,
     };
     match (args.json, args.quiet) {
         (true, _) => super::super::print_json(&report),

@@ -7,7 +7,7 @@ use crate::record::{Record, interval, median, ms};
 use crate::report::page::{SCRIPT, STYLE, nonce};
 use crate::report::plot::Plot;
 use crate::report::plot::chart::{Across, Chart, Mark, Series};
-use crate::report::plot::palette::Look;
+use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 use crate::report::words::tip;
 use askama::Template;

@@ -1,7 +1,8 @@
 //! Marks over two axes: lines with intervals, or a scatter.
 
 use super::legend::{self, shorten};
-use super::palette::{FAINT, GRID, Look};
+use super::look::Look;
+use super::palette::{FAINT, GRID};
 use super::scale::{self, Kind, Scale};
 use super::svg::{Anchor, Svg, number};
 

@@ -1,6 +1,6 @@
 //! The legend beside a chart; in a page its entries are buttons.
 
-use super::palette::Look;
+use super::look::Look;
 use super::svg::{Anchor, Svg};
 
 const STEP: f64 = 19.0;

@@ -3,6 +3,7 @@
 pub mod chart;
 pub mod heat;
 mod legend;
+pub mod look;
 pub mod palette;
 pub mod png;
 pub mod scale;

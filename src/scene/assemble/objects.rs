@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, line_of, nearest, nearest_file};
 use crate::filetype::{Opened, Wanted};
 use crate::memory::Available;
-use crate::scene::load::Document;
+use crate::scene::document::Document;
 use crate::scene::normals::{self, MISSING};
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;

@@ -45,7 +45,7 @@ pub(super) struct ObjFile {
 
 /// Reads an OBJ file and the MTL files it names: those in its folder, or with `beyond` any.
 pub(super) fn read(path: &Path, beyond: bool) -> Result<ObjFile> {
-    let unreadable = |e| super::load::unreadable("mesh", path, &e);
+    let unreadable = |e| Error::unreadable("mesh", path, &e, "give the path of a mesh (.obj)");
     let length = std::fs::metadata(path).map_err(unreadable)?.len();
     let what = format!("reading {}", path.display());
     Available::read().hold(

@@ -1,0 +1,25 @@
+//! Lists that are not empty, and that have each thing once.
+
+use toml::Spanned;
+
+use super::document::Document;
+use crate::error::Result;
+
+/// Refuses an empty list.
+pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expected: &str) -> Result<()> {
+    if !list.get_ref().is_empty() {
+        return Ok(());
+    }
+    Err(document.error(list.span(), format!("'{key}' is empty"), format!("expected at least {expected}")))
+}
+
+/// The list without repetitions, in its order.
+pub fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
+    let mut kept = Vec::new();
+    for item in list {
+        if !kept.contains(&item) {
+            kept.push(item);
+        }
+    }
+    kept
+}

@@ -1,0 +1,63 @@
+//! Sizes of images and of work-groups.
+
+use std::ops::{Range, RangeInclusive};
+
+use toml::Spanned;
+
+use super::document::Document;
+use super::lists::{distinct, not_empty};
+use super::numbers::whole;
+use super::wire;
+use crate::error::Result;
+
+/// Pixels an image may have across or down.
+const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
+/// Work-items a work-group may have across or down; a device may allow fewer.
+const LOCAL_SIDE: RangeInclusive<i64> = 1..=1024;
+/// Work-items a work-group may have in all.
+const LOCAL_ITEMS: u64 = 4096;
+
+/// Image sizes in the order of the file, each once.
+pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
+    not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
+    let parse = |wire: &Spanned<wire::Size>| {
+        size(document, wire, "image size", &IMAGE_SIDE, u64::from(u32::MAX), "pixels")
+    };
+    Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
+}
+
+/// Local sizes in the order of the file, each once.
+pub fn local_sizes(document: &Document, list: &[Spanned<wire::Size>]) -> Result<Vec<[u32; 2]>> {
+    let parse = |wire: &Spanned<wire::Size>| {
+        size(document, wire, "local size", &LOCAL_SIDE, LOCAL_ITEMS, "work-items")
+    };
+    Ok(distinct(list.iter().map(parse).collect::<Result<_>>()?))
+}
+
+fn size(
+    document: &Document,
+    wire: &Spanned<wire::Size>,
+    what: &str,
+    side: &RangeInclusive<i64>,
+    most: u64,
+    unit: &str,
+) -> Result<[u32; 2]> {
+    let check = |value: i64, span: Range<usize>| whole(document, value, span, what, side);
+    let [across, down] = match wire.get_ref() {
+        wire::Size::Square(value) => [check(*value, wire.span())?; 2],
+        wire::Size::List(values) => match values.as_slice() {
+            [across, down] => {
+                [check(*across.get_ref(), across.span())?, check(*down.get_ref(), down.span())?]
+            }
+            other => {
+                let message = format!("a {what} has two sides, not {}", other.len());
+                return Err(document.error(wire.span(), message, "expected [across, down]"));
+            }
+        },
+    };
+    if u64::from(across) * u64::from(down) > most {
+        let message = format!("{what} {across} x {down} is too large");
+        return Err(document.error(wire.span(), message, format!("expected at most {most} {unit}")));
+    }
+    Ok([across, down])
+}

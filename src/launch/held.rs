@@ -1,0 +1,100 @@
+//! Bytes that a session's strategies hold on their device: what they share of the scene, and what each frame has alone.
+
+use super::shared_scene::Kind;
+use crate::strategy::{Requirements, Strategy, Workload};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Of one session.
+#[derive(Default)]
+pub(super) struct Held {
+    shared_bytes: HashMap<Kind, u64>,
+    frames: Frames,
+}
+
+impl Held {
+    /// What others than `strategy` hold: what it shares with them is its own, too.
+    pub fn beside(&self, strategy: &Strategy) -> u64 {
+        let own = Kind::of(strategy);
+        let others = self.shared_bytes.iter().filter(|(kind, _)| **kind != own).map(|(_, bytes)| bytes);
+        self.frames.bytes.load(Ordering::Relaxed) + others.sum::<u64>()
+    }
+
+    /// A strategy's scene and tree are on the device.
+    pub fn share(&mut self, strategy: &Strategy, workload: &Workload) {
+        self.shared_bytes.insert(Kind::of(strategy), shared_bytes(strategy, workload));
+    }
+
+    /// Where frames that are made later are counted.
+    pub fn frames(&self) -> Frames {
+        self.frames.clone()
+    }
+}
+
+/// What is left without pixels.
+fn shared_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
+    Requirements::of(strategy, &Workload { image_size: [0, 0], ..*workload }).global_bytes
+}
+
+/// The bytes of all frames there are.
+#[derive(Clone, Default)]
+pub(super) struct Frames {
+    bytes: Arc<AtomicU64>,
+}
+
+impl Frames {
+    /// Counts one more for as long as what is returned lives.
+    pub fn count(&self, strategy: &Strategy, workload: &Workload) -> FrameBytes {
+        let needs = Requirements::of(strategy, workload);
+        let own_bytes = needs.global_bytes - shared_bytes(strategy, workload) + needs.scratch_bytes;
+        self.bytes.fetch_add(own_bytes, Ordering::Relaxed);
+        FrameBytes { all: self.clone(), own_bytes }
+    }
+}
+
+/// The bytes of one frame, which are free again when it is dropped.
+pub(super) struct FrameBytes {
+    all: Frames,
+    own_bytes: u64,
+}
+
+impl Drop for FrameBytes {
+    fn drop(&mut self) {
+        self.all.bytes.fetch_sub(self.own_bytes, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    const WORKLOAD: Workload = Workload {
+        triangles: 100,
+        positions: 60,
+        normals: 60,
+        materials: 1,
+        lights: 1,
+        stack_size: 32,
+        image_size: [100, 10],
+        local_size: [8, 8],
+    };
+
+    #[test]
+    fn a_frame_counts_while_it_lives_and_what_is_shared_counts_for_others() {
+        let of = |name| preset(name).unwrap_or_else(|error| panic!("{error}")).strategy;
+        let (naive, tree) = (of("naive-scratch"), of("bvh"));
+        let mut held = Held::default();
+        held.share(&naive, &WORKLOAD);
+        assert_eq!(held.beside(&naive), 0);
+        let shared = held.beside(&tree);
+        assert!(shared >= 104 * 100, "{shared}");
+        let frame = held.frames().count(&naive, &WORKLOAD);
+        let own = held.beside(&naive);
+        assert!(own >= (16 + 108) * 1000, "{own}");
+        assert_eq!(held.beside(&tree), shared + own);
+        drop(frame);
+        assert_eq!(held.beside(&naive), 0);
+    }
+}

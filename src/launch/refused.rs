@@ -1,0 +1,66 @@
+//! Why a strategy cannot be cast on a device.
+
+use super::LaunchError;
+use crate::error::Error;
+use crate::program::BuildError;
+use crate::strategy::Infeasible;
+
+/// What stands between a strategy and its first frame.
+#[derive(Debug)]
+pub enum Refused {
+    /// The strategy contradicts itself, or a kernel file is not as it must be: the user's mistake.
+    Mistake(Error),
+    /// The device cannot hold it.
+    Device(Infeasible),
+    /// The host cannot hold it.
+    Host(Infeasible),
+    /// The compiler takes its program for wrong.
+    Build(BuildError),
+    /// The driver refused a step.
+    Launch {
+        /// The step: "uploading the scene".
+        step: &'static str,
+        /// What it said.
+        error: LaunchError,
+    },
+}
+
+const SMALLER: &str =
+    "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
+
+impl Refused {
+    /// Names the step in which a launch failed.
+    pub fn at(step: &'static str) -> impl Fn(LaunchError) -> Self {
+        move |error| Self::Launch { step, error }
+    }
+
+    /// Why, in a sentence.
+    pub fn reason(&self) -> String {
+        match self {
+            Self::Mistake(error) => error.to_string(),
+            Self::Device(refused) | Self::Host(refused) => refused.reason.clone(),
+            Self::Build(error) => error.log.clone(),
+            Self::Launch { error, .. } => error.to_string(),
+        }
+    }
+
+    /// The error that ends a command for which there is nothing else to cast on `device`.
+    pub fn into_error(self, device: &str) -> Error {
+        let reason = self.reason();
+        let too_large =
+            |what: &str| Error::input(format!("{what} cannot hold this: {reason}")).with_help(SMALLER);
+        match self {
+            Self::Mistake(error) => error,
+            Self::Device(_) => too_large(device),
+            Self::Host(_) => too_large("this machine"),
+            Self::Build(_) => Error::run(format!("the build failed: {reason}")),
+            Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}")),
+        }
+    }
+}
+
+impl From<Error> for Refused {
+    fn from(error: Error) -> Self {
+        Self::Mistake(error)
+    }
+}

@@ -1,0 +1,71 @@
+//! How series are told apart: by colour, and by markers for when colour is not enough.
+
+use super::palette::SERIES;
+use super::svg::{Svg, number};
+
+/// Different markers.
+const MARKERS: usize = 6;
+
+/// How a series looks. Seven colours and six markers, which share no divisor, make 42 looks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Look {
+    /// Which series it is.
+    pub number: usize,
+    /// Published values, not ours: a dashed line and empty markers.
+    pub dashed: bool,
+}
+
+impl Look {
+    /// The look of the series with this number.
+    pub fn of(number: usize) -> Self {
+        Self { number, dashed: false }
+    }
+
+    /// The colour on white paper.
+    pub fn colour(self) -> &'static str {
+        SERIES[self.number % SERIES.len()]
+    }
+
+    /// The class that gives it the theme's colour in a page.
+    pub fn class(self) -> String {
+        format!("s{}", self.number % SERIES.len())
+    }
+
+    /// Draws its marker.
+    pub fn marker(self, svg: &mut Svg, [x, y]: [f64; 2]) {
+        let path = shape(self.number % MARKERS, [x, y]);
+        let (fill, stroke) =
+            if self.dashed { ("#ffffff", self.colour()) } else { (self.colour(), "#ffffff") };
+        let class = if self.dashed { "dot hollow" } else { "dot" };
+        svg.element("path", &[("class", &class), ("fill", &fill), ("stroke", &stroke), ("d", &path)]);
+    }
+}
+
+/// A disc, square, triangle up, diamond, triangle down or cross about a place, of equal weight to the eye.
+fn shape(which: usize, [x, y]: [f64; 2]) -> String {
+    let polygon = |corners: &[[f64; 2]]| {
+        let places = corners.iter().map(|[dx, dy]| format!("{} {}", number(x + dx), number(y + dy)));
+        format!("M{}Z", places.collect::<Vec<_>>().join("L"))
+    };
+    match which {
+        0 => format!("M{} {}a4 4 0 1 0 8 0a4 4 0 1 0 -8 0Z", number(x - 4.0), number(y)),
+        1 => polygon(&[[-3.6, -3.6], [3.6, -3.6], [3.6, 3.6], [-3.6, 3.6]]),
+        2 => polygon(&[[0.0, -4.9], [4.6, 3.4], [-4.6, 3.4]]),
+        3 => polygon(&[[0.0, -5.0], [5.0, 0.0], [0.0, 5.0], [-5.0, 0.0]]),
+        4 => polygon(&[[0.0, 4.9], [4.6, -3.4], [-4.6, -3.4]]),
+        _ => polygon(&[
+            [-1.7, -4.8],
+            [1.7, -4.8],
+            [1.7, -1.7],
+            [4.8, -1.7],
+            [4.8, 1.7],
+            [1.7, 1.7],
+            [1.7, 4.8],
+            [-1.7, 4.8],
+            [-1.7, 1.7],
+            [-4.8, 1.7],
+            [-4.8, -1.7],
+            [-1.7, -1.7],
+        ]),
+    }
+}
