@@ -1,7 +1,6 @@
 //! Kernel files: those built in, and a folder whose files take their places or add to them.
 
 use crate::error::{Error, Result, nearest};
-use crate::strategy::{FOLDERS, make_known, read_header};
 use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
 
@@ -18,30 +17,6 @@ pub enum Sources {
 }
 
 impl Sources {
-    /// Those of a `--cl-dir`, if there is one. Its files in folders of values become values of axes.
-    pub fn of(folder: Option<PathBuf>) -> Result<Self> {
-        let Some(folder) = folder else { return Ok(Self::Embedded) };
-        let mut files = Vec::new();
-        kernel_files(&folder, &folder, &mut files)?;
-        if files.is_empty() {
-            let message = format!("{} holds no kernel file", folder.display());
-            return Err(Error::input(message).with_help(LAYOUT));
-        }
-        let built_in = Self::names();
-        let new = || files.iter().filter(|file| !built_in.contains(&file.as_str()));
-        for file in new() {
-            if let Some((axis, _)) = FOLDERS.iter().find(|(_, values)| file.starts_with(values)) {
-                let path = folder.join(file);
-                make_known(read_header(axis, file, &path.display().to_string(), &read_text(&path)?)?);
-            }
-        }
-        let texts = files.iter().map(|file| read_text(&folder.join(file))).collect::<Result<Vec<_>>>()?;
-        for file in new() {
-            refuse_unused(&folder, file, &texts, &built_in)?;
-        }
-        Ok(Self::Folder(folder))
-    }
-
     /// The text of one file, named relative to `cl/`.
     pub fn read(&self, name: &str) -> Result<String> {
         if let Self::Folder(folder) = self {
@@ -84,6 +59,36 @@ impl Sources {
         Ok(text)
     }
 
+    /// The files of the folder, in order; none where there is no folder.
+    pub fn own_files(&self) -> Result<Vec<String>> {
+        let Self::Folder(folder) = self else { return Ok(Vec::new()) };
+        let mut files = Vec::new();
+        kernel_files(folder, folder, &mut files)?;
+        if files.is_empty() {
+            let message = format!("{} holds no kernel file", folder.display());
+            return Err(Error::input(message).with_help(LAYOUT));
+        }
+        files.sort_unstable();
+        Ok(files)
+    }
+
+    /// All files, in order: those built in, and those that a folder adds.
+    pub fn files(&self) -> Result<Vec<String>> {
+        let mut files = self.own_files()?;
+        files.extend(Self::names().into_iter().map(str::to_owned));
+        files.sort_unstable();
+        files.dedup();
+        Ok(files)
+    }
+
+    /// What messages call a file: its path where it is the folder's.
+    pub fn path_of(&self, name: &str) -> String {
+        match self {
+            Self::Folder(folder) if folder.join(name).exists() => folder.join(name).display().to_string(),
+            _ => format!("cl/{name}"),
+        }
+    }
+
     /// The names of all files that the program has of its own, in order.
     pub fn names() -> Vec<&'static str> {
         let mut names = Vec::new();
@@ -112,29 +117,7 @@ fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<(
             files.push(name.replace('\\', "/"));
         }
     }
-    files.sort_unstable();
     Ok(())
-}
-
-/// A file that nothing includes would change nothing, without a word.
-fn refuse_unused(folder: &Path, file: &str, texts: &[String], built_in: &[&'static str]) -> Result<()> {
-    let is_value = file.rsplit_once('/').is_some_and(|(inner, _)| {
-        built_in.iter().any(|name| name.rsplit_once('/').is_some_and(|(values, _)| values == inner))
-            && (FOLDERS.iter().any(|(_, values)| *values == format!("{inner}/"))
-                || inner.ends_with("/intersect"))
-    });
-    if is_value || texts.iter().any(|text| text.contains(&format!("#include \"{file}\""))) {
-        return Ok(());
-    }
-    let message = format!(
-        "{} is no file of raycl's, no value of an axis, and nothing includes it",
-        folder.join(file).display()
-    );
-    let folders: Vec<_> = FOLDERS.iter().map(|(_, values)| *values).collect();
-    Err(Error::input(message).with_help(match nearest(file, built_in.iter().copied()) {
-        Some(meant) => format!("did you mean {meant}?"),
-        None => format!("values of axes lie in {}", folders.join(", ")),
-    }))
 }
 
 fn file_names(folder: &'static Dir<'_>, names: &mut Vec<&'static str>) {

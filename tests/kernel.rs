@@ -1,6 +1,6 @@
 //! `raycl kernel`: what it prints is what a compiler sees, and casts what the strategy casts.
 
-use crate::binary::{Place, has};
+use crate::binary::{Place, has, repository};
 use crate::common::Stand;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::image::Radiance;
@@ -197,14 +197,16 @@ fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
 #[test]
 fn a_mistake_in_a_kernel_has_its_file_and_line() {
     let file = "cast/intersect/moller_trumbore.cl";
-    // In place of the first empty line, which follows the two that say what the file is.
+    // In place of the first empty line, which follows those that say what the file is.
+    let text = std::fs::read_to_string(repository("cl").join(file)).expect("a kernel file");
+    let at = text.lines().take_while(|line| !line.is_empty()).count() + 1;
     for (line, said) in
         [("#if 1 +\n#endif", "the condition has no value"), ("#error \"not yet\"", "#error \"not yet\"")]
     {
         let place = Place::new();
         let folder = place.kernels(file, "\n\n", &format!("\n{line}\n"));
         let message = place.mistake(&["kernel", "naive", "--cl-dir", folder.to_str().expect("a path")], 2);
-        has(&message, &[&format!("{file}, line 3: {said}"), "help: "]);
+        has(&message, &[&format!("{file}, line {at}: {said}"), "help: "]);
     }
     let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
     has(&message, &["common/lanes.cl, line ", "32 work-items", "help: "]);

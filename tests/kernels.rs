@@ -72,7 +72,7 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
     // more than 64 tiles, of 66 KiB each, on the stack of a thread, and 1024 work-items in the registers of a GPU.
     let may_not_fit = |(strategy, [x, y]): &Point| match strategy.traversal {
         Traversal::Tile if is_cpu => x * y > 64,
-        _ => x * y == 1024 && (strategy.vectors == Vectors::Local || !is_cpu),
+        _ => x * y == 1024 && (strategy.vectors == Vectors::LOCAL || !is_cpu),
     };
     all_agree(&mut stand, points, may_not_fit);
 }

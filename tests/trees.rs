@@ -57,9 +57,9 @@ fn rounds_of_lights_of_every_tile() {
     let shared = of("tile-group");
     let mut stand = Stand::new(coarse("many-lights.toml", 2_000), SIZE);
     let all = [
-        (TileSize::T8x4, Intersector::CommonOrigin, 2),
-        (TileSize::T16x16, Intersector::CommonOrigin, 11),
-        (TileSize::T8x8, Intersector::EdgePlanes, 3),
+        (TileSize::T8x4, Intersector::COMMON_ORIGIN, 2),
+        (TileSize::T16x16, Intersector::COMMON_ORIGIN, 11),
+        (TileSize::T8x8, Intersector::EDGE_PLANES, 3),
     ];
     for (tile, intersector, rounds) in all.into_iter().take(if is_long() { 3 } else { 1 }) {
         // Fused ones are among those above, and take a CPU's compiler longer.

@@ -9,7 +9,7 @@ use crate::common::edges::{
 use crate::common::{Stand, compiles_soon};
 use raycl::scene::Scene;
 use raycl::strategy::{
-    Intersector, NodeWidth, Passes, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
+    Intersector, NodeWidth, Passes, Records, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
 };
 
 /// Rays of one traversal in all.
@@ -34,8 +34,9 @@ fn traversals_of_rays(intersector: Intersector) -> Vec<Strategy> {
     let [exhaustive, tree, packet] = ["deferred", "bvh", "bvh-packet"].map(of);
     let all = vec![
         exhaustive,
+        Strategy { records: Records::Once, ..exhaustive },
         of("wide"),
-        Strategy { width: Width::W4, triangles: Triangles::Tiled, ..exhaustive },
+        Strategy { width: Width::W4, triangles: Triangles::TILED, ..exhaustive },
         Strategy { node_width: NodeWidth::N2, ..tree },
         tree,
         packet,
@@ -98,7 +99,7 @@ fn leaks_from(strategy: &Strategy) -> usize {
 fn the_watertight_test_leaks_none_of_sixty_thousand_rays() {
     apart!();
     let (stand, scene) = meshes();
-    for strategy in traversals_of_rays(Intersector::Watertight) {
+    for strategy in traversals_of_rays(Intersector::WATERTIGHT) {
         assert_eq!(leaks_of_rays(&stand, &scene, &strategy), 0, "{strategy}");
     }
 }
@@ -106,7 +107,7 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_rays() {
 #[test]
 fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
     apart!();
-    for strategy in traversals_of_pixels(Intersector::Watertight).into_iter().filter(compiles_soon) {
+    for strategy in traversals_of_pixels(Intersector::WATERTIGHT).into_iter().filter(compiles_soon) {
         assert_eq!(leaks_to(&strategy), 0, "primary rays: {strategy}");
         let lit_and_hit = lit_and_hit(net_before_the_light(SIDE, true), &strategy);
         assert_eq!(lit_and_hit, (0, PIXELS), "shadow rays: {strategy}");
@@ -133,7 +134,7 @@ fn without_its_net_the_floor_is_lit() {
 fn the_other_tests_leaks_are_counted() {
     apart!();
     let (stand, scene) = meshes();
-    for intersector in [Intersector::MollerTrumbore, Intersector::CommonOrigin, Intersector::EdgePlanes] {
+    for intersector in [Intersector::MOLLER_TRUMBORE, Intersector::COMMON_ORIGIN, Intersector::EDGE_PLANES] {
         for strategy in traversals_of_rays(intersector) {
             few("rays", leaks_of_rays(&stand, &scene, &strategy), &strategy);
         }
@@ -142,7 +143,7 @@ fn the_other_tests_leaks_are_counted() {
             few("shadow rays", leaks_from(&strategy), &strategy);
         }
     }
-    for strategy in traversals_of_pixels(Intersector::PixelLinear) {
+    for strategy in traversals_of_pixels(Intersector::PIXEL_LINEAR) {
         few("primary rays", leaks_to(&strategy), &strategy);
         few("shadow rays", leaks_from(&strategy), &strategy);
     }
@@ -161,7 +162,7 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     let (stand, scene) = meshes();
     let rays = leaks_of_rays(&stand, &scene, &paper);
     let (traversal, width) = (Traversal::Bvh, Width::W16);
-    let wide = Strategy { traversal, width, shading: Shading::Deferred, passes: Passes::Separate, ..paper };
+    let wide = Strategy { traversal, width, shading: Shading::DEFERRED, passes: Passes::Separate, ..paper };
     let (primary, shadow) = (leaks_to(&wide), leaks_from(&wide));
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");

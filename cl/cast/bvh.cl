@@ -27,7 +27,12 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         if (IS_LEAF(word)) {
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++) {
+#if RECORDS_ONCE
+                Row row;
+                LOAD_ROW(row, scene->records + ROW_UNITS * (size_t)place)
+#else
                 const Row row = row_of(leaf_corners(&scene->tree, place));
+#endif
                 Hit hit;
 #if ANY_HIT
                 const Vec3 to_light = working_get(working, TO_LIGHT);

@@ -70,3 +70,6 @@ __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
 #if PLANES_OF_ORIGIN
 #include "cast/prepare_origins.cl"
 #endif
+#if RECORDS_ONCE
+#include "cast/prepare_records.cl"
+#endif

@@ -11,6 +11,9 @@
 #if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
 #error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row a triangle is prepared for the eye and each light, and the eye's for pixels"
 #endif
+#ifndef RECORDS_ONCE
+#error "RECORDS_ONCE: 0 or 1: whether what the test reads of a triangle is prepared once a scene"
+#endif
 #ifndef TRIANGLES
 #error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
 #endif
@@ -62,6 +65,12 @@
 #define BIND_PREPARED(scene)
 #endif
 
+#if RECORDS_ONCE
+#define BIND_RECORDS(scene) scene.records = (const __global ROW_UNIT *)records;
+#else
+#define BIND_RECORDS(scene)
+#endif
+
 #if TREE
 #define BIND_TREE(scene)     \
     scene.tree.nodes = nodes;  \
@@ -77,6 +86,7 @@
     scene.light_count = light_count; \
     scene.bias = bias;               \
     BIND_PREPARED(scene)             \
+    BIND_RECORDS(scene)              \
     BIND_TREE(scene)                 \
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);

@@ -8,11 +8,14 @@ typedef struct {
 #if PLANES_OF_ORIGIN
     const __global float4 *prepared; // a row a triangle, first for the eye, then for each light
 #endif
+#if RECORDS_ONCE
+    const __global ROW_UNIT *records; // a row a triangle, in the mesh's order, or that of a tree's leaves
+#endif
 #if TREE
     Tree tree;
 #endif
 #if STREAM_TILES
-    __local float4 *tile;
+    __local ROW_UNIT *tile;
 #endif
 } Scene;
 
@@ -23,6 +26,11 @@ Row source_row(const Scene *scene, int origin, int triangle) {
     Row row;
     LOAD_ROW(row, quads)
     return row;
+#elif RECORDS_ONCE
+    const __global ROW_UNIT *record = scene->records + ROW_UNITS * (size_t)triangle;
+    Row row;
+    LOAD_ROW(row, record)
+    return row;
 #else
     return row_of(corners(&scene->geometry, triangle));
 #endif
@@ -32,7 +40,7 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 #ifndef TILE_TRIANGLES
 #error "TILE_TRIANGLES: triangles of a tile in __local memory"
 #endif
-#define TILE_LOCALS __local float4 tile_store[3 * TILE_TRIANGLES];
+#define TILE_LOCALS __local ROW_UNIT tile_store[ROW_UNITS * TILE_TRIANGLES];
 #define BIND_TILE(scene) scene.tile = tile_store;
 #define TILE_STEP(scene) TILE_TRIANGLES
 
@@ -42,14 +50,14 @@ void stage_tile(const Scene *scene, int origin, int first) {
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);
     for (int k = LOCAL_INDEX; k < end; k += LOCAL_X * LOCAL_Y) {
         const Row row = source_row(scene, origin, first + k);
-        STORE_ROW(row, scene->tile + 3 * k)
+        STORE_ROW(row, scene->tile + ROW_UNITS * k)
     }
     barrier(CLK_LOCAL_MEM_FENCE);
 }
 
 Row row_in_tile(const Scene *scene, int origin, int first, int k) {
     Row row;
-    LOAD_ROW(row, scene->tile + 3 * k)
+    LOAD_ROW(row, scene->tile + ROW_UNITS * k)
     return row;
 }
 #else

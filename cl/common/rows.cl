@@ -4,16 +4,20 @@ typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// What a ray-triangle test reads: what its intersector makes of the corners, or of planes prepared for a common origin.
+// What a ray-triangle test reads of a triangle: what it makes of the corners, or of planes prepared for a common origin. The
+// test's file says how many floats that are; in memory a row is ROW_UNITS of ROW_UNIT.
+#ifndef RECORD_FLOATS
+#error "RECORD_FLOATS: floats of a triangle that is prepared for the test, as the test's file says"
+#endif
+#if RECORD_FLOATS == 12
 typedef struct {
     Uniform3 a, b, c;
     float u, v, w;
 } Row;
 
-// A row in memory: four floats each of a and u, b and v, c and w. Rows start at 16 bytes.
-#if !defined(ROW_FLOATS) || ROW_FLOATS != 12
-#error "ROW_FLOATS: floats of a row, of which these macros load and store 12"
-#endif
+// Four floats each of a and u, b and v, c and w. Rows start at 16 bytes.
+#define ROW_UNIT float4
+#define ROW_UNITS 3
 #define LOAD_ROW(row, quads)                                     \
     {                                                              \
         const float4 a = (quads)[0], b = (quads)[1], c = (quads)[2]; \
@@ -25,6 +29,18 @@ typedef struct {
     (quads)[0] = (float4)((row).a.x, (row).a.y, (row).a.z, (row).u); \
     (quads)[1] = (float4)((row).b.x, (row).b.y, (row).b.z, (row).v); \
     (quads)[2] = (float4)((row).c.x, (row).c.y, (row).c.z, (row).w);
+#else
+typedef struct {
+    float number[RECORD_FLOATS];
+} Row;
+
+#define ROW_UNIT float
+#define ROW_UNITS RECORD_FLOATS
+#define LOAD_ROW(row, numbers) \
+    for (int i = 0; i < RECORD_FLOATS; i++) row.number[i] = (numbers)[i];
+#define STORE_ROW(row, numbers) \
+    for (int i = 0; i < RECORD_FLOATS; i++) (numbers)[i] = (row).number[i];
+#endif
 
 // What shading reads, for the triangle of each lane.
 typedef struct {

@@ -241,6 +241,7 @@ struct Cast {
     hits: usize,
     times: FrameTimes,
     build_ms: f64,
+    records_ms: f64,
     read_ms: f64,
 }
 
@@ -263,7 +264,8 @@ fn cast(args: &Args, device: &Device, prepared: &Prepared) -> Result<Cast> {
     }
     let (read, read_ms) = timed(|| caster.read());
     let (image, hits) = read.map_err(Refused::at("reading the image")).map_err(refused)?;
-    Ok(Cast { image, hits, times: medians(&frames), build_ms, read_ms })
+    let records_ms = caster.records_ms().unwrap_or(0.0);
+    Ok(Cast { image, hits, times: medians(&frames), build_ms, records_ms, read_ms })
 }
 
 fn medians(frames: &[FrameTimes]) -> FrameTimes {

@@ -40,7 +40,7 @@ pub fn run(args: Args) -> Result<()> {
 
 fn axis_json(axis: &AxisInfo) -> Value {
     let value = |(name, about)| json!({ "name": name, "about": about });
-    let values: Vec<_> = axis.all_values().into_iter().map(value).collect();
+    let values: Vec<_> = axis.values().into_iter().map(value).collect();
     json!({ "name": axis.name, "about": axis.about, "values": values })
 }
 
@@ -68,7 +68,7 @@ fn text() -> String {
 }
 
 fn axis_text(axis: &AxisInfo) -> String {
-    let values = axis.all_values();
+    let values = axis.values();
     let wide = values.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     let mut text = format!("{}: {}\n", axis.name, axis.about);
     for (name, about) in values {
@@ -101,7 +101,7 @@ mod tests {
         let text = text();
         for axis in AXES {
             assert!(text.contains(&format!("\n{}: {}", axis.name, axis.about)), "{}", axis.name);
-            for (name, about) in axis.values {
+            for (name, about) in axis.values() {
                 assert!(
                     text.lines().any(|line| line.starts_with(&format!("  {name} ")) && line.ends_with(about))
                 );

@@ -63,7 +63,7 @@ fn a_good_config_becomes_an_experiment() {
     assert_eq!(experiment.image_sizes, [[800, 500]]);
     assert_eq!(experiment.strategies[0].local_sizes, [[8, 8], [64, 1]]);
     assert_eq!(experiment.strategies[1].preset.as_deref(), Some("local-vectors"));
-    assert_eq!(experiment.strategies[1].strategy.vectors, Vectors::Local);
+    assert_eq!(experiment.strategies[1].strategy.vectors, Vectors::LOCAL);
     assert_eq!(experiment.timing, Timing::default());
     assert_eq!(experiment.emulate, Emulate::default());
     assert_eq!(experiment.source, GOOD);
@@ -103,7 +103,7 @@ fn lists_of_axes_give_their_product() {
         ]
     );
     let last = &experiment.strategies[5];
-    assert_eq!((last.strategy.width, last.strategy.triangles), (Width::W4, Triangles::Constant));
+    assert_eq!((last.strategy.width, last.strategy.triangles), (Width::W4, Triangles::CONSTANT));
     assert_eq!((last.preset.clone(), last.local_sizes.clone()), (None, vec![[4, 4]]));
 }
 

@@ -127,6 +127,7 @@ fn cast_kernel(
     let prepared = session.build(strategy, &workload, spec)?;
     record.build_ms = Some(prepared.program.build_ms);
     let caster = prepared.caster()?;
+    record.records_ms = caster.records_ms();
     record.kernels = prepared.made(&caster, &prepared.program.log(), &prepared.program.ptx());
     caster.cast().map_err(Refused::at("the launch"))?;
     let (image, hits) = caster.read().map_err(Refused::at("reading the image"))?;

@@ -5,8 +5,9 @@ use super::buffers::{allocate, read_with};
 use super::frame::FrameTimes;
 use super::held::FrameBytes;
 use super::parts::Parts;
+use super::records::Records;
 use super::rounds::Rounds;
-use super::setup::{Setup, Working};
+use super::setup::{Setup, Working, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue};
@@ -25,6 +26,7 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     size: [u32; 2],
+    records_ms: Option<f64>,
     _bytes: FrameBytes,
 }
 
@@ -32,13 +34,18 @@ impl Caster {
     /// Makes buffers and kernels for a frame of `workload.image_size`, or for some rows of work-groups only. Buffers are the
     /// whole frame's; what is prepared or rasterised before pixels are cast is so for all of it.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
-        let Setup { queue, strategy, workload, .. } = setup;
+        let Setup { queue, program, strategy, workload, uploaded, tree, .. } = setup;
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
         let image = allocate::<Float4>(queue, pixels)?;
         let working = working(queue, strategy, workload)?;
         let prepared = prepared_planes(queue, strategy, workload)?;
+        let of_scene = scene_arguments(uploaded, tree);
+        let records = Records::prepare(queue, program, strategy, uploaded.triangle_count, of_scene)?;
         let mut arguments = working.add_to(setup.arguments());
+        if let Some(records) = &records {
+            arguments = arguments.with("records", &records.buffer);
+        }
         if let Some(prepared) = &prepared {
             arguments = arguments.with("prepared", prepared);
         }
@@ -55,7 +62,13 @@ impl Caster {
                 parts.cast_separate(&image, &nearest)?
             }
         };
-        Ok(Self { queue: queue.clone(), steps, image, working, size, _bytes: bytes })
+        let records_ms = records.as_ref().map(|records| records.prepare_ms);
+        Ok(Self { queue: queue.clone(), steps, image, working, size, records_ms, _bytes: bytes })
+    }
+
+    /// Device time of preparing records of triangles, where there are any: once, and part of no frame.
+    pub fn records_ms(&self) -> Option<f64> {
+        self.records_ms
     }
 
     /// Casts the frame once and waits for it.

@@ -23,18 +23,13 @@ impl Held {
 
     /// A strategy's scene and tree are on the device.
     pub fn share(&mut self, strategy: &Strategy, workload: &Workload) {
-        self.shared_bytes.insert(Kind::of(strategy), shared_bytes(strategy, workload));
+        self.shared_bytes.insert(Kind::of(strategy), Requirements::scene_bytes(strategy, workload));
     }
 
     /// Where frames that are made later are counted.
     pub fn frames(&self) -> Frames {
         self.frames.clone()
     }
-}
-
-/// What is left without pixels.
-fn shared_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
-    Requirements::of(strategy, &Workload { image_size: [0, 0], ..*workload }).global_bytes
 }
 
 /// The bytes of all frames there are.
@@ -47,7 +42,8 @@ impl Frames {
     /// Counts one more for as long as what is returned lives.
     pub fn count(&self, strategy: &Strategy, workload: &Workload) -> FrameBytes {
         let needs = Requirements::of(strategy, workload);
-        let own_bytes = needs.global_bytes - shared_bytes(strategy, workload) + needs.scratch_bytes;
+        let own_bytes =
+            needs.global_bytes - Requirements::scene_bytes(strategy, workload) + needs.scratch_bytes;
         self.bytes.fetch_add(own_bytes, Ordering::Relaxed);
         FrameBytes { all: self.clone(), own_bytes }
     }

@@ -15,6 +15,7 @@ mod parts;
 mod prepared;
 mod queue;
 mod rays;
+mod records;
 mod refused;
 mod rounds;
 mod scene;

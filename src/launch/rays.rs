@@ -2,6 +2,7 @@
 
 use super::buffers::{allocate, upload};
 use super::parts::{builder, size_for_preparing};
+use super::records::Records;
 use super::scene::DeviceScene;
 use super::setup::scene_arguments;
 use super::{LaunchError, Prepared, Queue};
@@ -36,13 +37,18 @@ impl Prepared {
         let packed = upload(queue, &packed)?;
         let nearest = allocate::<i32>(queue, rays.len())?;
         let prepared = prepare(queue, program, strategy, scene, first.origin)?;
-        let mut arguments = scene_arguments(scene, self.tree.as_deref())
+        let of_scene = scene_arguments(scene, self.tree.as_deref());
+        let records = Records::prepare(queue, program, strategy, scene.triangle_count, of_scene.clone())?;
+        let mut arguments = of_scene
             .with("bias", 0.0_f32)
             .with("rays", &packed)
             .with("ray_count", rays.len() as i32)
             .with("nearest_triangle", &nearest);
         if let Some(prepared) = &prepared {
             arguments = arguments.with("prepared", prepared);
+        }
+        if let Some(records) = &records {
+            arguments = arguments.with("records", &records.buffer);
         }
         let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
         let items = rays.len().div_ceil(strategy.width.rays());

@@ -5,7 +5,7 @@ use super::buffers::{upload, upload_with};
 use super::{LaunchError, Queue};
 use crate::manifest::SOUP_FLOATS;
 use crate::scene::{Mesh, Scene, Triangle};
-use crate::strategy::{Layout, Strategy, Workload};
+use crate::strategy::{Strategy, Workload};
 use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -58,11 +58,11 @@ impl DeviceScene {
     pub fn upload(queue: &Queue, scene: &Scene, strategy: &Strategy) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let mesh = &scene.mesh;
-        let geometry = match strategy.layout {
+        let geometry = match strategy.layout.index_bits() {
             _ if !strategy.reads_mesh() => Geometry::Soup(upload(queue, &[])?),
-            Layout::Soup => Geometry::Soup(soup(queue, mesh)?),
-            Layout::Indexed16 => Geometry::Indexed16(sets(queue, mesh, |index| index as u16)?),
-            Layout::Indexed32 => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
+            None => Geometry::Soup(soup(queue, mesh)?),
+            Some(16) => Geometry::Indexed16(sets(queue, mesh, |index| index as u16)?),
+            Some(_) => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
         };
         let lights: Vec<f32> = scene
             .lights

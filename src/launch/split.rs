@@ -43,7 +43,7 @@ pub struct Share {
     pub device: String,
     /// Its rows of pixels: the first, and the one after the last.
     pub rows: [u32; 2],
-    /// Opening the device, building the tree and the program.
+    /// Opening the device, building the tree and the program, and preparing records of triangles.
     pub build_ms: f64,
     /// Bringing the scene to the device.
     pub upload_ms: f64,
@@ -160,7 +160,7 @@ impl Split<'_> {
         let share = Share {
             device: stand.label.clone(),
             rows,
-            build_ms: stand.build_ms,
+            build_ms: stand.build_ms + caster.records_ms().unwrap_or(0.0),
             upload_ms: stand.prepared.upload_ms(),
             frames,
             read_ms: start.elapsed().as_secs_f64() * 1e3,

@@ -5,7 +5,7 @@ use crate::scene::Material;
 
 /// The triangle of a ray that hits nothing.
 pub const NO_HIT: i32 = i32::MAX;
-/// Floats of a row: what a test reads of a triangle, or a leaf's triangle.
+/// Floats of a row: a leaf's triangle, or what is prepared of a triangle for an origin.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
 /// Working vectors of a ray, of three floats each: the paper's arrays.
 pub const WORKING_VECTORS: usize = 9;

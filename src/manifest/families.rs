@@ -2,7 +2,7 @@
 
 use super::Fact::{self, Always, Indexed, Planes, Soup, Tiled, Tree};
 use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
-use super::Values::{AllBut, Only};
+use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
 
@@ -20,7 +20,7 @@ pub static EXHAUSTIVE: Family = Family {
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
         only("tile", &["32x16"], NO_TILES),
-        rule("intersector", AllBut(&["edge-planes"]), "casts no tiles, whose test that is"),
+        rule("intersector", FilesIn("cast/intersect/", None), "casts no tiles, whose test that is"),
     ],
 };
 
@@ -37,7 +37,7 @@ pub static BVH: Family = Family {
         only("tile", &["32x16"], NO_TILES),
         rule(
             "intersector",
-            AllBut(&["edge-planes", "common-origin", "pixel-linear"]),
+            FilesIn("cast/intersect/", Some(Planes)),
             "meets few of the triangles, and prepares none for an origin",
         ),
     ],
@@ -67,6 +67,7 @@ pub static RASTER: Family = Family {
             &["moller-trumbore"],
             "has its own edge functions for primary rays, and that test for shadow rays",
         ),
+        only("records", &["each-test"], "reads each triangle once for all primary rays"),
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
         only("tile", &["32x16"], NO_TILES),
@@ -89,7 +90,8 @@ pub static TILE_CPU: Family = Family {
         only("shading", &["deferred"], SHADES_ONCE),
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
-        only("intersector", &["edge-planes", "watertight"], PREPARES_A_TILE),
+        rule("intersector", FilesIn("tile_cpu/intersect/", Some(Planes)), PREPARES_A_TILE),
+        only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
         only("width", &["16"], "fills vectors of 16; or work-items share a tile (width = 1)"),
         only("node_width", &["8", "16"], "tests a node's children as one vector"),
@@ -147,7 +149,8 @@ pub static TILE_GPU: Family = Family {
         only("shading", &["deferred"], SHADES_ONCE),
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
-        only("intersector", &["edge-planes", "common-origin", "watertight"], PREPARES_A_TILE),
+        rule("intersector", FilesIn("tile_gpu/intersect/", None), PREPARES_A_TILE),
+        only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
         only("node_width", &["32"], "tests a child of a node with each of them"),
         rule("tile", AllBut(&["32x16"]), "keeps a tile in their registers, 16x16 at most"),
@@ -157,20 +160,30 @@ pub static TILE_GPU: Family = Family {
 /// The kernels of rays that are cast one by one or side by side.
 const CAST_KERNELS: &[Kernel] = &[
     Kernel {
+        name: "prepare_records",
+        role: Role::Records,
+        when: Fact::Records,
+        parameters: &[GEOMETRY, TREE, RECORDS_OUT],
+    },
+    Kernel {
         name: "prepare_origins",
         role: Prepare,
         when: Planes,
         parameters: &[GEOMETRY, LIGHTS_ONLY, CAMERA, PREPARED_OUT],
     },
-    kernel("cast_frame", Frame, &[GEOMETRY, LIGHTS, PREPARED, TREE, CAMERA, SIZE, IMAGE, WORKING]),
-    kernel("cast_primary", Primary, &[GEOMETRY, LIGHTS, PREPARED, TREE, CAMERA, SIZE, NEAREST_OUT, WORKING]),
+    kernel("cast_frame", Frame, &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, WORKING]),
+    kernel(
+        "cast_primary",
+        Primary,
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, NEAREST_OUT, WORKING],
+    ),
     SHADE_NEAREST,
-    kernel("cast_rays", Rays, &[GEOMETRY, LIGHTS, PREPARED, TREE, RAYS, NEAREST_OUT, WORKING]),
+    kernel("cast_rays", Rays, &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, RAYS, NEAREST_OUT, WORKING]),
 ];
 const SHADE_NEAREST: Kernel = kernel(
     "shade_nearest",
     Shade,
-    &[GEOMETRY, LIGHTS, PREPARED, TREE, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
+    &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
 );
 
 type Defines = &'static [(Fact, &'static str)];
@@ -183,7 +196,7 @@ const COMMON_DEFINES: Defines = &[
     (Always, "CULL_BACK"),
     (Always, "REDUCE_BUILTIN"),
     (Always, "NO_HIT"),
-    (Always, "ROW_FLOATS"),
+    (Always, "RECORD_FLOATS"),
     (Always, "LIGHT_FLOATS"),
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
@@ -194,6 +207,7 @@ const CAST_DEFINES: Defines = &[
     (Always, "PAPER_EPSILONS"),
     (Always, "TREE"),
     (Always, "LINEAR_IN_PIXEL"),
+    (Always, "RECORDS_ONCE"),
     (Always, "WORKING_VECTORS"),
     (Always, "TRIANGLES"),
     (Soup, "SOUP_STRIDE"),
@@ -204,6 +218,7 @@ const CAST_DEFINES: Defines = &[
     (Tiled, "TILE_TRIANGLES"),
 ];
 const TREE_DEFINES: Defines = &[
+    (Tree, "ROW_FLOATS"),
     (Tree, "NODE_WIDTH"),
     (Tree, "NODE_STRIDE"),
     (Tree, "STACK_SIZE"),

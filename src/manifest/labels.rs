@@ -66,7 +66,7 @@ fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
         strategy.set(axis.name, value).unwrap_or_else(|error| panic!("{error}"));
         strategy
     };
-    let values = axis.values.iter().map(|(value, _)| (*value, changed(value)));
+    let values = axis.values().into_iter().map(|(value, _)| (value, changed(value)));
     let own = |strategy: &Strategy| std::ptr::eq(strategy.family(), base.family());
     values.filter(|(_, strategy)| strategy.contradiction().is_none() && own(strategy)).collect()
 }

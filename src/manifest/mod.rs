@@ -33,6 +33,8 @@ pub enum Fact {
     Tree,
     /// A row a triangle is prepared for the eye and each light.
     Planes,
+    /// A record a triangle is prepared once a scene.
+    Records,
     /// Working vectors lie in a scratch buffer.
     Scratch,
     /// Working vectors lie in a pool with an allocator.
@@ -58,6 +60,8 @@ pub enum Role {
     Shade,
     /// Casts any rays, and is no part of a frame.
     Rays,
+    /// Prepares records of triangles, once a scene: no part of a frame either.
+    Records,
 }
 
 /// A kernel.
@@ -97,14 +101,18 @@ pub enum Values {
     Only(&'static [&'static str]),
     /// All but these.
     AllBut(&'static [&'static str]),
+    /// Those that have a file in this folder and of which this is not true, if anything is.
+    FilesIn(&'static str, Option<Fact>),
 }
 
 impl Values {
-    /// Whether a value is among them.
-    pub fn take(&self, value: &str) -> bool {
+    /// Whether a value is among them: `has_file` says whether it has a file in a folder, `holds` what is true of a strategy
+    /// that has it.
+    pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),
             Self::AllBut(values) => !values.contains(&value),
+            Self::FilesIn(folder, but) => has_file(folder) && !but.is_some_and(holds),
         }
     }
 }
@@ -146,18 +154,6 @@ impl Family {
     /// Its kernel of this name.
     pub fn kernel_named(&self, name: &str) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.name == name)
-    }
-
-    /// The rule that a value breaks.
-    pub fn broken_rule(
-        &self,
-        axes: &[(&'static str, &'static str)],
-    ) -> Option<(&'static Rule, &'static str)> {
-        let breaks = |rule: &'static Rule| {
-            let (_, value) = axes.iter().find(|(axis, _)| *axis == rule.axis)?;
-            (!rule.takes.take(value)).then_some((rule, *value))
-        };
-        self.rules.iter().find_map(breaks)
     }
 
     /// Its defines where these facts hold.

@@ -1,7 +1,7 @@
 //! The parameters of kernels, in the groups that kernels share.
 
 use super::Fact;
-use super::Fact::{Always, Heap, Indexed, Planes, Scratch, Soup, Tree};
+use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soup, Tree};
 
 /// A parameter of a kernel: an argument is bound to it by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +40,9 @@ pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
 /// What is prepared for the eye and each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
+/// What is prepared of triangles once a scene.
+pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
+pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
 /// A tree.
 pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
 /// What tiles shade with.

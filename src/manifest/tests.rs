@@ -13,7 +13,7 @@ pub(super) fn strategies() -> Vec<Strategy> {
     let mut all: Vec<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     for strategy in all.clone() {
         for axis in AXES {
-            for (value, _) in axis.values {
+            for (value, _) in axis.values() {
                 let mut changed = strategy;
                 changed.set(axis.name, value).unwrap_or_else(|error| panic!("{error}"));
                 if changed.contradiction().is_none() && !all.contains(&changed) {

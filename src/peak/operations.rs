@@ -1,26 +1,15 @@
 //! Arithmetic a ray-triangle test cannot do without.
 
+use crate::strategy::{Axis, Intersector};
+
 /// Floating-point operations of a test up to where most tests end, the first proof that the ray misses: additions,
 /// multiplications and fused multiply-adds, each counted as one. Comparisons, sign changes, minima and the slack of
 /// edges are not counted. Where edges are asked one by one (on GPUs), some tests end after one or two of the three planes
-/// that are counted here. None for a strategy that names no intersector.
-///
-/// | intersector | operations | what they are |
-/// |---|---|---|
-/// | `moller-trumbore` | 15 | direction x e2 6, a 3, origin - v0 3, first weight 3; 6 more for the edges where no row holds them |
-/// | `common-origin` | 9 | three planes |
-/// | `edge-planes` | 9 | three planes |
-/// | `pixel-linear` | 6 | three planes, linear in the pixel |
-/// | `watertight` | 50 | corners 9, sheared x and y 30 (unfused, which it must be), edge functions 9, their sum 2 |
+/// that are counted here. Each intersector's
+/// file has its count, `operations`; none for a strategy that names no intersector, or one whose file does not count them.
 pub fn operations_per_test(strategy: &str) -> Option<u32> {
-    let axis = strategy.split_whitespace().find_map(|part| part.strip_prefix("intersector="))?;
-    match axis {
-        "moller-trumbore" => Some(15),
-        "common-origin" | "edge-planes" => Some(9),
-        "pixel-linear" => Some(6),
-        "watertight" => Some(50),
-        _ => None,
-    }
+    let name = strategy.split_whitespace().find_map(|part| part.strip_prefix("intersector="))?;
+    Intersector::parse(name).ok()?.operations()
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::manifest::{
     GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES, WORKING_VECTORS,
 };
 use crate::scene::Material;
-use crate::strategy::{Culling, Epsilons, Intersector, Math, Strategy, Workload};
+use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
 
 /// The value of a define; none where there is no such define.
 pub(super) fn value_of(
@@ -33,7 +33,9 @@ fn of_strategy(name: &str, strategy: &Strategy) -> Option<u64> {
         "TREE" => u64::from(strategy.needs_tree()),
         "PLANES_OF_ORIGIN" => u64::from(strategy.intersector.prepares_planes()),
         "LINEAR_IN_PIXEL" => u64::from(strategy.intersector.counts_in_pixels()),
-        "WATERTIGHT" => u64::from(strategy.intersector == Intersector::Watertight),
+        "WATERTIGHT" => u64::from(strategy.intersector.needs_exact_signs()),
+        "RECORD_FLOATS" => strategy.intersector.record_floats() as u64,
+        "RECORDS_ONCE" => u64::from(strategy.records == Records::Once),
         "INDEX_BITS" => u64::from(strategy.layout.index_bits()?),
         "NODE_WIDTH" => children as u64,
         "NODE_STRIDE" => WideBvh::stride(children) as u64,

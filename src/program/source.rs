@@ -6,11 +6,11 @@ use crate::sources::Sources;
 use crate::strategy::Strategy;
 
 impl Sources {
-    /// BLAKE3 of all files that the program has of its own, by name: those a folder has in their places, if it is one.
+    /// BLAKE3 of all files, by name: those built in, and what a folder has in their places or adds.
     pub fn hash(&self) -> Option<String> {
         let mut hasher = blake3::Hasher::new();
-        for name in Self::names() {
-            for part in [self.read(name).ok()?.as_str(), name] {
+        for name in self.files().ok()? {
+            for part in [self.read(&name).ok()?.as_str(), &name] {
                 hasher.update(&(part.len() as u64).to_le_bytes());
                 hasher.update(part.as_bytes());
             }
@@ -67,13 +67,5 @@ fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
         let meant = nearest(axis, axes.iter().map(|(name, _)| *name)).unwrap_or("vectors");
         Error::input(format!("kernel include \"{path}\" names no axis; did you mean {{{meant}}}?"))
     })?;
-    Ok(format!("{before}{}{after}", file_of(axis, value)))
-}
-
-/// The file of a value: its name, but 16- and 32-bit indices share one file.
-fn file_of(axis: &str, value: &str) -> String {
-    match (axis, value) {
-        ("layout", "indexed16" | "indexed32") => "indexed".to_owned(),
-        _ => value.replace('-', "_"),
-    }
+    Ok(format!("{before}{}{after}", value.replace('-', "_")))
 }

@@ -119,6 +119,9 @@ pub struct Record {
     pub host_median_ms: Option<f64>,
     /// Assembling and compiling the program.
     pub build_ms: Option<f64>,
+    /// Device time of preparing records of triangles, where that is done once a scene; part of no frame.
+    #[serde(default)]
+    pub records_ms: Option<f64>,
     /// Primary rays a second.
     pub rays_per_s: Option<f64>,
     /// Shadow rays of a frame: one a light for every pixel that hits.
@@ -215,9 +218,16 @@ impl Record {
     }
 }
 
-/// The axes that a strategy's text spells out, and their values; none of a baseline's.
+/// What a strategy's text of before an axis was there stands for.
+const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
+
+/// The axes that a strategy's text spells out, and their values, then those it is too old to know; none of a baseline's.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
-    strategy.split_whitespace().filter_map(|part| part.split_once('='))
+    let told = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
+    let is_untold = move |(axis, _): &(&str, &str)| {
+        told().any(|(name, _)| name == "traversal") && told().all(|(name, _)| name != *axis)
+    };
+    told().chain(BEFORE.into_iter().filter(is_untold))
 }
 
 /// One timed frame: a line of `samples.jsonl`.
@@ -249,6 +259,15 @@ pub struct Sample {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_record_from_before_an_axis_was_there_has_what_was_then() {
+        let of = |strategy: &str| Record { strategy: strategy.to_owned(), ..Record::default() };
+        let (old, new) = (of("traversal=bvh vectors=private"), of("traversal=bvh records=once"));
+        assert_eq!((old.axis("records"), old.axis("vectors")), (Some("each-test"), Some("private")));
+        assert_eq!((new.axis("records"), new.axis("vectors")), (Some("once"), None));
+        assert_eq!(of("serial-f32").axis("records"), None);
+    }
 
     #[test]
     fn what_prepares_triangles_is_not_the_main_kernel() {

@@ -1,6 +1,8 @@
-//! The axes: each value has a name, a line that explains it, and (where it is
-//! code) one file under `cl/` in each family that takes it. This is the only list of them.
+//! The axes. Values that are code are files under `cl/`, one in each family that takes them, whose headers say what they
+//! are; all others have their name and a line that explains it here. This is the only list of them.
 
+use super::header::Header;
+use super::values::{header_of, values_of};
 use crate::error::{Error, Result, nearest};
 
 /// An axis of the strategy space, known by its name at run time.
@@ -10,27 +12,25 @@ pub struct AxisInfo {
     pub name: &'static str,
     /// What it decides.
     pub about: &'static str,
-    /// Each value's name and what it means.
-    pub values: &'static [(&'static str, &'static str)],
+    /// The name and the meaning of each value that is no file.
+    pub listed: &'static [(&'static str, &'static str)],
 }
 
 /// A type whose values are those of one axis.
 pub trait Axis: Sized + Copy + Eq + 'static {
-    /// Its name, its values and their meaning.
+    /// Its name, and what it decides.
     const INFO: AxisInfo;
-    /// Every value, in the order of `INFO.values`.
-    const ALL: &'static [Self];
+
+    /// Every value.
+    fn all() -> Vec<Self>;
 
     /// The value's name in configs and records.
-    fn name(self) -> &'static str {
-        let place = Self::ALL.iter().position(|&value| value == self).unwrap_or_default();
-        Self::INFO.values[place].0
-    }
+    fn name(self) -> &'static str;
 
     /// The value called `name`; the error names the nearest one.
     fn parse(name: &str) -> Result<Self> {
-        Self::ALL.iter().copied().find(|value| value.name() == name).ok_or_else(|| {
-            let names: Vec<_> = Self::INFO.all_values().iter().map(|(name, _)| *name).collect();
+        Self::all().into_iter().find(|value| value.name() == name).ok_or_else(|| {
+            let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
             let error = Error::input(format!(
                 "'{name}' is not a value of '{}'; expected one of {}",
                 Self::INFO.name,
@@ -57,9 +57,51 @@ macro_rules! axis {
             const INFO: AxisInfo = AxisInfo {
                 name: $axis,
                 about: $about,
-                values: &[$(($name, $meaning)),+],
+                listed: &[$(($name, $meaning)),+],
             };
-            const ALL: &'static [Self] = &[$(Self::$value),+];
+
+            fn all() -> Vec<Self> {
+                vec![$(Self::$value),+]
+            }
+
+            fn name(self) -> &'static str {
+                match self {
+                    $(Self::$value => $name,)+
+                }
+            }
+        }
+    };
+}
+
+/// An axis whose values are files. A value is its name, so that strategies are constants and can be copied; what the host
+/// knows of it says the file. Those named here are the ones that presets name.
+macro_rules! file_axis {
+    ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
+        $($value:ident $name:literal,)+
+    }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub struct $type(&'static str);
+
+        impl $type {
+            $(#[doc = concat!("`", $name, "`")] pub const $value: Self = Self($name);)+
+
+            /// What its file says.
+            pub(super) fn header(self) -> &'static Header {
+                header_of($axis, self.0)
+            }
+        }
+
+        impl Axis for $type {
+            const INFO: AxisInfo = AxisInfo { name: $axis, about: $about, listed: &[] };
+
+            fn all() -> Vec<Self> {
+                values_of($axis).map(|header| Self(&header.name)).collect()
+            }
+
+            fn name(self) -> &'static str {
+                self.0
+            }
         }
     };
 }
@@ -73,39 +115,39 @@ axis! {
         Tile "tile" "a tile of rays with a common origin walks the tree together",
     }
 }
-axis! {
+file_axis! {
     /// Where a work-item's nine working vectors live.
     Vectors "vectors" "where a work-item's nine working vectors live" {
-        Private "private" "private arrays, which compilers keep in registers",
-        Global "global" "a preallocated scratch buffer in global memory",
-        Heap "heap" "taken inside the kernel from a global pool by an atomic allocator, as the paper's malloc",
-        Local "local" "__local memory, 108 bytes a ray: the paper's optimisation 1",
+        PRIVATE "private",
+        GLOBAL "global",
+        HEAP "heap",
+        LOCAL "local",
     }
 }
-axis! {
+file_axis! {
     /// Where triangles are read from.
     Triangles "triangles" "where triangles are read from" {
-        Global "global" "global memory",
-        Constant "constant" "__constant memory",
-        Local "local" "the whole scene copied to __local memory: the paper's optimisation 2",
-        Tiled "tiled" "streamed through __local memory in tiles: any scene size",
-        SplitVertices "split-vertices" "vertices in __local memory, normals in global: the paper's next step",
-        SplitNormals "split-normals" "normals in __local memory, vertices in global: its reverse",
+        GLOBAL "global",
+        CONSTANT "constant",
+        LOCAL "local",
+        TILED "tiled",
+        SPLIT_VERTICES "split-vertices",
+        SPLIT_NORMALS "split-normals",
     }
 }
-axis! {
+file_axis! {
     /// How triangles are laid out in memory.
     Layout "layout" "how triangles are laid out in memory" {
-        Soup "soup" "104 bytes a triangle, nothing shared, as the paper has it",
-        Indexed16 "indexed16" "the OBJ's sets of positions and normals, 16-bit indices",
-        Indexed32 "indexed32" "the OBJ's sets of positions and normals, 32-bit indices",
+        SOUP "soup",
+        INDEXED_16 "indexed16",
+        INDEXED_32 "indexed32",
     }
 }
-axis! {
+file_axis! {
     /// When a hit is shaded.
     Shading "shading" "when a hit is shaded" {
-        Eager "eager" "at every hit nearer than the best so far, as the paper does",
-        Deferred "deferred" "once, at the nearest hit",
+        EAGER "eager",
+        DEFERRED "deferred",
     }
 }
 axis! {
@@ -115,14 +157,21 @@ axis! {
         Separate "separate" "one kernel finds the nearest hits, another shades them: timed apart",
     }
 }
-axis! {
+file_axis! {
     /// The ray-triangle test.
     Intersector "intersector" "the ray-triangle test" {
-        MollerTrumbore "moller-trumbore" "Moeller and Trumbore 1997, as the paper does",
-        Watertight "watertight" "Woop, Benthin and Wald 2013: no leaks at edges and vertices",
-        CommonOrigin "common-origin" "edge planes through the eye or the light, prepared once a frame",
-        PixelLinear "pixel-linear" "common-origin, with the camera's planes as linear functions of the pixel",
-        EdgePlanes "edge-planes" "planes through edges and a tile's origin, prepared for all its rays where a tile meets a leaf",
+        MOLLER_TRUMBORE "moller-trumbore",
+        WATERTIGHT "watertight",
+        COMMON_ORIGIN "common-origin",
+        PIXEL_LINEAR "pixel-linear",
+        EDGE_PLANES "edge-planes",
+    }
+}
+axis! {
+    /// When what the ray-triangle test reads of a triangle is prepared.
+    Records "records" "when what the test reads of a triangle is prepared" {
+        EachTest "each-test" "at each test, or with each tile of triangles: the scene's own corners are all that is kept",
+        Once "once" "once a scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
 }
 axis! {

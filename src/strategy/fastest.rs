@@ -51,8 +51,8 @@ pub fn fastest(limits: &DeviceLimits, triangles: usize, pixels: usize) -> Result
 
 /// The largest width that the hardware's vectors hold.
 fn widest(native: u32) -> Width {
-    let holds = |width: &&Width| width.rays() <= native.max(1) as usize;
-    Width::ALL.iter().rfind(holds).copied().unwrap_or(Width::W1)
+    let holds = |width: &Width| width.rays() <= native.max(1) as usize;
+    Width::all().into_iter().rfind(holds).unwrap_or(Width::W1)
 }
 
 #[cfg(test)]

@@ -1,27 +1,29 @@
 //! A strategy: one value of every axis. Presets name the paper's rows.
 
-mod added;
 mod axis;
 mod facts;
 mod fastest;
+mod header;
 mod host;
+mod keys;
 mod presets;
 mod requirements;
 mod rules;
 mod sum;
+mod values;
 mod workload;
 
-pub use added::{Added, AddedValues, FOLDERS, added_values};
-pub(crate) use added::{make_known, read_header};
 pub use axis::{
-    Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading,
-    TileSize, Traversal, Triangles, Vectors, Width,
+    Axis, AxisInfo, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Records,
+    Shading, TileSize, Traversal, Triangles, Vectors, Width,
 };
-pub use facts::WorkingMemory;
+pub use facts::{Copied, WorkingMemory};
 pub use fastest::fastest;
+pub use header::{Contradiction, Header};
 pub use host::HostNeeds;
 pub use presets::{PRESETS, Preset, preset};
 pub use requirements::{Infeasible, Requirements};
+pub use values::{FOLDERS, values_of};
 pub use workload::Workload;
 
 use crate::device::{Builtins, DeviceLimits, LaneOperations};
@@ -35,8 +37,6 @@ macro_rules! strategy {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub struct Strategy {
             $($(#[$doc])* pub $field: $type,)+
-            /// Values that files of a user's folder add: where there is one, its axis has the built-in value that it is like.
-            pub added: AddedValues,
         }
 
         /// Every axis, in the order a strategy is spelled out.
@@ -45,24 +45,15 @@ macro_rules! strategy {
         impl Strategy {
             /// Changes one axis by name. An unknown name or value is the user's mistake.
             pub fn set(&mut self, axis: &str, value: &str) -> Result<()> {
-                let added = added_values(axis).into_iter().find(|added| added.name == value);
-                let value = added.map_or(value, |added| added.like);
                 match axis {
                     $(stringify!($field) => self.$field = $type::parse(value)?,)+
                     _ => return Err(unknown_axis(axis)),
                 }
-                self.added.replace(axis, added);
                 Ok(())
             }
 
             /// Each axis's name and this strategy's value of it.
             pub fn axes(&self) -> Vec<(&'static str, &'static str)> {
-                let own = |axis, built_in| self.added.of(axis).map_or(built_in, |added| added.name.as_str());
-                vec![$((stringify!($field), own(stringify!($field), self.$field.name()))),+]
-            }
-
-            /// The same with the built-in value that an added one is like in its place.
-            pub fn built_in_axes(&self) -> Vec<(&'static str, &'static str)> {
                 vec![$((stringify!($field), self.$field.name())),+]
             }
         }
@@ -84,6 +75,8 @@ strategy! {
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,
+    /// When what the test reads of a triangle is prepared.
+    records: Records,
     /// Which faces are seen.
     culling: Culling,
     /// When a test counts as parallel or outside.

@@ -1,8 +1,8 @@
 //! Named strategies: the paper's rows and the fast ones.
 
 use super::{
-    AddedValues, Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Shading,
-    Strategy, TileSize, Traversal, Triangles, Vectors, Width,
+    Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading, Strategy,
+    TileSize, Traversal, Triangles, Vectors, Width,
 };
 use crate::error::{Error, Result, nearest};
 
@@ -20,12 +20,13 @@ pub struct Preset {
 /// The paper's kernel, before it is said where anything lives.
 const PAPER: Strategy = Strategy {
     traversal: Traversal::Exhaustive,
-    vectors: Vectors::Heap,
-    triangles: Triangles::Global,
-    layout: Layout::Soup,
-    shading: Shading::Eager,
+    vectors: Vectors::HEAP,
+    triangles: Triangles::GLOBAL,
+    layout: Layout::SOUP,
+    shading: Shading::EAGER,
     passes: Passes::Fused,
-    intersector: Intersector::MollerTrumbore,
+    intersector: Intersector::MOLLER_TRUMBORE,
+    records: Records::EachTest,
     culling: Culling::None,
     epsilons: Epsilons::Paper,
     width: Width::W1,
@@ -33,13 +34,12 @@ const PAPER: Strategy = Strategy {
     leaf_size: LeafSize::L4,
     tile: TileSize::T32x16,
     math: Math::Strict,
-    added: AddedValues::NONE,
 };
 
 /// What raycl starts from when it is free to choose.
 const MODERN: Strategy = Strategy {
-    vectors: Vectors::Private,
-    shading: Shading::Deferred,
+    vectors: Vectors::PRIVATE,
+    shading: Shading::DEFERRED,
     passes: Passes::Separate,
     epsilons: Epsilons::Relative,
     ..PAPER
@@ -52,7 +52,7 @@ const TILE: Strategy = Strategy {
     width: Width::W16,
     node_width: NodeWidth::N16,
     leaf_size: LeafSize::L8,
-    intersector: Intersector::EdgePlanes,
+    intersector: Intersector::EDGE_PLANES,
     ..MODERN
 };
 
@@ -64,7 +64,7 @@ const TILE_GROUP: Strategy = Strategy {
     node_width: NodeWidth::N32,
     leaf_size: LeafSize::L32,
     tile: TileSize::T8x8,
-    intersector: Intersector::CommonOrigin,
+    intersector: Intersector::COMMON_ORIGIN,
     ..MODERN
 };
 
@@ -78,42 +78,42 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "naive-scratch",
         about: "naive without the malloc: vectors in a preallocated global buffer",
-        strategy: Strategy { vectors: Vectors::Global, ..PAPER },
+        strategy: Strategy { vectors: Vectors::GLOBAL, ..PAPER },
     },
     Preset {
         name: "private",
         about: "the paper's static arrays, which failed to launch there",
-        strategy: Strategy { vectors: Vectors::Private, ..PAPER },
+        strategy: Strategy { vectors: Vectors::PRIVATE, ..PAPER },
     },
     Preset {
         name: "local-vectors",
         about: "the paper's optimisation 1: vectors in __local memory",
-        strategy: Strategy { vectors: Vectors::Local, ..PAPER },
+        strategy: Strategy { vectors: Vectors::LOCAL, ..PAPER },
     },
     Preset {
         name: "local-triangles",
         about: "the paper's optimisation 2: all triangles in __local memory",
-        strategy: Strategy { triangles: Triangles::Local, ..PAPER },
+        strategy: Strategy { triangles: Triangles::LOCAL, ..PAPER },
     },
     Preset {
         name: "compounded",
         about: "both optimisations, which the paper could not compound",
-        strategy: Strategy { vectors: Vectors::Local, triangles: Triangles::Local, ..PAPER },
+        strategy: Strategy { vectors: Vectors::LOCAL, triangles: Triangles::LOCAL, ..PAPER },
     },
     Preset {
         name: "constant-triangles",
         about: "vectors in private memory, triangles in __constant memory",
-        strategy: Strategy { vectors: Vectors::Private, triangles: Triangles::Constant, ..PAPER },
+        strategy: Strategy { vectors: Vectors::PRIVATE, triangles: Triangles::CONSTANT, ..PAPER },
     },
     Preset {
         name: "split-vertices",
         about: "the paper's next step: indexed, vertices in __local memory and normals in global",
-        strategy: Strategy { triangles: Triangles::SplitVertices, layout: Layout::Indexed16, ..PAPER },
+        strategy: Strategy { triangles: Triangles::SPLIT_VERTICES, layout: Layout::INDEXED_16, ..PAPER },
     },
     Preset {
         name: "split-normals",
         about: "its reverse: indexed, normals in __local memory and vertices in global",
-        strategy: Strategy { triangles: Triangles::SplitNormals, layout: Layout::Indexed16, ..PAPER },
+        strategy: Strategy { triangles: Triangles::SPLIT_NORMALS, layout: Layout::INDEXED_16, ..PAPER },
     },
     Preset {
         name: "raster",
@@ -124,12 +124,12 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "tiled",
         about: "deferred, with triangles streamed through __local memory",
-        strategy: Strategy { triangles: Triangles::Tiled, ..MODERN },
+        strategy: Strategy { triangles: Triangles::TILED, ..MODERN },
     },
     Preset {
         name: "watertight",
         about: "deferred, with the test that leaks no ray at edges and vertices",
-        strategy: Strategy { intersector: Intersector::Watertight, ..MODERN },
+        strategy: Strategy { intersector: Intersector::WATERTIGHT, ..MODERN },
     },
     Preset {
         name: "wide",
@@ -139,25 +139,25 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "wide-common-origin",
         about: "wide, with edge planes prepared for the eye and each light",
-        strategy: Strategy { width: Width::W16, intersector: Intersector::CommonOrigin, ..MODERN },
+        strategy: Strategy { width: Width::W16, intersector: Intersector::COMMON_ORIGIN, ..MODERN },
     },
     Preset {
         name: "wide-pixel-linear",
         about: "wide, with the camera's edge planes as linear functions of the pixel: fewest operations a test",
-        strategy: Strategy { width: Width::W16, intersector: Intersector::PixelLinear, ..MODERN },
+        strategy: Strategy { width: Width::W16, intersector: Intersector::PIXEL_LINEAR, ..MODERN },
     },
     Preset {
         name: "tiled-wide",
         about: "tiled, 4 rays a work-item: the plain test as a GPU wants it",
-        strategy: Strategy { width: Width::W4, triangles: Triangles::Tiled, ..MODERN },
+        strategy: Strategy { width: Width::W4, triangles: Triangles::TILED, ..MODERN },
     },
     Preset {
         name: "tiled-pixel-linear",
         about: "pixel-linear planes streamed through __local memory, 16 rays a work-item: fewest operations a test on a GPU",
         strategy: Strategy {
             width: Width::W16,
-            intersector: Intersector::PixelLinear,
-            triangles: Triangles::Tiled,
+            intersector: Intersector::PIXEL_LINEAR,
+            triangles: Triangles::TILED,
             ..MODERN
         },
     },
@@ -166,8 +166,8 @@ pub const PRESETS: &[Preset] = &[
         about: "common-origin planes streamed through __local memory, 8 rays a work-item",
         strategy: Strategy {
             width: Width::W8,
-            intersector: Intersector::CommonOrigin,
-            triangles: Triangles::Tiled,
+            intersector: Intersector::COMMON_ORIGIN,
+            triangles: Triangles::TILED,
             ..MODERN
         },
     },
@@ -177,7 +177,7 @@ pub const PRESETS: &[Preset] = &[
         strategy: Strategy {
             traversal: Traversal::Bvh,
             node_width: NodeWidth::N4,
-            intersector: Intersector::Watertight,
+            intersector: Intersector::WATERTIGHT,
             ..MODERN
         },
     },
@@ -194,7 +194,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "tile-watertight",
         about: "tile, with the test that leaks no ray at edges and vertices",
-        strategy: Strategy { intersector: Intersector::Watertight, ..TILE },
+        strategy: Strategy { intersector: Intersector::WATERTIGHT, ..TILE },
     },
     Preset {
         name: "tile-group",
@@ -204,7 +204,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "tile-group-watertight",
         about: "tile-group with the test that leaks no ray at edges and vertices",
-        strategy: Strategy { intersector: Intersector::Watertight, passes: Passes::Separate, ..TILE_GROUP },
+        strategy: Strategy { intersector: Intersector::WATERTIGHT, passes: Passes::Separate, ..TILE_GROUP },
     },
 ];
 

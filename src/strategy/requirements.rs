@@ -1,19 +1,21 @@
 //! What a strategy asks of a device, with its arithmetic, before anything is compiled.
 
+mod fits;
+
+use fits::{groups, indices, shape};
+
 use super::sum::Sum;
 use super::workload::Workload;
-use super::{Layout, Strategy, Traversal, Triangles, WorkingMemory};
+use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
 use crate::accel::WideBvh;
-use crate::device::{DeviceLimits, LaneOperations};
-use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES, WORKING_VECTORS};
+use crate::device::DeviceLimits;
+use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
 use crate::scene::Material;
 
-/// Working vectors of three floats.
-const WORKING_BYTES: u64 = WORKING_VECTORS as u64 * 3 * 4;
 /// A triangle of the soup. Its corners, or its normals: 9 floats. Its material.
 const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
-/// What a test reads of a triangle: three float4.
+/// A leaf's triangle, or what is prepared of one for an origin: three float4.
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
@@ -71,6 +73,11 @@ impl Requirements {
         }
     }
 
+    /// Global bytes of a scene and its tree, which points share.
+    pub fn scene_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
+        scene(strategy, workload).recorded()
+    }
+
     /// What `strategy` needs for `workload`, if a device with these limits can hold it.
     pub fn check(
         strategy: &Strategy,
@@ -93,56 +100,9 @@ impl Requirements {
     }
 }
 
-/// Whether a work-group of this shape exists on the device at all.
-fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
-    let [x, y] = workload.local_size;
-    let items = workload.work_group_items();
-    if items > limits.work_group_size as u64 {
-        let reason =
-            format!("work-group: {x} x {y} = {items} work-items > the device's {}", limits.work_group_size);
-        return Err(Infeasible { reason });
-    }
-    let sizes = limits.work_item_sizes;
-    if x as usize > sizes[0] || y as usize > sizes[1] {
-        let reason = format!("work-group: {x} x {y} work-items > the device's {} x {}", sizes[0], sizes[1]);
-        return Err(Infeasible { reason });
-    }
-    Ok(())
-}
-
-/// Whether a work-group consists of groups that can share tiles.
-fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
-    let [x, y] = workload.local_size;
-    if !strategy.shares_tiles() {
-        return Ok(());
-    }
-    if x != GROUP_LANES {
-        let reason = format!(
-            "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among {GROUP_LANES} work-items across: 32 x 1 to 32 x 8"
-        );
-        return Err(Infeasible { reason });
-    }
-    if y > 1 && limits.lane_operations == LaneOperations::Barriers {
-        let reason = format!(
-            "work-group: {x} x {y}, but this device has only barriers to share a tile by, one tile a work-group: 32 x 1"
-        );
-        return Err(Infeasible { reason });
-    }
-    Ok(())
-}
-
-/// Whether 16-bit indices reach every entry, and the words of a tree every triangle.
-fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
-    let largest = workload.positions.max(workload.normals).max(workload.materials);
-    if strategy.layout == Layout::Indexed16 && largest > 1 << 16 {
-        let reason = format!("16-bit indices: {largest} entries > {}", 1 << 16);
-        return Err(Infeasible { reason });
-    }
-    let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
-    if strategy.needs_tree() && triangles > most {
-        return Err(Infeasible { reason: format!("a tree's leaves: {triangles} triangles > {most}") });
-    }
-    Ok(())
+/// What a test reads of a triangle.
+fn record_bytes(strategy: &Strategy) -> u64 {
+    4 * strategy.intersector.record_floats() as u64
 }
 
 fn index_bytes(layout: Layout) -> u64 {
@@ -150,7 +110,7 @@ fn index_bytes(layout: Layout) -> u64 {
 }
 
 fn add_vertices(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
-    if strategy.layout == Layout::Soup {
+    if strategy.layout.index_bits().is_none() {
         sum.add("corners", &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
     } else {
         sum.add("positions", &[(POINT_BYTES, " B"), (w.positions as u64, "")]);
@@ -160,7 +120,7 @@ fn add_vertices(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 }
 
 fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
-    if strategy.layout == Layout::Soup {
+    if strategy.layout.index_bits().is_none() {
         sum.add("normals", &[(CORNERS_BYTES, " B"), (w.triangles as u64, " triangles")]);
     } else {
         sum.add("normals", &[(POINT_BYTES, " B"), (w.normals as u64, "")]);
@@ -171,7 +131,7 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 
 /// The whole scene in one memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
-    if strategy.layout == Layout::Soup {
+    if strategy.layout.index_bits().is_none() {
         sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);
         return;
     }
@@ -185,7 +145,7 @@ fn local(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.vectors.memory() == WorkingMemory::Local {
         let [x, y] = w.local_size;
-        let mut factors = vec![(WORKING_BYTES, " B")];
+        let mut factors = vec![(strategy.vectors.bytes_per_ray(), " B")];
         if strategy.width.rays() > 1 {
             factors.push((strategy.width.rays() as u64, " rays"));
         }
@@ -198,26 +158,26 @@ fn local(strategy: &Strategy, w: &Workload) -> Sum {
         sum.add("leaf", &[(CANDIDATE_BYTES, " B"), (GROUP_LANES.into(), " triangles"), groups]);
         sum.add("board", &[(BOARD_BYTES, " B")]);
     }
-    match strategy.triangles {
-        Triangles::Global | Triangles::Constant => {}
-        Triangles::Local => add_scene(&mut sum, strategy, w),
-        Triangles::Tiled => sum.add("tile", &[(ROW_BYTES, " B"), (TILE_TRIANGLES, " triangles")]),
-        Triangles::SplitVertices => add_vertices(&mut sum, strategy, w),
-        Triangles::SplitNormals => add_normals(&mut sum, strategy, w),
+    match strategy.triangles.copied() {
+        Copied::Nothing => {}
+        Copied::Scene => add_scene(&mut sum, strategy, w),
+        Copied::Rows => sum.add("tile", &[(record_bytes(strategy), " B"), (TILE_TRIANGLES, " triangles")]),
+        Copied::Vertices => add_vertices(&mut sum, strategy, w),
+        Copied::Normals => add_normals(&mut sum, strategy, w),
     }
     sum
 }
 
 fn constant(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
-    if strategy.triangles == Triangles::Constant {
+    if strategy.triangles.are_constant() {
         add_scene(&mut sum, strategy, w);
     }
     sum
 }
 
 fn add_working(sum: &mut Sum, what: &str, strategy: &Strategy, items: [u64; 2]) {
-    let bytes = WORKING_BYTES * strategy.width.rays() as u64;
+    let bytes = strategy.vectors.bytes_per_ray() * strategy.width.rays() as u64;
     sum.add(what, &[(bytes, " B"), (items[0], ""), (items[1], " work-items")]);
 }
 
@@ -242,19 +202,33 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
-    let barriers = !strategy.triangles.are_in_place();
+    let barriers = strategy.triangles.copied() != Copied::Nothing;
     if strategy.vectors.memory() == WorkingMemory::Private && barriers {
         add_working(&mut sum, "vectors", strategy, w.local_size.map(u64::from));
     }
     sum
 }
 
-/// Each term is one buffer.
-pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
+/// The scene and its tree. Each term is one buffer.
+fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.reads_mesh() {
         add_scene(&mut sum, strategy, w);
     }
+    if strategy.needs_tree() {
+        let (bytes, nodes) = node_bytes(strategy, w);
+        sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
+        sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
+    }
+    if strategy.traversal == Traversal::Tile {
+        sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    }
+    sum
+}
+
+/// Scene, image and what passes between kernels. Each term is one buffer.
+pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
+    let mut sum = scene(strategy, w);
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
     if strategy.passes == super::Passes::Separate || strategy.shares_tiles() {
@@ -267,13 +241,8 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
         sum.add("queue", &[(QUEUE_ENTRY_BYTES, " B"), (pixels, " pixels")]);
         sum.add("lights that reach", &[(LIT_BYTES, " B"), (pixels, " pixels")]);
     }
-    if strategy.needs_tree() {
-        let (bytes, nodes) = node_bytes(strategy, w);
-        sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
-        sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
-    }
-    if strategy.traversal == Traversal::Tile {
-        sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    if strategy.records == Records::Once {
+        sum.add("records", &[(record_bytes(strategy), " B"), (w.triangles as u64, " triangles")]);
     }
     let origins = w.prepared_origins(strategy) as u64;
     if origins > 0 {

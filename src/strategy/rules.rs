@@ -1,6 +1,6 @@
 //! Which combinations of values make sense.
 
-use super::{AXES, Epsilons, Layout, Math, Passes, Shading, Strategy, Triangles};
+use super::{AXES, Copied, Header, Math, Passes, Records, Strategy, values_of};
 use crate::error::{Error, Result};
 use crate::manifest::Rule;
 
@@ -17,54 +17,92 @@ impl Strategy {
     /// Why this combination makes no sense on any device, if so: its family does not take a value, or two values
     /// contradict each other.
     pub fn contradiction(&self) -> Option<String> {
-        let family = self.family();
-        let broken = family.broken_rule(&self.built_in_axes());
-        let refused = broken.map(|(rule, value)| refusal(family.label, rule, value));
-        refused.or_else(|| self.conflict().map(str::to_owned)).or_else(|| self.added_conflict())
+        let refused = self.family().rules.iter().find_map(|rule| self.refusal(rule));
+        refused.or_else(|| self.conflict()).or_else(|| self.conflict_in_headers())
+    }
+
+    /// Whether a rule of a family takes a value.
+    fn is_taken(&self, rule: &Rule, value: &str) -> bool {
+        let mut with = *self;
+        let has_file = |folder: &str| {
+            values_of(rule.axis).any(|header| header.name == value && header.folders.contains(&folder))
+        };
+        with.set(rule.axis, value).is_ok() && rule.takes.take(value, has_file, |fact| with.holds(fact))
+    }
+
+    /// What is said where a family does not take a value: the axis, the family, why, and what is taken instead.
+    fn refusal(&self, rule: &Rule) -> Option<String> {
+        let Rule { axis, because, .. } = rule;
+        let (_, value) = self.axes().into_iter().find(|(name, _)| name == axis)?;
+        if self.is_taken(rule, value) {
+            return None;
+        }
+        let all = AXES.iter().filter(|info| info.name == *axis).flat_map(|info| info.values());
+        let taken: Vec<_> = all.map(|(value, _)| value).filter(|value| self.is_taken(rule, value)).collect();
+        let label = self.family().label;
+        Some(format!("{axis} = {value}, but {label} {because}: {axis} = {}", taken.join(" or ")))
     }
 
     /// Why two of its values contradict each other in any family, if so.
-    fn conflict(&self) -> Option<&'static str> {
-        let eager = self.shading == Shading::Eager;
+    fn conflict(&self) -> Option<String> {
+        let eager = self.shading.is_eager();
         let planes = self.intersector.prepares_planes();
-        let tiled = self.triangles == Triangles::Tiled;
+        let records = self.records == Records::Once;
+        let tables = self.triangles.take_tables();
         let rules = [
-            (eager && tiled, "shading = eager with triangles = tiled would put a barrier in divergent flow"),
+            (
+                eager && self.triangles.copied() == Copied::Rows,
+                "shading = {shading} with triangles = {triangles} would put a barrier in divergent flow",
+            ),
             (
                 eager && self.passes == Passes::Separate,
-                "shading = eager shades inside the traversal, so passes must be fused",
+                "shading = {shading} shades inside the traversal, so passes must be fused",
             ),
             (
                 self.math == Math::Fast && self.intersector.needs_exact_signs(),
-                "intersector = watertight needs exact signs, which math = fast does not keep",
+                "intersector = {intersector} needs exact signs, which math = fast does not keep",
             ),
             (
-                self.epsilons == Epsilons::Paper && !self.intersector.has_paper_epsilons(),
-                "epsilons = paper are numbers of the moller-trumbore test",
+                planes && self.layout.index_bits().is_some(),
+                "intersector = {intersector} reads a table of its own, a row a triangle: layout = soup",
             ),
             (
-                planes && self.layout != Layout::Soup,
-                "intersector = common-origin and pixel-linear read a table of their own, a row a triangle: layout = soup",
+                planes && !tables,
+                "intersector = {intersector} reads a table that differs between the eye and each light: triangles = global or tiled",
             ),
             (
-                planes && !(self.triangles == Triangles::Global || tiled),
-                "intersector = common-origin and pixel-linear read a table that differs between the eye and each light: triangles = global or tiled",
+                planes && records,
+                "intersector = {intersector} prepares a row for each origin, once a frame: records = each-test",
+            ),
+            (
+                records && !tables,
+                "records = once is a table that tests read from global memory: triangles = global or tiled",
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
-                "intersector = pixel-linear looks for the nearest hit along depths, not distances, and shades there: shading = deferred",
+                "intersector = {intersector} looks for the nearest hit along depths, not distances, and shades there: shading = deferred",
             ),
         ];
-        rules.into_iter().find(|(broken, _)| *broken).map(|(_, reason)| reason)
+        let (_, reason) = rules.into_iter().find(|(broken, _)| *broken)?;
+        let own = |text: String, (axis, value): (&str, &str)| text.replace(&format!("{{{axis}}}"), value);
+        Some(self.axes().into_iter().fold(reason.to_owned(), own))
     }
-}
 
-/// What is said where a family does not take a value: the axis, the family, why, and what is taken instead.
-fn refusal(label: &str, rule: &Rule, value: &str) -> String {
-    let Rule { axis, takes, because } = rule;
-    let all = AXES.iter().find(|info| info.name == *axis).map_or(&[][..], |info| info.values);
-    let taken: Vec<_> = all.iter().map(|(value, _)| *value).filter(|value| takes.take(value)).collect();
-    format!("{axis} = {value}, but {label} {because}: {axis} = {}", taken.join(" or "))
+    /// Why the file of one of its values says that another contradicts it, if so.
+    fn conflict_in_headers(&self) -> Option<String> {
+        let axes = self.axes();
+        let headers =
+            axes.iter().flat_map(|(axis, value)| values_of(axis).filter(move |header| header.name == *value));
+        headers.flat_map(|header| header.contradicts.iter().map(move |other| (header, other))).find_map(
+            |(Header { axis, name, .. }, other)| {
+                if !axes.contains(&(other.axis, &other.value)) {
+                    return None;
+                }
+                let because = other.because.as_deref().unwrap_or("as its file says");
+                Some(format!("{axis} = {name} contradicts {} = {}: {because}", other.axis, other.value))
+            },
+        )
+    }
 }
 
 #[cfg(test)]
@@ -77,13 +115,13 @@ mod tests {
     fn bases() -> impl Iterator<Item = Strategy> {
         let all = PRESETS.iter().map(|preset| preset.strategy);
         let deferred = |strategy: Strategy| Strategy {
-            shading: Shading::Deferred,
+            shading: Shading::DEFERRED,
             epsilons: Epsilons::Relative,
             math: Math::Strict,
             ..strategy
         };
         let passes =
-            |strategy: Strategy| Passes::ALL.iter().map(move |&passes| Strategy { passes, ..strategy });
+            |strategy: Strategy| Passes::all().into_iter().map(move |passes| Strategy { passes, ..strategy });
         all.flat_map(move |strategy| [strategy, deferred(strategy)]).flat_map(passes)
     }
 
@@ -97,7 +135,7 @@ mod tests {
                 // What chooses the family is no value of it.
                 let chooses =
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
-                for (value, _) in info.values.iter().filter(|_| !chooses) {
+                for (value, _) in info.values().into_iter().filter(|_| !chooses) {
                     let of_family = bases().filter(|base| std::ptr::eq(base.family(), family));
                     let reasons: Vec<_> = of_family
                         .map(|mut strategy| {
@@ -107,7 +145,9 @@ mod tests {
                         .collect();
                     assert!(!reasons.is_empty(), "no preset of {}", family.name);
                     let rule = family.rules.iter().find(|rule| rule.axis == info.name);
-                    if rule.is_none_or(|rule| rule.takes.take(value)) {
+                    let base = bases().find(|base| std::ptr::eq(base.family(), family));
+                    let takes = |rule| base.is_some_and(|base| base.is_taken(rule, value));
+                    if rule.is_none_or(takes) {
                         assert!(
                             reasons.contains(&None),
                             "{} {} {value}: {reasons:?}",
@@ -135,8 +175,10 @@ mod tests {
             for rule in family.rules {
                 let info = AXES.iter().find(|info| info.name == rule.axis);
                 let info = info.unwrap_or_else(|| panic!("{} is no axis", rule.axis));
-                let taken = info.values.iter().filter(|(value, _)| rule.takes.take(value)).count();
-                assert!((1..info.values.len()).contains(&taken), "{} {}", family.name, rule.axis);
+                let base = bases().find(|base| std::ptr::eq(base.family(), family));
+                let base = base.unwrap_or_else(|| panic!("no preset of {}", family.name));
+                let taken = info.values().iter().filter(|(value, _)| base.is_taken(rule, value)).count();
+                assert!((1..info.values().len()).contains(&taken), "{} {}", family.name, rule.axis);
             }
         }
     }
@@ -144,11 +186,11 @@ mod tests {
     #[test]
     fn a_refusal_names_axis_family_and_what_is_taken() {
         let mut tile = preset("tile").map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
-        tile.intersector = Intersector::MollerTrumbore;
+        tile.intersector = Intersector::MOLLER_TRUMBORE;
         assert_eq!(
             tile.contradiction().unwrap_or_default(),
             "intersector = moller-trumbore, but traversal = tile with vectors of rays (width = 16) prepares a leaf's \
-             triangles for all rays of a tile: intersector = watertight or edge-planes"
+             triangles for all rays of a tile: intersector = edge-planes or watertight"
         );
     }
 
@@ -161,14 +203,14 @@ mod tests {
                 strategy.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
                 strategy.contradiction()
             };
-            let others = |all: &'static [(&str, &str)], own: &'static str| {
-                all.iter().map(|(value, _)| *value).filter(move |value| *value != own)
+            let others = |all: AxisInfo, own: &'static str| {
+                all.values().into_iter().map(|(value, _)| value).filter(move |value| *value != own)
             };
-            for value in others(Triangles::INFO.values, "global") {
+            for value in others(Triangles::INFO, "global") {
                 let reason = of("triangles", value).unwrap_or_default();
                 assert!(reason.contains("order of its tree"), "{name} triangles={value}: {reason}");
             }
-            for value in others(Layout::INFO.values, "soup") {
+            for value in others(Layout::INFO, "soup") {
                 let reason = of("layout", value).unwrap_or_default();
                 assert!(reason.contains("order of its tree"), "{name} layout={value}: {reason}");
             }

@@ -18,7 +18,7 @@ fn candidates() -> Vec<Strategy> {
     for _ in 0..2 {
         for strategy in all.clone() {
             for axis in AXES {
-                for (value, _) in axis.values {
+                for (value, _) in axis.values() {
                     let mut changed = strategy;
                     changed.set(axis.name, value).expect("a value of an axis");
                     if changed.contradiction().is_none() {

@@ -1,5 +1,12 @@
+// meaning: Moeller and Trumbore 1997, as the paper does
+// record_floats: 12
+// prepared_for: any-ray
+// exact_signs: no
+// operations: 15
+//
 // Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997.
 // Weights stay multiplied by |a| until a ray is known to hit, so that a miss costs no division.
+// Operations: direction x e2 6, a 3, origin - v0 3, first weight 3; 6 more for the edges where no row holds them.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"

@@ -1,3 +1,6 @@
+// meaning: 104 bytes a triangle, nothing shared, as the paper has it
+// index_bits: none
+//
 // 26 floats (104 bytes) a triangle, nothing shared, as the paper has it:
 // three corners (9), three normals (9), k_L (3), k_G (3), s, kind.
 

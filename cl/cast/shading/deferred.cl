@@ -1,3 +1,6 @@
+// meaning: once, at the nearest hit
+// shades: nearest-hit
+//
 // Shading once, at the nearest hit.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {}

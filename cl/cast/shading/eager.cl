@@ -1,3 +1,6 @@
+// meaning: at every hit nearer than the best so far, as the paper does
+// shades: each-nearer-hit
+//
 // Shading at every hit nearer than the best so far, as the paper does: overdraw pays for shadow rays that are
 // thrown away.
 

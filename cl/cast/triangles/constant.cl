@@ -1,4 +1,6 @@
-// Where triangles are read from: triangles in __constant memory.
+// meaning: __constant memory
+// read_from: constant
+// copied: nothing
 
 #define SOURCE_SPACE __constant
 #define STAGE_VERTICES 0

@@ -1,4 +1,6 @@
-// Where triangles are read from: triangles in global memory.
+// meaning: global memory
+// read_from: global
+// copied: nothing
 
 #define SOURCE_SPACE __global
 #define STAGE_VERTICES 0

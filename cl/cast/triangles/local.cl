@@ -1,4 +1,6 @@
-// Where triangles are read from: the whole scene copied to __local memory once a work-group: the paper's optimisation 2.
+// meaning: the whole scene copied to __local memory: the paper's optimisation 2
+// read_from: global
+// copied: scene
 
 #define SOURCE_SPACE __global
 #define STAGE_VERTICES 1

@@ -1,4 +1,6 @@
-// Where triangles are read from: normals copied to __local memory, vertices left in global.
+// meaning: normals in __local memory, vertices in global: its reverse
+// read_from: global
+// copied: normals
 
 #define SOURCE_SPACE __global
 #define STAGE_VERTICES 0

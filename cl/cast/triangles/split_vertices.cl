@@ -1,4 +1,6 @@
-// Where triangles are read from: vertices copied to __local memory, normals left in global: the paper's next step.
+// meaning: vertices in __local memory, normals in global: the paper's next step
+// read_from: global
+// copied: vertices
 
 #define SOURCE_SPACE __global
 #define STAGE_VERTICES 1

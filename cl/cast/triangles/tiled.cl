@@ -1,4 +1,6 @@
-// Where triangles are read from: what a test reads streamed through __local memory, TILE_TRIANGLES at a time: any scene size.
+// meaning: streamed through __local memory in tiles: any scene size
+// read_from: global
+// copied: rows
 
 #define SOURCE_SPACE __global
 #define STAGE_VERTICES 0

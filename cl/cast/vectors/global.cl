@@ -1,3 +1,7 @@
+// meaning: a preallocated scratch buffer in global memory
+// memory: scratch
+// bytes_per_ray: 108
+//
 // Working vectors in a scratch buffer that the host allocated for all work-items.
 
 #define WORKING_SPACE __global

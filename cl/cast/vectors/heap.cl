@@ -1,3 +1,7 @@
+// meaning: taken inside the kernel from a global pool by an atomic allocator, as the paper's malloc
+// memory: heap
+// bytes_per_ray: 108
+//
 // Working vectors taken from a global pool inside the kernel, one allocation a vector: the paper's malloc,
 // which OpenCL C does not have. heap_top counts the varyings taken; the host zeroes it before a launch and
 // compares it with the pool's size after: an allocation beyond the pool lands on its start, so that nothing

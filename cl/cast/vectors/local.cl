@@ -1,3 +1,7 @@
+// meaning: __local memory, 108 bytes a ray: the paper's optimisation 1
+// memory: local
+// bytes_per_ray: 108
+//
 // Working vectors in __local memory: the paper's optimisation 1.
 
 #define WORKING_SPACE __local

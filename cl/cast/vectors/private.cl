@@ -1,3 +1,7 @@
+// meaning: private arrays, which compilers keep in registers
+// memory: private
+// bytes_per_ray: 108
+//
 // Working vectors in private arrays, indexed by constants only: compilers keep them in registers.
 
 typedef struct {

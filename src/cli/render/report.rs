@@ -39,6 +39,8 @@ pub struct Report {
     pub build_ms: f64,
     /// Bringing the scene to the device.
     pub upload_ms: f64,
+    /// Device time of preparing records of triangles, once a scene; 0 where tests prepare them.
+    pub records_ms: f64,
     /// Device time of the primary pass, where the strategy has one.
     pub primary_ms: Option<f64>,
     /// Device time of the shadow pass, where the strategy has one; it shades too, where `shade_ms` is none.
@@ -116,6 +118,7 @@ impl Report {
             tree_ms: prepared.tree_ms(),
             build_ms: cast.build_ms,
             upload_ms: prepared.upload_ms(),
+            records_ms: cast.records_ms,
             primary_ms: cast.times.primary_ms,
             shadow_ms: cast.times.shadow_ms,
             shade_ms: cast.times.shade_ms,
@@ -154,12 +157,15 @@ impl Report {
             ("tree", self.tree_ms),
             ("build", self.build_ms),
             ("upload", self.upload_ms),
+            ("records", self.records_ms),
             ("kernel", self.frame_ms),
             ("read", self.read_ms),
             ("save", self.save_ms),
             ("total", self.total_ms),
         ];
-        for (step, ms) in steps.into_iter().filter(|&(step, ms)| step != "tree" || ms > 0.0) {
+        for (step, ms) in
+            steps.into_iter().filter(|&(step, ms)| !["tree", "records"].contains(&step) || ms > 0.0)
+        {
             let remark = if step == "kernel" { self.kernel_remark() } else { String::new() };
             lines.push(format!("{step:<8}{ms:11.2} ms{remark}"));
         }

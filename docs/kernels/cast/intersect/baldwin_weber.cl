@@ -1,7 +1,11 @@
 // Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate Transformation", JCGT 5(3), 2016.
 // meaning: Baldwin and Weber 2016: a matrix a triangle, which takes it to the unit triangle
-// like: moller-trumbore
-// contradicts: culling=back, epsilons=paper
+// record_floats: 12
+// prepared_for: any-ray
+// exact_signs: no
+// operations: 12
+// contradicts: culling=back because the matrix keeps no sign of the normal
+// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
 // A matrix of three rows takes the corners to (0,0,0), (1,0,0) and (0,1,0), so that a point's first two coordinates are its
 // weights of the second and third corner, and the third is 0 in the triangle's plane:

@@ -1,0 +1,16 @@
+// What the test reads of every triangle, once a scene: in the mesh's order, or in that of a tree's leaves.
+__kernel void prepare_records(PREPARE_RECORDS_PARAMETERS) {
+    const int at = get_global_id(0);
+    if (at >= triangle_count) return;
+#if TREE
+    Tree tree;
+    tree.leaves = leaves;
+    const Row row = row_of(leaf_corners(&tree, at));
+#else
+    Geometry geometry;
+    BIND_GEOMETRY(geometry)
+    const Row row = row_of(corners(&geometry, at));
+#endif
+    __global ROW_UNIT *record = (__global ROW_UNIT *)records + ROW_UNITS * (size_t)at;
+    STORE_ROW(row, record)
+}

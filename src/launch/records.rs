@@ -1,0 +1,49 @@
+//! What the ray-triangle test reads of every triangle, where that is prepared once a scene.
+
+use super::arguments::Arguments;
+use super::buffers::allocate;
+use super::frame::duration_ms;
+use super::parts::{builder, size_for_preparing};
+use super::{LaunchError, Queue};
+use crate::manifest::Role;
+use crate::program::BuiltProgram;
+use crate::strategy::Strategy;
+use ocl::{Buffer, Event};
+
+/// A record a triangle, as long as the test's file says.
+pub(super) struct Records {
+    pub buffer: Buffer<f32>,
+    /// Device time of their preparation.
+    pub prepare_ms: f64,
+}
+
+impl Records {
+    /// Prepares them from a scene's arguments, and waits; none where the strategy wants none.
+    pub fn prepare(
+        queue: &Queue,
+        program: &BuiltProgram,
+        strategy: &Strategy,
+        triangles: usize,
+        scene: Arguments<'_>,
+    ) -> Result<Option<Self>, LaunchError> {
+        let Some(kernel) = strategy.family().kernel(Role::Records) else { return Ok(None) };
+        if !strategy.holds(kernel.when) {
+            return Ok(None);
+        }
+        let buffer = allocate::<f32>(queue, strategy.intersector.record_floats() * triangles)?;
+        if triangles == 0 {
+            return Ok(Some(Self { buffer, prepare_ms: 0.0 }));
+        }
+        let mut event = Event::empty();
+        {
+            let arguments = scene.with("records", &buffer);
+            let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
+            size_for_preparing(&mut kernel, triangles, 1);
+            let kernel = kernel.build()?;
+            // SAFETY: its arguments were checked; it writes a record for each triangle, for which there is room.
+            unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
+            queue.commands.finish()?;
+        }
+        Ok(Some(Self { buffer, prepare_ms: duration_ms(&event)? }))
+    }
+}

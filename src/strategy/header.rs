@@ -1,0 +1,228 @@
+//! The header of a file that is a value of an axis: the comment it begins with says what the host must know.
+
+use super::keys::{KEYS, Key, Said};
+use crate::error::{Error, Result, nearest};
+
+/// What the host knows of a value that is a file.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Header {
+    /// The axis.
+    pub axis: &'static str,
+    /// The value's name: the file's, with `-` for `_`.
+    pub name: String,
+    /// What it means, in a line.
+    pub meaning: String,
+    /// The folders in which it has a file, each a family's.
+    pub folders: Vec<&'static str>,
+    /// What it contradicts.
+    pub contradicts: Vec<Contradiction>,
+    facts: Vec<(&'static str, Said)>,
+}
+
+/// A value of another axis that makes no sense with one.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Contradiction {
+    /// The other axis.
+    pub axis: &'static str,
+    /// Its value.
+    pub value: String,
+    /// Why, if the file says so.
+    pub because: Option<String>,
+}
+
+impl Header {
+    /// A header that says nothing.
+    pub(super) const NONE: Self = Self {
+        axis: "",
+        name: String::new(),
+        meaning: String::new(),
+        folders: Vec::new(),
+        contradicts: Vec::new(),
+        facts: Vec::new(),
+    };
+
+    /// The word that a key has; empty where there is no such key.
+    pub(super) fn word(&self, key: &str) -> &'static str {
+        match self.fact(key) {
+            Some(Said::Word(word)) => word,
+            _ => "",
+        }
+    }
+
+    /// The number that a key has.
+    pub(super) fn number(&self, key: &str) -> Option<u32> {
+        match self.fact(key) {
+            Some(Said::Number(number)) => Some(number),
+            _ => None,
+        }
+    }
+
+    fn fact(&self, key: &str) -> Option<Said> {
+        self.facts.iter().find(|(name, _)| *name == key).map(|(_, said)| *said)
+    }
+}
+
+/// A file whose header is to be read.
+pub(super) struct Reader<'a> {
+    /// The axis it is a value of.
+    pub axis: &'static str,
+    /// What messages call the file.
+    pub path: &'a str,
+    /// The names of an axis's values; empty for what is no axis.
+    pub names_of: &'a dyn Fn(&str) -> Vec<String>,
+}
+
+/// What was read so far, and where.
+#[derive(Default)]
+struct Found {
+    meaning: Option<(usize, String)>,
+    facts: Vec<(usize, &'static str, Said)>,
+    contradicts: Vec<Contradiction>,
+}
+
+impl Reader<'_> {
+    /// Reads the comment that a file begins with, up to its first empty line. A line `// key: value` is a key; all else is
+    /// prose.
+    pub fn read(&self, name: String, folders: Vec<&'static str>, text: &str) -> Result<Header> {
+        let mut found = Found::default();
+        let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
+        for (row, line) in comment.take_while(|line| !line.is_empty()).enumerate() {
+            // An address is prose, too.
+            let pair = line.split_once(':').filter(|(key, value)| is_key(key) && !value.starts_with("//"));
+            if let Some((key, value)) = pair {
+                self.take(&mut found, row + 1, key, value.trim())?;
+            }
+        }
+        let lacks = |key: &str, what: &str| {
+            Error::input(format!("{}, line 1: its header has no '{key}': {what}", self.path))
+                .with_help(format!("begin the file with {}; docs/kernels.md says more", self.example()))
+        };
+        let meaning = found.meaning.take().map(|(_, meaning)| meaning);
+        let meaning = meaning.ok_or_else(|| lacks("meaning", "what the value is, in a line"))?;
+        let said = |key: &Key| found.facts.iter().any(|(_, name, _)| *name == key.name);
+        if let Some(key) = self.keys().find(|key| !key.optional && !said(key)) {
+            return Err(lacks(key.name, &format!("{}: {}", key.about, key.takes)));
+        }
+        self.check_planes(&found)?;
+        let facts = found.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
+        Ok(Header { axis: self.axis, name, meaning, folders, contradicts: found.contradicts, facts })
+    }
+
+    /// The keys of its axis.
+    fn keys(&self) -> impl Iterator<Item = &'static Key> {
+        KEYS.iter().filter(|key| key.axis == self.axis)
+    }
+
+    fn take(&self, found: &mut Found, line: usize, key: &str, value: &str) -> Result<()> {
+        match key {
+            _ if value.is_empty() => Err(self.wrong(line, format!("'{key}' is empty"), None)),
+            "meaning" => match found.meaning.replace((line, value.to_owned())) {
+                Some((first, _)) => Err(self.twice(line, key, first)),
+                None => Ok(()),
+            },
+            "contradicts" => {
+                found.contradicts.extend(self.contradictions(line, value)?);
+                Ok(())
+            }
+            _ => {
+                let key = self.keys().find(|own| own.name == key).ok_or_else(|| self.unknown(line, key))?;
+                if let Some((first, ..)) = found.facts.iter().find(|(_, name, _)| *name == key.name) {
+                    return Err(self.twice(line, key.name, *first));
+                }
+                let said = key.takes.parse(value).ok_or_else(|| {
+                    let message = format!("'{value}' is no '{}'; expected {}", key.name, key.takes);
+                    self.wrong(line, message, nearest(value, key.takes.words().iter().copied()))
+                })?;
+                found.facts.push((line, key.name, said));
+                Ok(())
+            }
+        }
+    }
+
+    /// `axis=value, axis=value because why`.
+    fn contradictions(&self, line: usize, text: &str) -> Result<Vec<Contradiction>> {
+        let (pairs, because) = match text.split_once(" because ") {
+            Some((pairs, because)) => (pairs, Some(because.trim().to_owned())),
+            None => (text, None),
+        };
+        let one = |pair: &str| {
+            let pair = pair.trim();
+            let Some((axis, value)) = pair.split_once('=') else {
+                let message =
+                    format!("'{pair}' is not axis=value; expected one of another axis, such as culling=back");
+                return Err(self.wrong(line, message, None));
+            };
+            let axis = self.other_axis(line, axis.trim())?;
+            let (value, names) = (value.trim(), (self.names_of)(axis));
+            if !names.iter().any(|name| name == value) {
+                let message =
+                    format!("'{value}' is not a value of {axis}; expected one of {}", names.join(", "));
+                return Err(self.wrong(line, message, nearest(value, names.iter().map(String::as_str))));
+            }
+            Ok(Contradiction { axis, value: value.to_owned(), because: because.clone() })
+        };
+        pairs.split(',').map(one).collect()
+    }
+
+    fn other_axis(&self, line: usize, name: &str) -> Result<&'static str> {
+        let others: Vec<_> =
+            super::AXES.iter().map(|info| info.name).filter(|axis| *axis != self.axis).collect();
+        others.iter().copied().find(|axis| *axis == name).ok_or_else(|| {
+            let message = format!("'{name}' is not another axis; expected one of {}", others.join(", "));
+            self.wrong(line, message, nearest(name, others))
+        })
+    }
+
+    /// What a kernel of the host's prepares for origins has one length.
+    fn check_planes(&self, found: &Found) -> Result<()> {
+        let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
+        let planes =
+            said("prepared_for").filter(|(_, _, said)| matches!(said, Said::Word("origin" | "pixels")));
+        match (planes, said("record_floats")) {
+            (Some((other, ..)), Some((line, _, Said::Number(floats)))) if *floats != PLANES_FLOATS => {
+                let message = format!(
+                    "'record_floats' is {floats}, but rows prepared for an origin (line {other}) have {PLANES_FLOATS} floats"
+                );
+                Err(self.wrong(*line, message, None))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn unknown(&self, line: usize, key: &str) -> Error {
+        let own: Vec<_> =
+            ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name)).collect();
+        let message =
+            format!("'{key}' is no key of a header of {}; expected one of {}", self.axis, own.join(", "));
+        self.wrong(line, message, nearest(key, own))
+    }
+
+    fn twice(&self, line: usize, key: &str, first: usize) -> Error {
+        self.wrong(line, format!("'{key}' is said twice: first in line {first}"), None)
+    }
+
+    fn wrong(&self, line: usize, message: String, meant: Option<&str>) -> Error {
+        Error::input(format!("{}, line {line}: {message}", self.path)).with_help(match meant {
+            Some(meant) => format!("did you mean '{meant}'?"),
+            None => "docs/kernels.md says what a header holds".to_owned(),
+        })
+    }
+
+    /// A header with all keys that must be there.
+    fn example(&self) -> String {
+        let facts =
+            self.keys().filter(|key| !key.optional).map(|key| format!("`// {}: {}`", key.name, key.takes));
+        ["`// meaning: ...`".to_owned()].into_iter().chain(facts).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Floats of a row of planes.
+const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
+
+/// Whether a line's beginning is spelled as keys are: one word of small letters.
+fn is_key(word: &str) -> bool {
+    !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_')
+}
+
+#[cfg(test)]
+mod tests;

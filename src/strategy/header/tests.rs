@@ -1,0 +1,121 @@
+//! Headers that are right, and each way to be wrong.
+
+use super::super::AXES;
+use super::*;
+
+fn read(axis: &'static str, text: &str) -> Result<Header> {
+    let names_of = |axis: &str| match axis {
+        "intersector" => vec!["moller-trumbore".to_owned(), "my-test".to_owned()],
+        _ => {
+            let listed = AXES.iter().filter(|info| info.name == axis).flat_map(|info| info.listed);
+            listed.map(|(name, _)| (*name).to_owned()).collect()
+        }
+    };
+    let reader = Reader { axis, path: "kernels/cast/intersect/my_test.cl", names_of: &names_of };
+    reader.read("my-test".to_owned(), vec!["cast/intersect/"], text)
+}
+
+const RIGHT: &str = "// A test of mine: see below.\n// meaning: mine\n// record_floats: 9\n// prepared_for: any-ray\n\
+                     // exact_signs: no\n// contradicts: culling=back, math=fast because I say so\n//\n// prose: this\n";
+
+#[test]
+fn a_header_says_what_the_host_must_know() {
+    let header = read("intersector", RIGHT).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((header.name.as_str(), header.meaning.as_str()), ("my-test", "mine"));
+    assert_eq!((header.number("record_floats"), header.word("prepared_for")), (Some(9), "any-ray"));
+    assert_eq!((header.number("operations"), header.word("memory")), (None, ""));
+    let contradicts: Vec<_> = header
+        .contradicts
+        .iter()
+        .map(|other| (other.axis, other.value.as_str(), other.because.as_deref()))
+        .collect();
+    let because = Some("I say so");
+    assert_eq!(contradicts, [("culling", "back", because), ("math", "fast", because)]);
+}
+
+#[test]
+fn prose_may_have_colons_and_addresses() {
+    let text = RIGHT.replacen("see below", "see\n// https://example.org/a.pdf", 1);
+    assert_eq!(read("intersector", &text).map(|header| header.meaning).unwrap_or_default(), "mine");
+}
+
+/// A line of the right header replaced by another: what is said, in which line, and the remedy.
+fn mistake(line: &str, by: &str, said: &str, help: &str) {
+    let text = RIGHT.replacen(line, by, 1);
+    assert_ne!(text, RIGHT, "{line} is not in it");
+    let error = read("intersector", &text).err().unwrap_or_else(|| panic!("{by} is taken"));
+    let message = error.to_string();
+    assert!(message.starts_with("kernels/cast/intersect/my_test.cl, "), "{message}");
+    assert!(message.contains(said), "{message} does not say {said}");
+    assert!(format!("{error:?}").contains(help), "{error:?} does not help with {help}");
+    assert_eq!(error.exit_code(), 2);
+}
+
+#[test]
+fn what_is_missing_is_told_with_what_to_write() {
+    mistake("// meaning: mine\n", "", "line 1: its header has no 'meaning'", "`// meaning: ...`");
+    mistake("// record_floats: 9\n", "", "line 1: its header has no 'record_floats'", "1 to 64");
+    mistake("// prepared_for: any-ray\n", "", "has no 'prepared_for'", "any-ray or origin or pixels or tile");
+    mistake(
+        "// A test of mine: see below.\n",
+        "int x;\n",
+        "line 1: its header has no 'meaning'",
+        "docs/kernels.md",
+    );
+}
+
+#[test]
+fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
+    mistake("meaning: mine", "meaning:", "line 2: 'meaning' is empty", "docs/kernels.md");
+    mistake(
+        "floats: 9",
+        "floats: nine",
+        "line 3: 'nine' is no 'record_floats'; expected 1 to 64",
+        "docs/kernels.md",
+    );
+    mistake("floats: 9", "floats: 65", "line 3: '65' is no 'record_floats'", "docs/kernels.md");
+    mistake("any-ray", "anyray", "line 4: 'anyray' is no 'prepared_for'; expected any-ray or", "'any-ray'");
+    mistake(
+        "signs: no",
+        "signs: nope",
+        "line 5: 'nope' is no 'exact_signs'; expected yes or no",
+        "docs/kernels.md",
+    );
+    mistake(
+        "record_floats",
+        "record_float",
+        "line 3: 'record_float' is no key of a header of inter",
+        "'record_floats'",
+    );
+    mistake(
+        "exact_signs: no",
+        "memory: local",
+        "line 5: 'memory' is no key of a header of inter",
+        "docs/kernels.md",
+    );
+}
+
+#[test]
+fn a_contradiction_names_a_value_of_another_axis() {
+    mistake("culling=back", "culling", "line 6: 'culling' is not axis=value", "docs/kernels.md");
+    mistake("culling=back", "cullin=back", "line 6: 'cullin' is not another axis", "'culling'");
+    mistake("culling=back", "culling=bakc", "line 6: 'bakc' is not a value of culling", "'back'");
+    mistake("culling=back", "intersector=my-test", "line 6: 'intersector' is not another axis", "");
+}
+
+#[test]
+fn a_header_that_contradicts_itself_has_both_lines() {
+    mistake(
+        "// exact_signs: no\n",
+        "// exact_signs: no\n// exact_signs: yes\n",
+        "line 6: 'exact_signs' is said twice: first in line 5",
+        "",
+    );
+    mistake("mine\n", "mine\n// meaning: yours\n", "line 3: 'meaning' is said twice: first in line 2", "");
+    mistake(
+        "any-ray",
+        "origin",
+        "line 3: 'record_floats' is 9, but rows prepared for an origin (line 4) have 12",
+        "",
+    );
+}

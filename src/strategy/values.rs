@@ -1,0 +1,204 @@
+//! The values that are files: those built in, and those of a `--cl-dir`. A file in a folder of values is a value at once.
+
+use super::header::{Header, Reader};
+use super::{AXES, AxisInfo};
+use crate::error::{Error, Result, nearest};
+use crate::sources::Sources;
+use std::path::PathBuf;
+use std::sync::{LazyLock, PoisonError, RwLock};
+
+/// The folders of values, and the axis whose values their files are. A value may have a file in several, one for each family
+/// that takes it; the first has its header.
+pub const FOLDERS: [(&str, &str); 7] = [
+    ("cast/vectors/", "vectors"),
+    ("cast/triangles/", "triangles"),
+    ("cast/layout/", "layout"),
+    ("cast/shading/", "shading"),
+    ("cast/intersect/", "intersector"),
+    ("tile_cpu/intersect/", "intersector"),
+    ("tile_gpu/intersect/", "intersector"),
+];
+
+type Headers = &'static [Header];
+
+/// Which values there are is a fact of the process, as what is built in is: it has one `--cl-dir`, which is read before any
+/// name of a value. They live as long as the process, so that a strategy holds their names and can be copied.
+static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
+    // That those built in can be read is tested.
+    RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
+});
+
+/// All values that are files, axis by axis, by name.
+fn known() -> Headers {
+    *KNOWN.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The headers of an axis's values, by name.
+pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
+    known().iter().filter(move |header| header.axis == axis)
+}
+
+/// What the file of a value says; nothing where there is no such file, which no name that was parsed comes to.
+pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
+    static NONE: Header = Header::NONE;
+    values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
+}
+
+impl AxisInfo {
+    /// Each value's name and what it means.
+    pub fn values(&self) -> Vec<(&'static str, &'static str)> {
+        let files = values_of(self.name).map(|header| (header.name.as_str(), header.meaning.as_str()));
+        self.listed.iter().copied().chain(files).collect()
+    }
+}
+
+impl Sources {
+    /// The kernel files of a command: those of its `--cl-dir`, if there is one, over those built in. Their values become
+    /// known.
+    pub fn of(folder: Option<PathBuf>) -> Result<Self> {
+        let sources = folder.map_or(Self::Embedded, Self::Folder);
+        refuse_names(&sources)?;
+        refuse_unused(&sources)?;
+        let headers = headers(&sources)?;
+        let mut known = KNOWN.write().unwrap_or_else(PoisonError::into_inner);
+        if *known != headers {
+            *known = headers.leak();
+        }
+        Ok(sources)
+    }
+}
+
+/// A value before its header is read: axis, name, and the folders that it has a file in.
+struct Named {
+    axis: &'static str,
+    name: String,
+    folders: Vec<&'static str>,
+}
+
+impl Named {
+    /// The file that has its header.
+    fn file(&self) -> String {
+        let folder = self.folders.first().copied().unwrap_or_default();
+        format!("{folder}{}.cl", self.name.replace('-', "_"))
+    }
+}
+
+/// The name of the value that a file is, if it lies in this folder.
+fn value_in(folder: &str, file: &str) -> Option<String> {
+    let stem = file.strip_prefix(folder)?.strip_suffix(".cl")?;
+    (!stem.contains('/')).then(|| stem.replace('_', "-"))
+}
+
+fn named(files: &[String]) -> Vec<Named> {
+    let mut all: Vec<Named> = Vec::new();
+    for (folder, axis) in FOLDERS {
+        for name in files.iter().filter_map(|file| value_in(folder, file)) {
+            match all.iter_mut().find(|named| named.axis == axis && named.name == name) {
+                Some(named) => named.folders.push(folder),
+                None => all.push(Named { axis, name, folders: vec![folder] }),
+            }
+        }
+    }
+    let place = |axis: &str| AXES.iter().position(|info| info.name == axis);
+    all.sort_by(|a, b| (place(a.axis), &a.name).cmp(&(place(b.axis), &b.name)));
+    all
+}
+
+/// The headers of all values, in order.
+fn headers(sources: &Sources) -> Result<Vec<Header>> {
+    let all = named(&sources.files()?);
+    let names_of = |axis: &str| -> Vec<String> {
+        let listed = AXES.iter().filter(|info| info.name == axis).flat_map(|info| info.listed);
+        let files = all.iter().filter(|named| named.axis == axis).map(|named| named.name.clone());
+        listed.map(|(name, _)| (*name).to_owned()).chain(files).collect()
+    };
+    let read = |named: &Named| {
+        let file = named.file();
+        let reader = Reader { axis: named.axis, path: &sources.path_of(&file), names_of: &names_of };
+        reader.read(named.name.clone(), named.folders.clone(), &sources.read(&file)?)
+    };
+    all.iter().map(read).collect()
+}
+
+/// A name has to stand in `--strategy`, in TOML and in records as it is.
+fn refuse_names(sources: &Sources) -> Result<()> {
+    let fits = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+    for file in sources.own_files()? {
+        let Some((folder, _)) = FOLDERS.iter().find(|(folder, _)| value_in(folder, &file).is_some()) else {
+            continue;
+        };
+        let stem = file[folder.len()..].trim_end_matches(".cl");
+        if !fits(stem) || stem.is_empty() {
+            let path = sources.path_of(&file);
+            let message =
+                format!("{path}: a value is named as its file is, in small letters, digits and '_'");
+            let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+            return Err(
+                Error::input(message).with_help(format!("rename it, for example to {folder}{plain}.cl"))
+            );
+        }
+    }
+    Ok(())
+}
+
+/// A file that nothing includes, and that is no value, would change nothing, without a word.
+fn refuse_unused(sources: &Sources) -> Result<()> {
+    let files = sources.own_files()?;
+    let built_in = Sources::names();
+    let is_value = |file: &str| FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some());
+    let mut texts = None;
+    for file in files.iter().filter(|file| !built_in.contains(&file.as_str()) && !is_value(file)) {
+        let all = sources.files()?;
+        let read = || all.iter().map(|file| sources.read(file)).collect::<Result<Vec<_>>>();
+        let texts = match &texts {
+            Some(texts) => texts,
+            None => texts.insert(read()?),
+        };
+        if !texts.iter().any(|text| text.contains(&format!("#include \"{file}\""))) {
+            return Err(unused(&sources.path_of(file), file, &built_in));
+        }
+    }
+    Ok(())
+}
+
+fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
+    let message = format!("{path} is no file of raycl's, no value of an axis, and nothing includes it");
+    let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
+    let stem = file.rsplit('/').next().unwrap_or(file);
+    let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();
+    let places = format!("a value's file lies in {}", folders.join(", "));
+    let meant = nearest(file, built_in.iter().copied().chain(as_values.iter().map(String::as_str)));
+    Error::input(message).with_help(match meant {
+        Some(meant) => format!("did you mean {meant}? {places}"),
+        None => places,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_built_in_value_has_a_header_that_can_be_read() {
+        let headers = headers(&Sources::Embedded).unwrap_or_else(|error| panic!("{error}"));
+        let count = |axis: &str| headers.iter().filter(|header| header.axis == axis).count();
+        let counts = ["vectors", "triangles", "layout", "shading", "intersector"].map(count);
+        assert_eq!(counts, [4, 6, 3, 2, 5]);
+        let watertight = headers.iter().find(|header| header.name == "watertight");
+        let folders = watertight.map(|header| header.folders.clone()).unwrap_or_default();
+        assert_eq!(folders, ["cast/intersect/", "tile_cpu/intersect/", "tile_gpu/intersect/"]);
+    }
+
+    #[test]
+    fn every_file_of_a_folder_of_values_is_a_value() {
+        let files: Vec<_> = Sources::names().into_iter().map(str::to_owned).collect();
+        let named = named(&files);
+        for (folder, axis) in FOLDERS {
+            for file in files.iter().filter(|file| file.starts_with(folder)) {
+                let name = value_in(folder, file).unwrap_or_default();
+                let own = named.iter().find(|named| named.axis == axis && named.name == name);
+                assert!(own.is_some_and(|own| own.folders.contains(&folder)), "{file}");
+            }
+        }
+    }
+}
