@@ -19,6 +19,7 @@ mod hostile;
 mod kernel;
 mod kernels;
 mod made;
+mod mutants;
 mod numbers;
 mod oclgrind;
 mod overlay;

@@ -1,0 +1,218 @@
+//! Broken kernels: verification must notice every change of mutants.toml. `make test` takes some of them, `make test-long`
+//! all.
+
+use crate::binary::{Place, device, has, repository};
+use crate::common::{self, compiles_soon, is_long};
+use raycl::device::{Builtins, LaneOperations};
+use raycl::program::{ProgramSpec, Sources};
+use raycl::strategy::{AXES, Strategy, Workload, preset};
+use serde::Deserialize;
+use std::collections::HashSet;
+use std::sync::OnceLock;
+
+/// The usual strategy of each family.
+const USUAL: [&str; 5] = ["deferred", "bvh", "raster", "tile", "tile-group"];
+
+/// Every so many pictures are in `make test`.
+const STEP: usize = 10;
+
+/// Not a multiple of a tile or of a block of rays.
+const SIZE: [&str; 4] = ["--width", "61", "--height", "43"];
+
+/// What the test device's compiler has.
+static BUILTINS: OnceLock<Builtins> = OnceLock::new();
+
+/// No row changes it: wrong answers are what it is there to find.
+const PROBE: &str = "probe/lanes.cl";
+
+/// A row of the table.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Mutant {
+    file: String,
+    from: String,
+    to: String,
+    #[serde(default)]
+    with: String,
+    scene: Option<String>,
+    lanes: Option<Vec<LaneOperations>>,
+    command: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Table {
+    mutant: Vec<Mutant>,
+}
+
+fn mutants() -> Vec<Mutant> {
+    let text = std::fs::read_to_string(repository("tests/mutants.toml")).expect("the table");
+    toml::from_str::<Table>(&text).expect("rows").mutant
+}
+
+impl Mutant {
+    /// What is made of the file, in each family: as `--strategy` has it, and what that means.
+    fn strategies(&self) -> Vec<(String, Strategy)> {
+        let named = USUAL.iter().map(|base| match self.with.as_str() {
+            "" => ((*base).to_owned(), preset(base).expect("a preset").strategy),
+            with => (format!("{base},{with}"), with_values(base, with)),
+        });
+        named.filter(|(_, strategy)| strategy.contradiction().is_none() && self.is_in(strategy)).collect()
+    }
+
+    /// Whether a device of these lane operations takes the code that is changed; says so if not.
+    fn is_about(&self, lanes: LaneOperations) -> bool {
+        let is = self.lanes.as_ref().is_none_or(|those| those.contains(&lanes));
+        if !is {
+            println!("{}: not tried with {}: {}", self.file, lanes.about(), self.from);
+        }
+        is
+    }
+
+    fn is_in(&self, strategy: &Strategy) -> bool {
+        files(strategy).contains(&self.file)
+    }
+
+    /// Casts with the change and expects that it is noticed.
+    fn must_be_noticed_in(&self, name: &str, strategy: &Strategy) {
+        let place = Place::new();
+        let local_size = match strategy.family().name {
+            "tile-cpu" => "1x1",
+            "tile-gpu" => "32x1",
+            _ => "4x4",
+        };
+        let scene = repository("scenes").join(self.scene.as_deref().unwrap_or("still-life.toml"));
+        let scene = scene.to_str().expect("UTF-8");
+        let device = device();
+        let cast = ["render", scene, "--device", &device, "--local-size", local_size, "--strategy", name];
+        let folder = self.folder(&place);
+        let ends = ["--verify", "-o", "wrong.png", "--cl-dir", &folder];
+        let message = place.mistake(&[&cast[..], &SIZE, &ends].concat(), 1);
+        has(&message, &["the picture is wrong: "]);
+    }
+
+    /// The built-in kernels with the change laid over them.
+    fn folder(&self, place: &Place) -> String {
+        let text = Sources::Embedded.read(&self.file).expect("a kernel file");
+        let found = text.matches(&self.from).count();
+        assert_eq!(found, 1, "{}: {:?} has to be there once", self.file, self.from);
+        let path = place.path("broken").join(&self.file);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(&path, text.replacen(&self.from, &self.to, 1)).expect("a file");
+        place.path("broken").to_str().expect("UTF-8").to_owned()
+    }
+}
+
+/// A preset with other values of some axes.
+fn with_values(base: &str, with: &str) -> Strategy {
+    let mut strategy = preset(base).expect("a preset").strategy;
+    for assignment in with.split(',') {
+        let (axis, value) = assignment.split_once('=').expect("axis=value");
+        strategy.set(axis, value).expect("a value of the axis");
+    }
+    strategy
+}
+
+/// The files that a strategy's program is made of.
+fn files(strategy: &Strategy) -> Vec<String> {
+    let workload = Workload {
+        triangles: 10,
+        positions: 10,
+        normals: 10,
+        materials: 1,
+        lights: 1,
+        stack_size: 32,
+        image_size: [64, 64],
+        local_size: [32, 1],
+    };
+    let builtins = *BUILTINS.get_or_init(|| common::device().info.builtins());
+    ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program").files
+}
+
+#[test]
+fn a_broken_kernel_is_a_wrong_picture() {
+    let lanes = common::device().info.builtins().lanes;
+    let mut pictures = 0;
+    for mutant in mutants().iter().filter(|mutant| mutant.command.is_none()) {
+        if !mutant.is_about(lanes) {
+            continue;
+        }
+        let strategies = mutant.strategies();
+        assert!(!strategies.is_empty(), "{}: no strategy is made of it", mutant.file);
+        for (name, strategy) in strategies {
+            pictures += 1;
+            if is_long() || (pictures % STEP == 0 && compiles_soon(&strategy)) {
+                println!("{}: {name}", mutant.file);
+                mutant.must_be_noticed_in(&name, &strategy);
+            }
+        }
+    }
+    assert!(pictures > 100, "{pictures}");
+}
+
+/// Only devices that have more than barriers have such code.
+#[test]
+fn broken_lane_operations_are_not_taken() {
+    let lanes = common::device().info.builtins().lanes;
+    let all = mutants();
+    let of_probe: Vec<_> = all.iter().filter(|mutant| mutant.command.as_deref() == Some("probe")).collect();
+    assert!(of_probe.len() >= 3);
+    for mutant in of_probe.iter().filter(|mutant| mutant.is_about(lanes)) {
+        let place = Place::new();
+        let folder = mutant.folder(&place);
+        let kernel = ["kernel", "tile-group", "--device", &device(), "--local-size", "32x1"];
+        let defines = |arguments: &[&str]| {
+            let text = place.output(&[&kernel, arguments].concat());
+            text.lines().find(|line| line.contains("LANE_OPERATIONS=")).expect("a define").to_owned()
+        };
+        assert_ne!(defines(&["--cl-dir", &folder]), defines(&[]), "{}", mutant.from);
+    }
+}
+
+/// Each takes seconds, in which it measures.
+#[test]
+fn a_broken_kernel_of_peak_is_no_figure() {
+    let all = mutants();
+    let of_peak: Vec<_> = all.iter().filter(|mutant| mutant.command.as_deref() == Some("peak")).collect();
+    assert!(of_peak.len() >= 6);
+    for mutant in of_peak.iter().take(if is_long() { usize::MAX } else { 1 }) {
+        let place = Place::new();
+        let folder = mutant.folder(&place);
+        let message = place.mistake(&["peak", "--device", &device(), "--cl-dir", &folder], 1);
+        has(&message, &[" gave ", ", not "]);
+    }
+}
+
+#[test]
+fn every_file_is_broken_in_every_family_that_is_made_of_it() {
+    let all = mutants();
+    let broken: HashSet<(String, &str)> = all
+        .iter()
+        .flat_map(|mutant| {
+            let strategies = mutant.strategies();
+            strategies.into_iter().map(|(_, strategy)| (mutant.file.clone(), strategy.family().name))
+        })
+        .collect();
+    for base in USUAL {
+        for strategy in one_value_away(preset(base).expect("a preset").strategy) {
+            let family = strategy.family().name;
+            for file in files(&strategy) {
+                assert!(broken.contains(&(file.clone(), family)), "{file}: nothing breaks it in {family}");
+            }
+        }
+    }
+    let named: HashSet<&str> = all.iter().map(|mutant| mutant.file.as_str()).collect();
+    for file in Sources::names() {
+        assert!(named.contains(file) != (file == PROBE), "{file}: break it, or say why not");
+    }
+}
+
+/// A strategy, and every one that has another value of one axis and makes sense.
+fn one_value_away(base: Strategy) -> Vec<Strategy> {
+    let changed = AXES.iter().flat_map(|axis| axis.values.iter().map(move |(value, _)| (axis.name, *value)));
+    let changed = changed.map(|(axis, value)| {
+        let mut strategy = base;
+        strategy.set(axis, value).expect("a value of the axis");
+        strategy
+    });
+    changed.filter(|strategy| strategy.contradiction().is_none()).collect()
+}
