@@ -33,6 +33,7 @@ pub mod scene;
 pub mod sensor;
 pub mod sources;
 pub mod strategy;
+mod toml_error;
 pub mod verify;
 
 pub use error::{Error, Result};

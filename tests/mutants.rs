@@ -208,7 +208,7 @@ fn every_file_is_broken_in_every_family_that_is_made_of_it() {
 
 /// A strategy, and every one that has another value of one axis and makes sense.
 fn one_value_away(base: Strategy) -> Vec<Strategy> {
-    let changed = AXES.iter().flat_map(|axis| axis.values.iter().map(move |(value, _)| (axis.name, *value)));
+    let changed = AXES.iter().flat_map(|axis| axis.values().into_iter().map(|(value, _)| (axis.name, value)));
     let changed = changed.map(|(axis, value)| {
         let mut strategy = base;
         strategy.set(axis, value).expect("a value of the axis");

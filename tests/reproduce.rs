@@ -29,15 +29,15 @@ fn a_reproduction_goes_on_where_it_stopped() {
     let place = Place::new();
     let (said, progress) = reproduce(&place, &[]);
     assert!(said.trim_end().ends_with("out/reproduction.html"), "the page comes last: {said}");
-    has(&progress, &["figure-6 (1 of 4)", "next-steps (4 of 4)", "[1/4, about ", "[4/4] "]);
+    has(&progress, &["pictures (1 of 5)", "next-steps (5 of 5)", "[1/5, about ", "[5/5] "]);
     let first = place.text("out/figure-6/records.jsonl");
     let message = place.mistake(&["reproduce", "--out", "out", "--device", &device()], 2);
-    has(&message, &["out/figure-6 already holds results", "--resume"]);
+    has(&message, &["out/pictures already holds results", "--resume"]);
 
-    // As if it had been killed when two configs were done.
+    // As if it had been killed when three configs were done.
     std::fs::remove_dir_all(place.path("out/figure-8")).expect("it is there");
     let (_, progress) = reproduce(&place, &["--resume"]);
-    has(&progress, &["1 of 4 points are done already", "2 of 4 points are done already", "[3/4, about "]);
+    has(&progress, &["1 of 5 points are done already", "3 of 5 points are done already", "[4/5, about "]);
     assert_eq!(progress.lines().filter(|line| line.starts_with('[')).count(), 1, "{progress}");
     assert_eq!(place.text("out/figure-6/records.jsonl"), first);
     assert!(place.path("out/figure-8/report.html").exists());

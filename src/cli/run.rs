@@ -65,7 +65,7 @@ pub struct Args {
     spread: bool,
     /// Tell speed as a part of what the device can do at most: by a file of `raycl peak`, or measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
-    peak: Option<String>,
+    pub(super) peak: Option<String>,
     /// Where another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,

@@ -69,6 +69,16 @@ impl<'a> Pictures<'a> {
         found.as_deref()
     }
 
+    /// Whether a folder has this picture.
+    pub fn has(&mut self, path: Option<&str>) -> bool {
+        path.is_some_and(|path| self.bytes(path).is_some())
+    }
+
+    /// A picture for the page, if there is room for it.
+    pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
+        Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
+    }
+
     /// A small form of a picture for beside an answer.
     pub fn thumbnail(&mut self, path: &str) -> Option<String> {
         let picture = image::load_from_memory(self.bytes(path)?).ok()?;

@@ -95,7 +95,7 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
         series: drawn,
     };
     let caption = format!("{}{}", caption(&fits), labels.besides);
-    Some(Plot { name: labels.file, caption, svg: chart.svg() })
+    Some(Plot::of(labels.file, caption, &chart))
 }
 
 fn caption(fits: &[(String, Fit)]) -> String {

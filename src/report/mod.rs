@@ -44,8 +44,8 @@ pub struct Written {
 pub const PAGE: &str = "report.html";
 /// The pages of a comparison.
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
-/// The page of a reproduction.
-pub const REPRODUCTION: &str = "reproduction.html";
+/// The page of a reproduction, and the same for programs.
+pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
 
 /// Names of files in a folder, and what they hold.
 type Files = Vec<(String, Vec<u8>)>;
@@ -76,11 +76,12 @@ fn exports(records: &[Record]) -> Result<Files> {
 
 /// Writes `reproduction.html` and its plots of folders made with the paper's configs into `out`; returns the page's path.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
-    let page = Reproduction::of(folders);
-    let mut files = vec![(REPRODUCTION.to_owned(), page.html()?.into_bytes())];
+    let page = Reproduction::of(folders)?;
+    let [html, json] = REPRODUCTION.map(str::to_owned);
+    let mut files = vec![(html, page.html()?.into_bytes()), (json, page.json()?.into_bytes())];
     files.extend(plot_files(&page.plots())?);
     out.write(&files)?;
-    Ok(out.path().join(REPRODUCTION))
+    Ok(out.path().join(REPRODUCTION[0]))
 }
 
 /// Writes `compare.html`, `compare.md` and the plot into `out`.

@@ -54,7 +54,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     };
     let told = group.records.iter().any(|record| known(record).0.is_some());
     let caption = format!("{} {} {NOT_MEASURED}", whose(compute_capability, told), ranking(&ranks));
-    Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
+    Some(Plot::of(name, caption, &chart))
 }
 
 const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The \

@@ -35,7 +35,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
             series,
         };
         let caption = "Each strategy at its own best local size; the lower the faster. The host's baselines are beside them.";
-        Some(Plot { name: numbered("scenes", place), caption: caption.into(), svg: chart.svg() })
+        Some(Plot::of(numbered("scenes", place), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
 }
@@ -149,5 +149,5 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
     };
     let caption =
         format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
-    (!chart.series.is_empty()).then(|| Plot { name: numbered("devices", place), caption, svg: chart.svg() })
+    (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
 }

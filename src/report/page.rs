@@ -207,7 +207,7 @@ fn one_view(
 ) -> View {
     let [width, height] = group.image_size;
     let file = |what: &str| file_name(&format!("{what}-{}-{width}x{height}-{}", group.scene, group.device));
-    let lines = |kind, what: &str| view::lines(group, looks, kind, &file(what));
+    let lines = |kind, what: &str| view::lines(group, looks, kind, &file(what), true);
     let mut others = Vec::new();
     others.extend(view::strip(group, &file("samples")));
     let capability = compute_capability(folders, group.device);

@@ -1,4 +1,26 @@
-//! The paper's published run times, read off its Figures 6 to 8 by the authors of raycl; in milliseconds.
+//! The paper's published run times, read off its Figures 6 to 8 by the authors of raycl, in milliseconds; and the configs
+//! that repeat its experiments, which are part of the program, so that it runs anywhere.
+
+use include_dir::{Dir, include_dir};
+
+/// The paper's configs, in the order of its figures.
+pub const CONFIGS: [(&str, &str); 5] = [
+    ("pictures", include_str!("../../configs/pictures.toml")),
+    ("figure-6", include_str!("../../configs/figure-6.toml")),
+    ("figure-7", include_str!("../../configs/figure-7.toml")),
+    ("figure-8", include_str!("../../configs/figure-8.toml")),
+    ("next-steps", include_str!("../../configs/next-steps.toml")),
+];
+
+/// The scenes that they may name.
+pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
+
+/// The names of these scenes.
+pub fn scenes() -> Vec<&'static str> {
+    let files = SCENES.files().map(include_dir::File::path);
+    let scenes = files.filter(|path| path.extension().is_some_and(|ending| ending == "toml"));
+    scenes.filter_map(|path| path.file_stem()?.to_str()).collect()
+}
 
 /// One published point.
 #[derive(Clone, Debug, PartialEq)]

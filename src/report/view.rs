@@ -39,8 +39,8 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Time against local size, a line a strategy, with the paper's points where it has some.
-pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option<Plot> {
+/// Time against local size, a line a strategy; with the paper's points where it has some and they are wanted.
+pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);
     let mut series = Vec::new();
@@ -60,7 +60,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option
             });
         }
     }
-    let published = published(group, looks, &place);
+    let published = if paper { published(group, looks, &place) } else { Vec::new() };
     if series.is_empty() {
         return None;
     }
@@ -82,7 +82,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str) -> Option
     let caption = format!(
         "Bars are 95% intervals of the median; where there is none, it is smaller than its marker or there are fewer than five samples.{beside}"
     );
-    Some(Plot { name: name.to_owned(), caption, svg: chart.svg() })
+    Some(Plot::of(name, caption, &chart))
 }
 
 /// The paper's curves for a group's scene and strategies.
@@ -137,7 +137,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells could not run. Point at one for its \
                    interval or its reason."
         .to_owned();
-    Plot { name: name.to_owned(), caption, svg: map.svg() }
+    Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: String::new() }
 }
 
 fn cell(record: &Record, best: f64, wins: bool) -> Cell {
@@ -192,7 +192,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let caption = format!(
         "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it. Fewer than five samples have no bars.{shown}"
     );
-    Some(Plot { name: name.to_owned(), caption, svg: strip.svg() })
+    Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: String::new() })
 }
 
 fn strip_row(record: &Record) -> Option<Row> {

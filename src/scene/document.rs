@@ -1,15 +1,17 @@
 //! A scene file's text, ready to be read, and the mistakes at its lines.
 
 use super::framing::Ball;
-use super::toml_error::toml_error;
 use super::{Mesh, overrides};
 use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{FileType, Opened, Wanted};
+use crate::toml_error::toml_error;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 use toml::{Table, Value};
 
+/// The remedy of a scene file that does not parse.
+pub(super) const KEYS: &str = "docs/scenes.md has every key of a scene, with its type";
 /// The remedy where a scene cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj)";
 
@@ -73,7 +75,7 @@ impl Document {
 
     /// Sets values and writes the text anew, so that a message shows what was read.
     fn set(&mut self, values: &[(String, Value)]) -> Result<()> {
-        let mut table: Table = self.text.parse().map_err(|e| toml_error(&self.name, &self.text, &e))?;
+        let mut table: Table = self.text.parse().map_err(|e| toml_error(&self.name, &self.text, &e, KEYS))?;
         overrides::apply(&mut table, values)?;
         self.text = toml::to_string(&table)
             .map_err(|error| Error::input(format!("{} with its overrides: {error}", self.name)))?;

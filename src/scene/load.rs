@@ -2,11 +2,11 @@
 
 use super::Scene;
 use super::assemble::assemble;
-use super::document::Document;
-use super::toml_error::toml_error;
+use super::document::{Document, KEYS};
 use super::wire::SceneWire;
 use crate::error::{Result, shortened};
 use crate::filetype::experiment_instead;
+use crate::toml_error::toml_error;
 use std::path::Path;
 use toml::Value;
 
@@ -40,7 +40,7 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
     let wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
         experiment_instead(path, &document.text)
             .or_else(|| document.not_toml(path, &error))
-            .unwrap_or_else(|| toml_error(&document.name, &document.text, &error))
+            .unwrap_or_else(|| toml_error(&document.name, &document.text, &error, KEYS))
     })?;
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
     let scene = assemble(&document, wire, &mut notes)?;

@@ -15,7 +15,6 @@ mod normals;
 mod obj;
 mod overrides;
 mod shapes;
-mod toml_error;
 mod transform;
 mod validate;
 mod wire;

@@ -1,84 +1,148 @@
 //! How sure a comparison of two times is: nothing is said to hold, or not to, that the samples leave open.
 
-use super::Verdict;
-use crate::measure::not_enough;
+use super::{Line, Verdict};
+use crate::measure::{Estimate, MIN_SAMPLES, Summary, not_enough};
 use crate::record::{Record, duration, estimate, few_names, median, ranking, significant};
 use std::ops::RangeInclusive;
 
-/// How many times as long one record takes as another.
+/// How many times as long one thing takes as another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Ratio {
-    /// The ratio of the medians, and what it surely lies between: the ends of the two 95% intervals divided. None where
-    /// one of them has too few samples.
+pub struct Ratio {
+    /// The ratio of the medians, and what it surely lies between. None where one of them has too few samples.
     sure: Option<(f64, [f64; 2])>,
     /// The fewer of the two numbers of samples.
     n: usize,
+    /// The slower of the two, in milliseconds: how long a sample takes.
+    frame_ms: f64,
 }
 
 impl Ratio {
-    /// Of two measured records.
-    pub(super) fn of(slow: &Record, fast: &Record) -> Option<Self> {
+    /// Of two measured records: the one place where claims ask how sure a ratio is. The ends of the two 95% intervals divided.
+    pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         let (above, below) = (estimate(slow)?, estimate(fast)?);
         let middle = above.median_ms() / below.median_ms();
         let n = slow.samples_ms.len().min(fast.samples_ms.len());
-        Some(Self { sure: above.ratio_interval(&below).map(|ends| (middle, ends)), n })
+        let frame_ms = above.median_ms().max(below.median_ms());
+        Some(Self { sure: above.ratio_interval(&below).map(|ends| (middle, ends)), n, frame_ms })
     }
 
-    /// Whether it is in `held`: surely, surely not, or unclear.
-    pub(super) fn verdict(&self, held: RangeInclusive<f64>) -> Verdict {
+    /// Of two parts of the same frames, each sample's own ratio.
+    pub(super) fn of_parts(ratios: &[f64], frame_ms: f64) -> Option<Self> {
+        let found = Summary::of(ratios)?;
+        let whole = Estimate::new(found.median_ms, found.n, found.ci95_ms);
+        let sure = whole.interval_ms().map(|ends| (found.median_ms, ends));
+        Some(Self { sure, n: found.n, frame_ms })
+    }
+
+    /// Whether it is in `held`: surely, surely not, or unclear. An end that touches a bound is no certainty.
+    pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
+        let (least, most) = (*held.start(), *held.end());
         match self.sure {
-            Some((_, [low, high])) if held.contains(&low) && held.contains(&high) => Verdict::Held,
-            Some((_, [low, high])) if high < *held.start() || low > *held.end() => Verdict::DidNotHold,
+            Some((_, [low, high])) if low > least && high < most => Verdict::Held,
+            Some((_, [low, high])) if high < least || low > most => Verdict::NotHeld,
             _ => Verdict::Unclear,
         }
     }
 
-    /// Whether it is surely above 1, where a tie (intervals that touch) is unclear.
-    pub(super) fn verdict_slower(&self) -> Verdict {
-        match self.sure {
-            Some((_, [low, _])) if low > 1.0 => Verdict::Held,
-            Some((_, [_, high])) if high < 1.0 => Verdict::DidNotHold,
-            _ => Verdict::Unclear,
-        }
-    }
-
-    /// "3.07 times as fast (3.02 to 3.11, n = 12)", where `what` is " as fast"; or "not enough samples (n = 3)".
-    pub(super) fn text(&self, what: &str) -> String {
+    /// "3.07 times (3.02 to 3.11, n = 12)"; or "not enough samples (n = 3)".
+    pub fn text(&self) -> String {
         let Some((middle, [low, high])) = self.sure else { return not_enough(self.n) };
         let [middle, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
-        format!("{middle} times{what} ({low} to {high}, n = {})", self.n)
+        format!("{middle} times ({low} to {high}, n = {})", self.n)
+    }
+
+    /// "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b"; or "a against b: not enough samples (n = 3)".
+    pub(super) fn between(&self, of: &str, to: &str) -> String {
+        match self.sure {
+            Some(_) => format!("{of} takes {} as long as {to}", self.text()),
+            None => format!("{of} against {to}: {}", self.text()),
+        }
+    }
+
+    /// The line of a claim that it is in `held`.
+    pub(super) fn line(&self, text: String, held: RangeInclusive<f64>) -> Line {
+        let text = format!("{text}; asked: {}", asked(&held));
+        match self.verdict(&held) {
+            Verdict::Unclear => Line::unclear(text, self.decides(&held)),
+            sure => Line::decided(text, sure == Verdict::Held),
+        }
+    }
+
+    fn decides(&self, held: &RangeInclusive<f64>) -> String {
+        let Some((_, [low, high])) = self.sure else { return more_samples(self.frame_ms) };
+        let bound = [*held.start(), *held.end()].into_iter().find(|bound| (low..=high).contains(bound));
+        let bound = bound.map_or(String::new(), |bound| format!(", which holds {bound}"));
+        let ends = [low, high].map(|end| significant(end, 3)).join(" to ");
+        format!("a narrower interval than {ends}{bound}: more launches or samples, or a quieter machine")
+    }
+}
+
+/// How to get enough samples of a frame that takes so long.
+fn more_samples(frame_ms: f64) -> String {
+    // Warm-up frames come on top.
+    let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
+    format!("{MIN_SAMPLES} samples of each: `--set timing.time_limit_ms={limit}`")
+}
+
+/// "at least 2", "0.95 to 1.05".
+fn asked(held: &RangeInclusive<f64>) -> String {
+    match (*held.start(), *held.end()) {
+        (least, f64::INFINITY) => format!("at least {least}"),
+        (least, most) if least <= 0.0 => format!("at most {most}"),
+        (least, most) => format!("{least} to {most}"),
     }
 }
 
 /// The fastest of some records.
 pub(super) struct Fastest<'a> {
     /// The fastest and those that tie with it, fastest first.
-    pub(super) level: Vec<&'a Record>,
+    level: Vec<&'a Record>,
     /// Those of too few samples, each of which might be as fast.
     few: Vec<&'a Record>,
 }
 
 impl<'a> Fastest<'a> {
-    /// Of measured records; none where nothing was measured.
+    /// Of measured records; none where fewer than three were measured, among which a fastest says little.
     pub(super) fn of(records: &[&'a Record]) -> Option<Self> {
         let ranking = ranking(records.iter().copied());
-        let found = Self { level: ranking.winners, few: ranking.unranked };
-        (!found.level.is_empty() || !found.few.is_empty()).then_some(found)
+        (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
     }
 
     /// What is claimed of the fastest: it holds where all that may be the fastest are so, and not where none is.
-    pub(super) fn verdict(&self, claimed: impl Fn(&Record) -> bool) -> Verdict {
+    fn verdict(&self, claimed: &dyn Fn(&Record) -> bool) -> Verdict {
         let all: Vec<bool> = self.level.iter().chain(&self.few).map(|record| claimed(record)).collect();
         match all.iter().filter(|claimed| **claimed).count() {
-            0 if !self.level.is_empty() => Verdict::DidNotHold,
+            0 if !self.level.is_empty() => Verdict::NotHeld,
             some if some == all.len() && self.few.is_empty() => Verdict::Held,
             _ => Verdict::Unclear,
         }
     }
 
+    /// The line of a claim about the fastest.
+    pub(super) fn line(&self, of: &str, claimed: impl Fn(&Record) -> bool) -> Line {
+        let text = format!("fastest of {of}: {}", self.text());
+        match self.verdict(&claimed) {
+            Verdict::Unclear => Line::unclear(text, self.decides()),
+            sure => Line::decided(text, sure == Verdict::Held),
+        }
+    }
+
+    fn decides(&self) -> String {
+        let slowest = self.few.iter().filter_map(|record| median(record)).fold(0.0, f64::max);
+        match self.few.is_empty() {
+            true => {
+                "narrower intervals of those that tie: more launches or samples; a difference below what the \
+                     machine can tell apart stays a tie"
+                    .to_owned()
+            }
+            false => more_samples(slowest),
+        }
+    }
+
     /// "8 x 8, n = 12, 5.494 ms", or the first few of a tie, each by its name; then those of too few samples.
-    pub(super) fn text(&self, name: impl Fn(&Record) -> String) -> String {
-        let few = few_names(&self.few, |record| name(record));
+    fn text(&self) -> String {
+        let name = |record: &Record| crate::report::words::title(record);
+        let few = few_names(&self.few, name);
         let few = if few.is_empty() { few } else { format!("not enough samples: {few}") };
         let Some(best) = self.level.first() else { return few };
         let n = self.level.iter().map(|record| record.samples_ms.len()).min().unwrap_or(0);
@@ -87,7 +151,7 @@ impl<'a> Fastest<'a> {
         let more =
             self.level.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
         let names = shown.chain(more).collect::<Vec<_>>().join(", ");
-        let tie = if self.level.len() > 1 { " (a tie: their intervals overlap)" } else { "" };
+        let tie = if self.level.len() > 1 { " (a tie)" } else { "" };
         let few = if few.is_empty() { few } else { format!("; {few}") };
         format!("{names}{tie}, n = {n}, {time}{few}")
     }
@@ -107,41 +171,63 @@ mod tests {
         Ratio::of(&record(slow), &record(fast)).expect("both are measured")
     }
 
+    const LONGER: RangeInclusive<f64> = 1.0..=f64::INFINITY;
+
     #[test]
     fn intervals_that_touch_are_unclear() {
-        assert_eq!(ratio([2.0, 2.1], [1.0, 1.1], 10).verdict_slower(), Verdict::Held);
-        assert_eq!(ratio([1.0, 1.1], [2.0, 2.1], 10).verdict_slower(), Verdict::DidNotHold);
-        assert_eq!(ratio([1.05, 1.2], [1.0, 1.1], 10).verdict_slower(), Verdict::Unclear);
-        assert_eq!(ratio([1.1, 1.2], [1.0, 1.1], 10).verdict_slower(), Verdict::Unclear);
+        let verdict = |slow, fast| ratio(slow, fast, 10).verdict(&LONGER);
+        assert_eq!(verdict([2.0, 2.1], [1.0, 1.1]), Verdict::Held);
+        assert_eq!(verdict([1.0, 1.1], [2.0, 2.1]), Verdict::NotHeld);
+        assert_eq!(verdict([1.05, 1.2], [1.0, 1.1]), Verdict::Unclear);
+        assert_eq!(verdict([1.1, 1.2], [1.0, 1.1]), Verdict::Unclear);
     }
 
     #[test]
-    fn few_samples_are_unclear_however_great_the_difference() {
+    fn few_samples_are_unclear_however_great_the_difference_and_say_what_would_do() {
         let far = |n| ratio([20.0, 21.0], [1.0, 1.1], n);
-        assert_eq!([far(5), far(4)].map(|far| far.verdict_slower()), [Verdict::Held, Verdict::Unclear]);
-        assert_eq!([far(5), far(4)].map(|far| far.verdict(2.0..=99.0)), [Verdict::Held, Verdict::Unclear]);
-        assert_eq!(far(4).text(" as fast"), "not enough samples (n = 4)");
-        assert_eq!(far(5).text(" as fast"), "19.5 times as fast (18.2 to 21.0, n = 5)");
+        assert_eq!([far(5), far(4)].map(|far| far.verdict(&LONGER)), [Verdict::Held, Verdict::Unclear]);
+        assert_eq!(far(4).text(), "not enough samples (n = 4)");
+        assert_eq!(far(5).text(), "19.5 times (18.2 to 21.0, n = 5)");
+        let line = far(4).line("a".into(), LONGER);
+        assert_eq!(line.decides, "5 samples of each: `--set timing.time_limit_ms=1000`");
+        let near = ratio([1.05, 1.2], [1.0, 1.1], 10).line("a".into(), LONGER);
+        assert!(
+            near.decides.starts_with("a narrower interval than 0.955 to 1.20, which holds 1:"),
+            "{near:?}"
+        );
     }
 
     #[test]
     fn the_fastest_is_not_known_beside_few_samples() {
         let of = |n: usize| Record { samples_ms: vec![9.0; n], ..measured("gpu", "naive", 4, [9.0, 9.1]) };
         let verdict = |n: usize, side: u32| {
-            let records = [of(n), measured("gpu", "naive", 8, [5.0, 5.1])];
-            let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("two are measured");
-            found.verdict(|record| record.local_size == Some([side; 2]))
+            let records =
+                [of(n), measured("gpu", "naive", 8, [5.0, 5.1]), measured("gpu", "naive", 2, [9.5; 2])];
+            let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("three are measured");
+            found.verdict(&|record| record.local_size == Some([side; 2]))
         };
-        assert_eq!([verdict(5, 8), verdict(5, 4)], [Verdict::Held, Verdict::DidNotHold]);
+        assert_eq!([verdict(5, 8), verdict(5, 4)], [Verdict::Held, Verdict::NotHeld]);
         assert_eq!([verdict(4, 8), verdict(4, 4)], [Verdict::Unclear, Verdict::Unclear]);
-        assert_eq!(verdict(4, 16), Verdict::DidNotHold, "of the ranked one it is known");
+        assert_eq!(verdict(4, 16), Verdict::NotHeld, "of the ranked one it is known");
         assert!(Fastest::of(&[]).is_none());
     }
 
     #[test]
     fn a_range_holds_only_with_both_ends_in_it() {
         let about_two = ratio([1.9, 2.1], [1.0, 1.0], 10);
-        let verdicts = [1.5..=2.5, 2.0..=3.0, 3.0..=4.0, 0.5..=1.5].map(|range| about_two.verdict(range));
-        assert_eq!(verdicts, [Verdict::Held, Verdict::Unclear, Verdict::DidNotHold, Verdict::DidNotHold]);
+        let verdicts = [1.5..=2.5, 2.0..=3.0, 3.0..=4.0, 0.5..=1.5].map(|range| about_two.verdict(&range));
+        assert_eq!(verdicts, [Verdict::Held, Verdict::Unclear, Verdict::NotHeld, Verdict::NotHeld]);
+        assert_eq!(
+            [1.0..=f64::INFINITY, 0.0..=2.0, 0.5..=2.0].map(|range| asked(&range)),
+            ["at least 1", "at most 2", "0.5 to 2"]
+        );
+    }
+
+    #[test]
+    fn parts_of_the_same_frames_have_a_ratio_of_their_own() {
+        let ratio = Ratio::of_parts(&[2.0, 2.1, 1.9, 2.0, 2.05], 10.0).expect("it is finite");
+        assert_eq!(ratio.verdict(&LONGER), Verdict::Held);
+        assert_eq!(Ratio::of_parts(&[2.0; 4], 10.0).map(|few| few.verdict(&LONGER)), Some(Verdict::Unclear));
+        assert!(Ratio::of_parts(&[], 10.0).is_none());
     }
 }

@@ -99,13 +99,10 @@ impl Comparison {
             diagonal: true,
             series: series.collect(),
         };
-        Plot {
-            name: "compare".into(),
-            caption: format!(
-                "Below the line {b} is faster, above it {a}; bars are 95% intervals of {b}'s medians, which five samples or more have."
-            ),
-            svg: chart.svg(),
-        }
+        let caption = format!(
+            "Below the line {b} is faster, above it {a}; bars are 95% intervals of {b}'s medians, which five samples or more have."
+        );
+        Plot::of("compare", caption, &chart)
     }
 
     /// The comparison as a page.

@@ -1,10 +1,11 @@
 //! Marks over two axes: lines with intervals, or a scatter.
 
+use super::layout::{LETTER, Layout, NARROW, WIDE};
 use super::legend::{self, shorten};
 use super::look::Look;
 use super::palette::{FAINT, GRID};
 use super::scale::{self, Kind, Scale};
-use super::svg::{Anchor, Svg, number};
+use super::svg::{Anchor, LINE, Svg, number};
 
 /// What stands along x.
 #[derive(Clone, Debug)]
@@ -61,19 +62,12 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
-const LEFT: f64 = 66.0;
-const TOP: f64 = 34.0;
-const WIDTH: f64 = 640.0;
-const HEIGHT: f64 = 330.0;
-const LEGEND: f64 = 190.0;
-
-/// Roughly how wide a letter is.
-const LETTER: f64 = 7.0;
-
 /// The axes of a chart in pixels.
 struct Frame {
+    layout: Layout,
     across: Scale,
     up: Scale,
+    top: f64,
     bottom: f64,
     right: f64,
 }
@@ -81,9 +75,19 @@ struct Frame {
 impl Chart {
     /// The chart as SVG.
     pub fn svg(&self) -> String {
-        let frame = self.frame();
+        self.drawn(WIDE)
+    }
+
+    /// The chart as SVG for a phone: as wide as one, its legend below.
+    pub fn narrow_svg(&self) -> String {
+        self.drawn(NARROW)
+    }
+
+    fn drawn(&self, layout: Layout) -> String {
+        let frame = self.frame(layout);
         let mut svg = Svg::default();
-        svg.text("title", [LEFT - 50.0, 18.0], Anchor::Start, &self.title);
+        let title = [(layout.left - 50.0).min(16.0), 18.0];
+        svg.lines("title", title, Anchor::Start, &layout.lines(&self.title));
         self.draw_axes(&mut svg, &frame);
         if self.diagonal {
             draw_diagonal(&mut svg, &frame);
@@ -95,21 +99,24 @@ impl Chart {
         }
         let named = self.series.iter().filter(|series| !series.name.is_empty());
         let entries: Vec<_> = named.map(|series| (series.name.as_str(), series.look)).collect();
-        let legend_end = legend::draw(&mut svg, [frame.right + 18.0, TOP + 8.0], &entries);
-        let bottom = frame.bottom + 36.0 + self.names_height() + 16.0;
-        let size = [frame.right + 18.0 + LEGEND, bottom.max(legend_end + 8.0)];
+        let bottom = self.label_top(&frame) + LINE * layout.lines(&self.x_label).len() as f64;
+        let beside = [frame.right + 18.0, frame.top + 8.0];
+        let legend = if layout.legend_below { [layout.left - 40.0, bottom + 12.0] } else { beside };
+        let legend_end = legend::draw(&mut svg, legend, &entries);
+        let size = [layout.whole_width(), bottom.max(legend_end + 8.0)];
         let about = format!("{} against {}", self.y_label, self.x_label);
         svg.finish(size, &self.title, &about)
     }
 
-    fn frame(&self) -> Frame {
+    fn frame(&self, layout: Layout) -> Frame {
         let marks = || self.series.iter().flat_map(|series| &series.marks);
-        let (right, bottom) = (LEFT + WIDTH, TOP + HEIGHT);
+        let top = layout.top + LINE * (layout.lines(&self.title).len() - 1) as f64;
+        let (right, bottom) = (layout.left + layout.width, top + layout.height);
         let heights = marks().flat_map(|mark| {
             let [low, high] = mark.interval.unwrap_or([mark.y; 2]);
             [low, mark.y, high]
         });
-        let places = [LEFT, right];
+        let places = [layout.left, right];
         let across = match &self.across {
             Across::Names(names) => {
                 let ends = [-0.5, names.len().max(1) as f64 - 0.5];
@@ -117,33 +124,35 @@ impl Chart {
             }
             Across::Numbers(kind) => Scale::over(*kind, marks().map(|mark| mark.x), places),
         };
-        Frame { across, up: Scale::over(self.up, heights, [bottom, TOP]), bottom, right }
+        Frame { layout, across, up: Scale::over(self.up, heights, [bottom, top]), top, bottom, right }
+    }
+
+    /// Where the label of the x axis begins.
+    fn label_top(&self, frame: &Frame) -> f64 {
+        frame.bottom + 36.0 + self.names_height(frame.layout)
     }
 
     fn draw_axes(&self, svg: &mut Svg, frame: &Frame) {
+        let left = frame.layout.left;
         for tick in frame.up.ticks() {
             let Some(y) = frame.up.place(tick) else { continue };
-            svg.line("grid", GRID, [LEFT, y], [frame.right, y]);
-            svg.text_in("faint", FAINT, [LEFT - 7.0, y + 4.0], Anchor::End, &scale::label(tick));
+            svg.line("grid", GRID, [left, y], [frame.right, y]);
+            svg.text_in("faint", FAINT, [left - 7.0, y + 4.0], Anchor::End, &scale::label(tick));
         }
-        let slanted = self.names_are_slanted();
+        let slanted = self.names_are_slanted(frame.layout);
         for (tick, name) in self.ticks_across(frame) {
             let Some(x) = frame.across.place(tick) else { continue };
-            svg.line("grid", GRID, [x, TOP], [x, frame.bottom]);
+            svg.line("grid", GRID, [x, frame.top], [x, frame.bottom]);
             if slanted {
                 svg.slanted_text("faint", FAINT, [x + 4.0, frame.bottom + 14.0], &shorten(&name, 20));
             } else {
                 svg.text_in("faint", FAINT, [x, frame.bottom + 17.0], Anchor::Middle, &name);
             }
         }
-        svg.line("axis", FAINT, [LEFT, frame.bottom], [frame.right, frame.bottom]);
-        svg.text(
-            "label",
-            [(LEFT + frame.right) / 2.0, frame.bottom + 36.0 + self.names_height()],
-            Anchor::Middle,
-            &self.x_label,
-        );
-        svg.upright_text("label", [16.0, (TOP + frame.bottom) / 2.0], &self.y_label);
+        svg.line("axis", FAINT, [left, frame.bottom], [frame.right, frame.bottom]);
+        let middle = [f64::midpoint(left, frame.right), self.label_top(frame)];
+        svg.lines("label", middle, Anchor::Middle, &frame.layout.lines(&self.x_label));
+        svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
     }
 
     /// The longest name along x, in letters.
@@ -155,21 +164,21 @@ impl Chart {
     }
 
     /// Names that would touch each other are written aslant.
-    fn names_are_slanted(&self) -> bool {
+    fn names_are_slanted(&self, layout: Layout) -> bool {
         let Across::Names(names) = &self.across else { return false };
-        names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > WIDTH
+        names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > layout.width
     }
 
     /// How much higher aslant names stand than level ones.
-    fn names_height(&self) -> f64 {
-        if self.names_are_slanted() { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
+    fn names_height(&self, layout: Layout) -> f64 {
+        if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
     /// Ticks along x with their labels; where names are too many even aslant, only every few are labelled.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {
-                let every = (names.len() as f64 * 15.0 / WIDTH).ceil().max(1.0) as usize;
+                let every = (names.len() as f64 * 15.0 / frame.layout.width).ceil().max(1.0) as usize;
                 let labelled = names.iter().enumerate().step_by(every);
                 labelled.map(|(place, name)| (place as f64, name.clone())).collect()
             }

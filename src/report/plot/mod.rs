@@ -2,6 +2,7 @@
 
 pub mod chart;
 pub mod heat;
+mod layout;
 mod legend;
 pub mod look;
 pub mod palette;
@@ -21,4 +22,14 @@ pub struct Plot {
     pub caption: String,
     /// The drawing.
     pub svg: String,
+    /// The same for a phone; empty where there is none.
+    pub narrow: String,
+}
+
+impl Plot {
+    /// A plot of a chart, for screens and for phones.
+    pub fn of(name: impl Into<String>, caption: impl Into<String>, chart: &chart::Chart) -> Self {
+        let (svg, narrow) = (chart.svg(), chart.narrow_svg());
+        Self { name: name.into(), caption: caption.into(), svg, narrow }
+    }
 }

@@ -27,6 +27,9 @@ pub fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+/// From a line of text to the next, in pixels.
+pub const LINE: f64 = 16.0;
+
 /// A drawing that grows.
 #[derive(Clone, Debug, Default)]
 pub struct Svg {
@@ -110,6 +113,13 @@ impl Svg {
         );
         self.body.push_str(&escape(text));
         self.close("text");
+    }
+
+    /// Lines of text, one below the other.
+    pub fn lines(&mut self, class: &str, [x, y]: [f64; 2], anchor: Anchor, lines: &[String]) {
+        for (place, line) in (0..).zip(lines) {
+            self.text(class, [x, y + LINE * f64::from(place)], anchor, line);
+        }
     }
 
     /// A text that reads upwards, its middle at the place.

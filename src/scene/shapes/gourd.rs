@@ -2,12 +2,42 @@
 
 use super::grid::{revolve, split};
 use crate::scene::Mesh;
+use crate::scene::normals::flatten;
 use std::f64::consts::PI;
 
 /// About `triangles` triangles; 648 give 18 segments and 18 rings exactly.
 pub(super) fn gourd(triangles: u32) -> Mesh {
     let (segments, rings) = split(f64::from(triangles) / 2.0, 1.0);
     revolve(segments, rings, profile)
+}
+
+/// The gourd as a careless artist leaves it: its vertices off their places, its facets flat, one of about six of them
+/// facing inwards, so that no light reaches it.
+pub(super) fn broken(triangles: u32) -> Mesh {
+    const OFF: f32 = 0.05;
+    let mut mesh = gourd(triangles);
+    for (index, position) in (0..).zip(&mut mesh.positions) {
+        let along = 1.0 + OFF * (2.0 * scattered(index) - 1.0);
+        position.x *= along;
+        position.z *= along;
+    }
+    for (index, triangle) in (0..).zip(&mut mesh.triangles) {
+        if scattered(index ^ 0x5bd1) < 1.0 / 6.0 {
+            triangle.positions.swap(1, 2);
+        }
+    }
+    flatten(&mut mesh);
+    mesh
+}
+
+/// A number from 0 to 1 for each index that looks like chance and is the same on every machine (the finalizer of
+/// MurmurHash3, A. Appleby).
+fn scattered(index: u32) -> f32 {
+    let mut bits = index.wrapping_add(0x9e37_79b9);
+    for multiplier in [0x85eb_ca6b_u32, 0xc2b2_ae35] {
+        bits = (bits ^ (bits >> 15)).wrapping_mul(multiplier);
+    }
+    ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
 /// A sphere's outline, drawn out to a belly and a head with a waist between.

@@ -43,6 +43,11 @@ pub enum Shape {
         /// How many to aim for; the default is exactly 648.
         triangles: u32,
     },
+    /// The gourd of uneven flat facets, some of which face inwards.
+    BrokenGourd {
+        /// How many to aim for; the default is exactly 648.
+        triangles: u32,
+    },
     /// Hills over x and z from -1 to 1, with heights from 0 to 0.5.
     Terrain {
         /// How many to aim for.
@@ -59,8 +64,8 @@ pub enum Shape {
 
 impl Shape {
     /// The names in scene files.
-    pub const NAMES: [&'static str; 7] =
-        ["ground", "pyramid", "sphere", "teapot", "gourd", "terrain", "interior"];
+    pub const NAMES: [&'static str; 8] =
+        ["ground", "pyramid", "sphere", "teapot", "gourd", "broken-gourd", "terrain", "interior"];
 
     /// The shape of a name in its default fineness.
     pub fn from_name(name: &str) -> Option<Self> {
@@ -70,6 +75,7 @@ impl Shape {
             "sphere" => Self::Sphere { triangles: 5_000 },
             "teapot" => Self::Teapot { fineness: 4 },
             "gourd" => Self::Gourd { triangles: 648 },
+            "broken-gourd" => Self::BrokenGourd { triangles: 648 },
             "terrain" => Self::Terrain { triangles: 20_000, seed: 1 },
             "interior" => Self::Interior { triangles: 20_000 },
             _ => return None,
@@ -85,6 +91,7 @@ impl Shape {
             Self::Sphere { triangles }
             | Self::TeapotOf { triangles }
             | Self::Gourd { triangles }
+            | Self::BrokenGourd { triangles }
             | Self::Terrain { triangles, .. }
             | Self::Interior { triangles } => triangles.into(),
         }
@@ -108,6 +115,7 @@ impl Shape {
                 "triangles",
                 Self::Sphere { triangles }
                 | Self::Gourd { triangles }
+                | Self::BrokenGourd { triangles }
                 | Self::Terrain { triangles, .. }
                 | Self::Interior { triangles },
             ) => *triangles = value,
@@ -130,6 +138,7 @@ pub fn generate(shape: &Shape) -> Mesh {
         Shape::Teapot { fineness } => teapot::teapot(fineness.max(1), fineness.max(1)),
         Shape::TeapotOf { triangles } => teapot::of_triangles(triangles),
         Shape::Gourd { triangles } => gourd::gourd(triangles),
+        Shape::BrokenGourd { triangles } => gourd::broken(triangles),
         Shape::Terrain { triangles, seed } => terrain::terrain(triangles, seed),
         Shape::Interior { triangles } => interior::interior(triangles),
     }

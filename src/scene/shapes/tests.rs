@@ -1,14 +1,16 @@
 //! Counts, orientation and closure of every shape.
 
 use super::*;
+use crate::scene::Triangle;
 use glam::Vec3;
 use std::collections::HashMap;
 
-fn shapes(triangles: u32) -> [Shape; 5] {
+fn shapes(triangles: u32) -> [Shape; 6] {
     [
         Shape::Sphere { triangles },
         Shape::TeapotOf { triangles },
         Shape::Gourd { triangles },
+        Shape::BrokenGourd { triangles },
         Shape::Terrain { triangles, seed: 7 },
         Shape::Interior { triangles },
     ]
@@ -79,6 +81,18 @@ fn sphere_gourd_and_pyramid_are_closed() {
             assert_eq!((*count, edges.get(&(*b, *a))), (1, Some(&1)), "{shape:?}");
         }
     }
+}
+
+#[test]
+fn some_facets_of_the_broken_gourd_face_inwards() {
+    let [whole, broken] = ["gourd", "broken-gourd"].map(|name| generate(&Shape::from_name(name).unwrap()));
+    assert_eq!((broken.triangles.len(), broken.normals.len()), (648, 648), "each facet has its own normal");
+    let outwards = |(own, other): &(&Triangle, &Triangle)| {
+        let sum: Vec3 = whole.corner_normals(own).iter().sum();
+        broken.corner_normals(other)[0].dot(sum) > 0.0
+    };
+    let lit = whole.triangles.iter().zip(&broken.triangles).filter(outwards).count();
+    assert!((486..=583).contains(&lit), "{lit} of 648: three to nine of ten are wanted");
 }
 
 #[test]

@@ -1,0 +1,149 @@
+//! How each kind of test is decided on what was found.
+
+use super::Line;
+use super::found::Found;
+use super::point::Point;
+use super::sure::{Fastest, Ratio};
+use super::table::{LocalSize, Memory, Pass, Preset, Test};
+use crate::device::occupancy::{multiprocessor, occupancy};
+use crate::peak::{Figure, Peak};
+use crate::record::{Record, Sample, by, significant};
+use crate::strategy::{Requirements, Workload};
+
+/// What a test says, a line for each of its comparisons: as many whatever was found.
+pub(super) fn lines(test: &Test, found: &Found<'_>) -> Vec<Line> {
+    match test {
+        Test::Ratio { of, to, at_least, at_most } => {
+            let held = at_least.unwrap_or(0.0)..=at_most.unwrap_or(f64::INFINITY);
+            of.iter().map(|of| found.ratio(of, to, held.clone())).collect()
+        }
+        Test::Rises { over, at_least } => {
+            let pairs = over.windows(2);
+            pairs.map(|pair| found.ratio(&pair[1], &pair[0], *at_least..=f64::INFINITY)).collect()
+        }
+        Test::Fastest { of, is } => vec![fastest(found, of, is)],
+        Test::Runs { points, runs } => points.iter().map(|point| found.runs(point, *runs)).collect(),
+        Test::Passes { point, of, to, at_least } => vec![passes(found, point, (*of, *to), *at_least)],
+        Test::Fits { strategy, local_size, triangles, local_bytes, fits } => {
+            vec![fits_in(strategy, *local_size, *triangles, *local_bytes, *fits)]
+        }
+        Test::Occupancy { compute_capability, registers, local_size, threads } => {
+            vec![holds(&compute_capability.0, *registers, *local_size, *threads)]
+        }
+        Test::Latency { memory, cycles, within } => vec![latency(found, *memory, *cycles, *within)],
+        Test::Judgement { reason, decides } => vec![Line::cannot(reason.clone(), decides.clone())],
+    }
+}
+
+fn fastest(found: &Found<'_>, of: &[Point], is: &Point) -> Line {
+    let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
+    // All kernels have to be there, and some of their sizes.
+    if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
+        return missing;
+    }
+    let records: Vec<&Record> = of.iter().flat_map(|point| found.records(point)).collect();
+    let Some(fastest) = Fastest::of(&records) else { return found.missing(&format!("three of {names}")) };
+    fastest.line(&names, |record| is.is(record, found.device))
+}
+
+fn passes(found: &Found<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {
+    let record = match found.measured(point) {
+        Ok(record) => record,
+        Err(line) => return line,
+    };
+    let samples = found.samples(record);
+    let ratios: Vec<f64> = samples.iter().filter_map(|one| Some(ms(one, of)? / ms(one, to)?)).collect();
+    let Some(ratio) = Ratio::of_parts(&ratios, record.median_ms.unwrap_or(0.0)) else {
+        let text = format!("no sample of {point} that tells its passes apart");
+        return Line::cannot(text, "samples.jsonl beside the records".to_owned());
+    };
+    let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
+    let text = format!("of {point}, {}", ratio.between(&of, &to));
+    ratio.line(text, at_least..=f64::INFINITY)
+}
+
+/// What a pass of a timed frame took.
+fn ms(sample: &Sample, pass: Pass) -> Option<f64> {
+    match pass {
+        Pass::Primary => sample.primary_ms,
+        Pass::Shadow => sample.shadow_ms,
+    }
+    .filter(|ms| *ms > 0.0)
+}
+
+fn fits_in(preset: &Preset, size: LocalSize, triangles: usize, local_bytes: u64, wanted: bool) -> Line {
+    let Some(strategy) = preset.strategy() else { return Line::cannot(preset.0.clone(), String::new()) };
+    let workload = Workload {
+        triangles,
+        positions: triangles,
+        normals: triangles,
+        materials: 1,
+        lights: 1,
+        stack_size: 0,
+        image_size: crate::report::view::PAPER_SIZE,
+        local_size: size.0,
+    };
+    let needed = Requirements::of(&strategy, &workload).local_bytes;
+    let (sign, fits) = if needed <= local_bytes { ("<=", true) } else { (">", false) };
+    let text = format!(
+        "by arithmetic: {} at {} with {triangles} triangles: {needed} B of __local memory {sign} {local_bytes} B",
+        preset.0,
+        by(size.0)
+    );
+    Line::decided(text, fits == wanted)
+}
+
+fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Line {
+    let Ok(sm) = multiprocessor(capability) else {
+        return Line::cannot(capability.to_owned(), String::new());
+    };
+    let found = occupancy(sm, registers, 0, size.0[0] * size.0[1]);
+    let text = format!(
+        "by arithmetic: {} of {registers} registers: {} threads (limited by {}), published {threads}",
+        by(size.0),
+        found.threads,
+        found.limiter
+    );
+    Line::decided(text, found.threads == threads)
+}
+
+fn latency(found: &Found<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
+    let name = format!("{memory:?} memory").to_lowercase();
+    if found.is_cpu() && memory != Memory::Private {
+        let text = format!("a CPU has no {name} of its own: caches and memory serve all");
+        return Line::cannot(text, "a GPU".to_owned());
+    }
+    let Some(peak) = found.peak() else {
+        return Line::cannot(
+            format!("no latency of {name}"),
+            "`raycl run configs/figure-8.toml --peak`, whose folder keeps it".to_owned(),
+        );
+    };
+    let figure = match memory {
+        Memory::Private => peak.private_ns,
+        Memory::Local => peak.local_ns,
+        Memory::Global => peak.global_ns,
+    };
+    let Some([low, middle, high]) = in_cycles(&peak, &figure) else {
+        return Line::cannot("the driver does not tell the clock".to_owned(), "the clock, in MHz".to_owned());
+    };
+    let text = format!(
+        "{name}: {} cycles at {} MHz, {} ns (n = {}); published {cycles}",
+        significant(middle, 3),
+        peak.max_clock_mhz.unwrap_or(0),
+        significant(figure.median, 3),
+        figure.repeats
+    );
+    let (least, most) = (cycles / within, cycles * within);
+    match (low >= least && high <= most, high < least || low > most) {
+        (true, _) => Line::decided(text, true),
+        (_, true) => Line::decided(text, false),
+        _ => Line::unclear(text, "repeats of `raycl peak` that agree".to_owned()),
+    }
+}
+
+/// Quartiles and median in cycles.
+fn in_cycles(peak: &Peak, figure: &Figure) -> Option<[f64; 3]> {
+    let per_ns = peak.cycles(&Figure { median: 1.0, ..*figure })?;
+    Some([figure.q1, figure.median, figure.q3].map(|ns| ns * per_ns))
+}

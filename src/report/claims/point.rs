@@ -1,0 +1,141 @@
+//! The points that claims speak of: "naive 8x8 on teapot".
+
+use crate::error::nearest;
+use crate::record::{HOST, Record, by};
+use crate::report::paper;
+use crate::strategy::PRESETS;
+use serde::Deserialize;
+
+/// The baselines that have a name here.
+const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
+
+/// Which of a strategy's records on a scene are meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// The one of a local size.
+    At([u32; 2]),
+    /// The fastest.
+    Best,
+    /// All of square local sizes.
+    Square,
+    /// A baseline's, which has no local size.
+    Host,
+}
+
+/// A strategy at a local size on a scene, as the table of claims names it.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Point {
+    /// A preset or a baseline.
+    pub strategy: String,
+    /// Its local size.
+    pub size: Size,
+    /// The scene.
+    pub scene: String,
+}
+
+impl TryFrom<String> for Point {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let words: Vec<&str> = text.split(' ').collect();
+        let [strategy, size, "on", scene] = words[..] else {
+            return Err(format!("'{text}' is no point; expected \"STRATEGY SIZE on SCENE\""));
+        };
+        let size = size_of(size)?;
+        match size {
+            Size::Host => known("baseline", strategy, &BASELINES)?,
+            _ => known("preset", strategy, &PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>())?,
+        }
+        known("scene", scene, &paper::scenes())?;
+        Ok(Self { strategy: strategy.to_owned(), size, scene: scene.to_owned() })
+    }
+}
+
+/// "8x8", "best", "square" or "host".
+fn size_of(word: &str) -> Result<Size, String> {
+    match word {
+        "best" => Ok(Size::Best),
+        "square" => Ok(Size::Square),
+        "host" => Ok(Size::Host),
+        _ => local_size(word).map(Size::At),
+    }
+}
+
+/// "8x8", work-items across and down.
+pub(super) fn local_size(word: &str) -> Result<[u32; 2], String> {
+    let size = word.split_once('x').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
+    size.filter(|size| !size.contains(&0))
+        .ok_or_else(|| format!("'{word}' is no size; expected one like 8x8, or best, square, host"))
+}
+
+/// Refuses a name that is not among those known, and says which was probably meant.
+pub(super) fn known(what: &str, name: &str, names: &[&str]) -> Result<(), String> {
+    if names.contains(&name) {
+        return Ok(());
+    }
+    let meant = nearest(name, names.iter().copied());
+    let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
+    Err(format!("'{name}' is no {what}{meant}"))
+}
+
+impl std::fmt::Display for Point {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.size {
+            Size::At(size) => write!(f, "{} at {} on {}", self.strategy, by(size), self.scene),
+            Size::Best => write!(f, "{} at its best on {}", self.strategy, self.scene),
+            Size::Square => write!(f, "{} at any square size on {}", self.strategy, self.scene),
+            Size::Host => write!(f, "{} on {}", self.strategy, self.scene),
+        }
+    }
+}
+
+impl Point {
+    /// Whether a record of `device` is meant; of [`Size::Best`], whether it may be.
+    pub(super) fn is(&self, record: &Record, device: &str) -> bool {
+        let own = match self.size {
+            Size::Host => record.device == HOST && record.strategy == self.strategy,
+            _ => record.device == device && record.preset.as_deref() == Some(&self.strategy),
+        };
+        let sized = match self.size {
+            Size::At(size) => record.local_size == Some(size),
+            Size::Square => record.local_size.is_some_and(|[across, down]| across == down),
+            Size::Best | Size::Host => true,
+        };
+        own && sized && record.scene == self.scene
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(text: &str) -> Result<Point, String> {
+        Point::try_from(text.to_owned())
+    }
+
+    #[test]
+    fn a_point_is_a_strategy_a_size_and_a_scene() {
+        let found = point("naive 32x2 on teapot").expect("it is one");
+        assert_eq!(
+            (found.size, found.to_string().as_str()),
+            (Size::At([32, 2]), "naive at 32 x 2 on teapot")
+        );
+        assert_eq!(point("serial-f32 host on gourd").map(|point| point.size), Ok(Size::Host));
+    }
+
+    #[test]
+    fn a_misspelt_point_is_told_the_nearest_name() {
+        for (text, told) in [
+            ("naiv 8x8 on teapot", "'naiv' is no preset; did you mean 'naive'?"),
+            ("naive 8x8 on teapott", "'teapott' is no scene; did you mean 'teapot'?"),
+            ("serial host on teapot", "'serial' is no baseline; did you mean 'serial-f32'?"),
+            ("naive 8 on teapot", "'8' is no size"),
+            ("naive 8x0 on teapot", "'8x0' is no size"),
+            ("naive 8x8 teapot", "is no point; expected"),
+        ] {
+            let error = point(text).expect_err(text);
+            assert!(error.contains(told), "{text}: {error}");
+        }
+    }
+}

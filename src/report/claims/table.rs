@@ -1,0 +1,251 @@
+//! The table of claims as TOML has it: what the paper says, and what has to hold for it to be so.
+
+use super::point::{Point, known, local_size};
+use crate::device::occupancy::multiprocessor;
+use crate::error::{Error, Result};
+use crate::strategy::{PRESETS, Strategy};
+use crate::toml_error::toml_error;
+use serde::Deserialize;
+
+const TABLE: &str = include_str!("claims.toml");
+
+/// A claim of the paper.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// The paper's words.
+    pub sentence: String,
+    /// Where they stand, and the figure they speak of.
+    pub place: String,
+    /// The values of the paper's figures.
+    pub published: String,
+    /// What the words are taken to say.
+    pub reading: String,
+    /// Where the paper, or arithmetic, says otherwise.
+    #[serde(default)]
+    pub contradiction: String,
+    /// The configs whose records tell.
+    pub configs: Vec<String>,
+    /// What has to hold, all of it.
+    pub test: Vec<Test>,
+}
+
+/// A kind of test, with its numbers. `claims.toml` says what each means.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[allow(missing_docs, reason = "the table's own head documents each")]
+pub enum Test {
+    Ratio { of: Vec<Point>, to: Point, at_least: Option<f64>, at_most: Option<f64> },
+    Rises { over: Vec<Point>, at_least: f64 },
+    Fastest { of: Vec<Point>, is: Point },
+    Runs { points: Vec<Point>, runs: bool },
+    Passes { point: Point, of: Pass, to: Pass, at_least: f64 },
+    Fits { strategy: Preset, local_size: LocalSize, triangles: usize, local_bytes: u64, fits: bool },
+    Occupancy { compute_capability: Capability, registers: u32, local_size: LocalSize, threads: u64 },
+    Latency { memory: Memory, cycles: f64, within: f64 },
+    Judgement { reason: String, decides: String },
+}
+
+/// A pass of a frame whose passes are apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pass {
+    /// Rays from the eye.
+    Primary,
+    /// Rays to the lights.
+    Shadow,
+}
+
+/// A memory whose latency `raycl peak` measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Memory {
+    /// Registers.
+    Private,
+    /// `__local` memory.
+    Local,
+    /// Global memory that no cache holds.
+    Global,
+}
+
+/// A preset's name.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Preset(pub String);
+
+impl TryFrom<String> for Preset {
+    type Error = String;
+
+    fn try_from(name: String) -> std::result::Result<Self, String> {
+        known("preset", &name, &PRESETS.iter().map(|preset| preset.name).collect::<Vec<_>>())?;
+        Ok(Self(name))
+    }
+}
+
+impl Preset {
+    /// What it stands for; none of a name that is not known, which no table has.
+    pub fn strategy(&self) -> Option<Strategy> {
+        PRESETS.iter().find(|preset| preset.name == self.0).map(|preset| preset.strategy)
+    }
+}
+
+/// Work-items across and down, as "8x8".
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct LocalSize(pub [u32; 2]);
+
+impl TryFrom<String> for LocalSize {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        local_size(&text).map(Self)
+    }
+}
+
+/// A compute capability that there is a table for.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Capability(pub String);
+
+impl TryFrom<String> for Capability {
+    type Error = String;
+
+    fn try_from(name: String) -> std::result::Result<Self, String> {
+        multiprocessor(&name).map_err(|error| error.to_string())?;
+        Ok(Self(name))
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    claim: Vec<Row>,
+}
+
+/// The built-in table.
+pub fn table() -> Result<Vec<Row>> {
+    read("claims.toml", TABLE)
+}
+
+/// Reads a table; a mistake in it is shown with its place and, for a misspelt name, the nearest.
+pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
+    let file: File = toml::from_str(text)
+        .map_err(|error| toml_error(name, text, &error, "the head of claims.toml has every key and kind"))?;
+    match file.claim.iter().find_map(Row::mistake) {
+        Some(mistake) => Err(Error::input(format!("{name}: {mistake}"))),
+        None => Ok(file.claim),
+    }
+}
+
+impl Row {
+    /// What serde cannot see.
+    fn mistake(&self) -> Option<String> {
+        let empty = [
+            ("sentence", &self.sentence),
+            ("place", &self.place),
+            ("published", &self.published),
+            ("reading", &self.reading),
+        ];
+        let configs = crate::report::paper::CONFIGS.map(|(name, _)| name);
+        let empty = empty.into_iter().find(|(_, text)| text.trim().is_empty());
+        empty
+            .map(|(key, _)| format!("`{key}` is empty in the claim '{}'", self.sentence))
+            .or_else(|| self.test.is_empty().then(|| format!("no test of '{}'", self.sentence)))
+            .or_else(|| self.configs.iter().find_map(|config| known("config", config, &configs).err()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Experiment;
+    use crate::report::claims::point::Size;
+
+    #[test]
+    fn every_claim_is_a_sentence_and_every_kind_of_test_is_used() {
+        let rows = table().expect("it reads");
+        assert!(rows.len() >= 30, "{} rows", rows.len());
+        for row in &rows {
+            assert!(row.sentence.ends_with('.') && row.sentence.split(' ').count() > 9, "{}", row.sentence);
+        }
+        let kinds: std::collections::HashSet<_> =
+            rows.iter().flat_map(|row| &row.test).map(std::mem::discriminant).collect();
+        assert_eq!(kinds.len(), 9, "a kind of test that no claim uses");
+    }
+
+    /// Every point that a test names.
+    fn points(test: &Test) -> Vec<&Point> {
+        match test {
+            Test::Ratio { of, to, .. } => of.iter().chain([to]).collect(),
+            Test::Rises { over, .. } => over.iter().collect(),
+            Test::Fastest { of, is } => of.iter().chain([is]).collect(),
+            Test::Runs { points, .. } => points.iter().collect(),
+            Test::Passes { point, .. } => vec![point],
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether a config measures a point.
+    fn measures(config: &Experiment, point: &Point) -> bool {
+        let sized = |sizes: &[[u32; 2]]| match point.size {
+            Size::At(size) => sizes.contains(&size),
+            _ => sizes.len() > 2,
+        };
+        let strategy = match point.size {
+            Size::Host => config.baselines.iter().any(|baseline| baseline.strategy() == point.strategy),
+            _ => config
+                .strategies
+                .iter()
+                .any(|one| one.preset.as_deref() == Some(&point.strategy) && sized(&one.local_sizes)),
+        };
+        strategy && config.scenes.iter().any(|scene| scene.label() == point.scene)
+    }
+
+    #[test]
+    fn every_point_is_measured_by_one_of_the_claims_configs() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+        let config = |name: &String| crate::config::load(&folder.join(format!("{name}.toml")), &[]);
+        for row in table().expect("it reads") {
+            let configs: Vec<_> = row.configs.iter().map(|name| config(name).expect("it loads")).collect();
+            for point in row.test.iter().flat_map(points) {
+                assert!(configs.iter().any(|config| measures(config, point)), "{point}: {}", row.sentence);
+            }
+        }
+    }
+
+    /// A table of one claim with these tests.
+    fn one(test: &str) -> String {
+        let rest = "place = \"p\"\npublished = \"v\"\nreading = \"r\"\nconfigs = [\"figure-8\"]\n";
+        format!("[[claim]]\nsentence = \"It is so.\"\n{rest}test = [{{ {test} }}]\n")
+    }
+
+    #[test]
+    fn a_misspelt_row_is_told_the_nearest_name() {
+        let ratio = "of = [\"naive 8x8 on teapot\"], to = \"naive 4x4 on teapot\"";
+        read("t", &one(&format!("kind = \"ratio\", {ratio}"))).expect("it is right");
+        for (text, told) in [
+            (one(&format!("kind = \"raito\", {ratio}")), "did you mean `ratio`?"),
+            (one(&format!("kind = \"ratio\", {ratio}, at_lest = 1")), "did you mean `at_least`?"),
+            (one("kind = \"rises\", at_least = 1, over = [\"naiv 8x8 on teapot\"]"), "did you mean 'naive'?"),
+            (
+                one("kind = \"rises\", at_least = 1, over = [\"naive 8x8 on taepot\"]"),
+                "did you mean 'teapot'?",
+            ),
+            (
+                one("kind = \"rises\", at_least = 1, over = []").replace("figure-8", "figur-8"),
+                "did you mean 'figure-8'?",
+            ),
+            (
+                one("kind = \"rises\", at_least = 1, over = []").replace("It is so.", " "),
+                "`sentence` is empty",
+            ),
+            (
+                one("kind = \"rises\", at_least = 1, over = []").replace("reading", "raeding"),
+                "did you mean `reading`?",
+            ),
+        ] {
+            let error = read("t", &text).expect_err("a mistake");
+            assert!(error.to_string().contains(told), "{told}: {error}");
+        }
+    }
+}

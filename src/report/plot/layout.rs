@@ -1,0 +1,74 @@
+//! Where the parts of a chart stand: on a screen with its legend beside it, on a phone with its legend below.
+
+/// Roughly how wide a letter is, in pixels.
+pub const LETTER: f64 = 7.0;
+
+/// Places and sizes of a chart's parts, in pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// From the left edge to the y axis.
+    pub left: f64,
+    /// From the upper edge to the upper end of the y axis, below a title of one line.
+    pub top: f64,
+    /// The x axis.
+    pub width: f64,
+    /// The y axis.
+    pub height: f64,
+    /// Whether the legend stands below; otherwise it stands on the right.
+    pub legend_below: bool,
+}
+
+/// For screens.
+pub const WIDE: Layout = Layout { left: 66.0, top: 34.0, width: 640.0, height: 330.0, legend_below: false };
+/// For phones: as wide as one.
+pub const NARROW: Layout = Layout { left: 60.0, top: 34.0, width: 286.0, height: 270.0, legend_below: true };
+
+/// Roughly how wide a letter of a title is.
+const BOLD_LETTER: f64 = 7.8;
+/// What is left free on both sides of a title.
+const MARGIN: f64 = 12.0;
+/// What a legend on the right takes.
+const LEGEND: f64 = 190.0;
+
+impl Layout {
+    /// The whole width.
+    pub fn whole_width(&self) -> f64 {
+        self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
+    }
+
+    /// A text in as many lines as it needs; on a screen it has one.
+    pub fn lines(&self, text: &str) -> Vec<String> {
+        let most = if self.legend_below {
+            ((self.whole_width() - 2.0 * MARGIN) / BOLD_LETTER) as usize
+        } else {
+            usize::MAX
+        };
+        let mut lines = vec![String::new()];
+        for word in text.split(' ') {
+            let line = lines.last().map_or(0, |line| line.chars().count());
+            match lines.last_mut() {
+                Some(last) if line == 0 || line + 1 + word.chars().count() <= most => {
+                    last.push_str(if line == 0 { "" } else { " " });
+                    last.push_str(word);
+                }
+                _ => lines.push(word.to_owned()),
+            }
+        }
+        lines
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_title_is_one_line_on_a_screen_and_several_on_a_phone() {
+        let title = "Figure 8 as shapes: cpu-skylake-avx512-AMD EPYC 9B45 128-Core Processor";
+        assert_eq!(WIDE.lines(title), [title]);
+        let lines = NARROW.lines(title);
+        assert_eq!((lines.len(), lines.join(" ").as_str()), (2, title));
+        assert!(lines.iter().all(|line| line.chars().count() as f64 * LETTER <= NARROW.whole_width()));
+        assert_eq!(NARROW.lines(""), [""]);
+    }
+}

@@ -1,0 +1,280 @@
+//! The answer first: the best memory strategy, the best local size, why, and how sure, in four lines.
+
+use crate::measure::Ranking;
+use crate::memory::readable;
+use crate::record::{Group, HOST, Record, by, duration, median, percent, ranking};
+use crate::report::claims::{Ratio, Run};
+use crate::report::plot::Plot;
+use crate::report::plot::scale::Kind;
+use crate::report::view;
+use crate::report::words::Looks;
+use crate::strategy::PRESETS;
+
+/// The paper's kernel with its vectors and triangles in one memory or another.
+const MEMORY: [&str; 7] = [
+    "naive",
+    "naive-scratch",
+    "private",
+    "local-vectors",
+    "local-triangles",
+    "compounded",
+    "constant-triangles",
+];
+/// What a test reads of its ray: origin and direction, three floats each.
+const RAY_BYTES: f64 = 24.0;
+
+/// The four lines, and the plots that show them.
+#[derive(Default)]
+pub struct Answer {
+    /// Where working data is best kept.
+    pub strategy: String,
+    /// Which local size is best.
+    pub size: String,
+    /// What the records say of the reason.
+    pub why: String,
+    /// How sure that is.
+    pub sure: String,
+    /// Time against local size, a plot a scene.
+    pub plots: Vec<Plot>,
+}
+
+/// The kernels of one scene that differ in their memories only.
+struct Contest<'a> {
+    group: &'a Group<'a>,
+    ranking: Ranking<&'a Record>,
+    naive: Option<&'a Record>,
+}
+
+impl<'a> Contest<'a> {
+    fn of(group: &'a Group<'a>) -> Self {
+        let takes_part =
+            |record: &&Record| record.preset.as_deref().is_some_and(|name| MEMORY.contains(&name));
+        let ranking = ranking(group.records.iter().copied().filter(takes_part));
+        let naive = ranking.all().into_iter().find(|record| record.preset.as_deref() == Some("naive"));
+        Self { group, ranking, naive }
+    }
+
+    fn winner(&self) -> Option<&'a Record> {
+        self.ranking.winners.first().copied()
+    }
+
+    fn best_and_naive(&self) -> Option<(&'a Record, &'a Record)> {
+        self.winner().zip(self.naive)
+    }
+
+    fn triangles(&self) -> u64 {
+        self.group.records.iter().filter_map(|record| record.triangles).max().unwrap_or(0)
+    }
+}
+
+/// What a device's records say, of the run that tried most memories; each line says so where nothing is known.
+pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
+    let kinds = |run: &&Run<'_>| {
+        let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
+        contests.map(|contest| names(&contest.ranking.all()).len()).max().unwrap_or(0)
+    };
+    let Some(run) = runs.iter().max_by_key(kinds).filter(|run| kinds(run) > 1) else { return unknown() };
+    let own = run.groups.iter().filter(|group| group.device == device && group.device != HOST);
+    let mut contests: Vec<Contest<'_>> =
+        own.map(Contest::of).filter(|contest| names(&contest.ranking.all()).len() > 1).collect();
+    contests.sort_by_key(|contest| std::cmp::Reverse(contest.triangles()));
+    let looks = Looks::of(&run.groups);
+    let plot = |contest: &Contest<'_>| {
+        let name = format!("answer-{}{suffix}", contest.group.scene);
+        view::lines(contest.group, &looks, Kind::Log, &name, false)
+    };
+    Answer {
+        strategy: each(&contests, strategy),
+        size: each(&contests, size),
+        why: why(&contests),
+        sure: each(&contests, sure),
+        plots: contests.iter().filter_map(plot).collect(),
+    }
+}
+
+fn unknown() -> Answer {
+    let line =
+        || "not known: no run of several memory strategies (`raycl run configs/figure-8.toml`)".to_owned();
+    Answer { strategy: line(), size: line(), why: line(), sure: line(), plots: Vec::new() }
+}
+
+/// "on teapot ...; on still-life ...".
+fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> String {
+    let lines = contests.iter().map(|contest| format!("on {} {}", contest.group.scene, say(contest)));
+    lines.collect::<Vec<_>>().join("; ")
+}
+
+const NO_WINNER: &str = "no winner, for want of samples";
+
+/// Different names of some records, in their order.
+fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
+    let mut names: Vec<&str> = Vec::new();
+    for record in records {
+        if !names.contains(&record.name.as_str()) {
+            names.push(&record.name);
+        }
+    }
+    names
+}
+
+/// "private (vectors private, triangles global): 1.887 ms"; or those that tie.
+fn strategy(contest: &Contest<'_>) -> String {
+    let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
+    let time = median(best).map_or(String::new(), duration);
+    match names(&contest.ranking.winners)[..] {
+        [one] => format!("{one} ({}): {time}", homes(one)),
+        ref several => format!("{}, a tie: {time}", several.join(" or ")),
+    }
+}
+
+/// Where a preset keeps its vectors and its triangles.
+fn homes(name: &str) -> String {
+    let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else { return String::new() };
+    let axis = |wanted: &str| {
+        preset.strategy.axes().iter().find(|(axis, _)| *axis == wanted).map_or("", |(_, value)| *value)
+    };
+    format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
+}
+
+/// "8 x 8", or how many tie; and of the naive kernel alone.
+fn size(contest: &Contest<'_>) -> String {
+    let best = sizes(&contest.ranking.winners);
+    let naive =
+        contest.group.records.iter().copied().filter(|record| record.preset.as_deref() == Some("naive"));
+    let naive = sizes(&ranking(naive).winners);
+    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (of naive alone {naive})") }
+}
+
+fn sizes(records: &[&Record]) -> String {
+    let mut sizes = view::sizes(records.iter().copied());
+    sizes.dedup();
+    match &sizes[..] {
+        [] => String::new(),
+        [first, .., last] if sizes.len() > 3 => {
+            format!("{} sizes tie, {} to {}", sizes.len(), by(*first), by(*last))
+        }
+        few => few.iter().map(|size| by(*size)).collect::<Vec<_>>().join(" or "),
+    }
+}
+
+/// What the best moves less than naive, and what the compiler made of both; of the scene with most triangles.
+fn why(contests: &[Contest<'_>]) -> String {
+    let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
+        return NO_WINNER.to_owned();
+    };
+    let triangles = best.triangles.unwrap_or(0);
+    if best.name == naive.name {
+        return format!("on {} no other memory is faster than naive's own", best.scene);
+    }
+    let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
+    let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
+    format!(
+        "naive reads the ray of each test from global memory ({moved} a frame on {} for primary rays alone, by arithmetic), {} from {}; {}",
+        best.scene,
+        best.name,
+        place_of_vectors(best),
+        against(&facts(best), &facts(naive))
+    )
+}
+
+fn place_of_vectors(record: &Record) -> &'static str {
+    let census = record.main_kernel().and_then(|kernel| kernel.census.as_ref());
+    match (record.axis("vectors"), census.map(|census| census.reach("local"))) {
+        (Some("private"), Some(0)) => "registers",
+        (Some("private"), _) => "registers or the stack",
+        (Some("local"), _) => "__local memory",
+        _ => "global memory as well",
+    }
+}
+
+/// What is known of a record: a fact's name and its value.
+fn facts(record: &Record) -> Vec<(&'static str, String)> {
+    let kernel = record.main_kernel();
+    let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());
+    let occupancy = kernel.and_then(|kernel| kernel.occupancy).map(percent);
+    let census = kernel.and_then(|kernel| kernel.census.as_ref());
+    let global = census.map(|census| census.reach("global").to_string());
+    let facts = [
+        ("registers", registers),
+        ("occupancy", occupancy),
+        ("instructions on global memory", global),
+        ("of the multiply-adds that the device can do", record.limit_fraction.map(percent)),
+    ];
+    facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+}
+
+/// "62 against 67 registers, ..."; what is known of both.
+fn against(best: &[(&str, String)], naive: &[(&str, String)]) -> String {
+    let pair = |(name, value): &(&str, String)| {
+        let (_, other) = naive.iter().find(|(known, _)| known == name)?;
+        Some(format!("{value} against {other} {name}"))
+    };
+    let pairs: Vec<String> = best.iter().filter_map(pair).collect();
+    if pairs.is_empty() { "the compiler tells no registers".to_owned() } else { pairs.join(", ") }
+}
+
+/// How many times as long naive takes, and who ties.
+fn sure(contest: &Contest<'_>) -> String {
+    let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
+    let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
+    let ratio =
+        ratio.map_or(String::new(), |ratio| format!("naive at its best takes {} as long, ", ratio.text()));
+    let tie = match contest.ranking.winners.len() {
+        1 => "no other point ties".to_owned(),
+        several => format!("{several} of {} points tie", contest.ranking.ranked.len()),
+    };
+    let few = match contest.ranking.unranked.len() {
+        0 => String::new(),
+        few => format!(", {few} have not enough samples"),
+    };
+    format!("{ratio}{tie}{few}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::{few, measured};
+    use crate::record::{Folder, groups};
+
+    fn of(records: &[Record]) -> Answer {
+        let folder = Folder::default();
+        answer(&Run::of(&folder, groups(records)), "gpu", "")
+    }
+
+    #[test]
+    fn the_best_memory_its_size_and_how_sure() {
+        let records = [
+            measured("gpu", "naive", 4, [9.0, 9.2]),
+            measured("gpu", "naive", 8, [9.9, 10.1]),
+            Record { triangles: Some(1026), ..measured("gpu", "private", 8, [2.0, 2.1]) },
+            measured("gpu", "deferred", 8, [1.0, 1.1]),
+        ];
+        let found = of(&records);
+        assert!(
+            found.strategy.starts_with("on teapot private (vectors private, triangles global): 2.05"),
+            "{}",
+            found.strategy
+        );
+        assert_eq!(found.size, "on teapot 8 x 8 (of naive alone 4 x 4)");
+        assert!(
+            found.why.contains("from global memory (9.8 GB") && found.why.contains("no registers"),
+            "{}",
+            found.why
+        );
+        assert!(
+            found
+                .sure
+                .contains("naive at its best takes 4.44 times (4.29 to 4.60, n = 10) as long, no other"),
+            "{}",
+            found.sure
+        );
+        assert_eq!(found.plots.len(), 1);
+    }
+
+    #[test]
+    fn few_samples_name_no_best() {
+        let found = of(&[few("gpu", "naive", 4, 9.0, 3), few("gpu", "private", 8, 2.0, 3)]);
+        assert_eq!([found.strategy, found.size].map(|line| line.contains("no winner")), [true; 2]);
+        assert!(of(&[measured("gpu", "naive", 4, [9.0, 9.2])]).why.contains("not known"));
+    }
+}

@@ -1,0 +1,138 @@
+//! The paper's curves over block sizes, Figures 6 to 8, beside ours.
+
+use crate::record::{Group, Record, duration, interval, median, not_enough};
+use crate::report::claims::Run;
+use crate::report::paper::{self, CURVES};
+use crate::report::plot::Plot;
+use crate::report::plot::chart::{Across, Chart, Mark, Series};
+use crate::report::plot::look::Look;
+use crate::report::plot::scale::Kind;
+use crate::report::words::{times, tip};
+
+/// One of the paper's curves beside ours.
+struct Curve<'a> {
+    name: &'static str,
+    number: usize,
+    published: Vec<(u32, f64)>,
+    ours: Vec<&'a Record>,
+}
+
+fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>> {
+    let of_figure = CURVES.iter().filter(|(of, ..)| *of == figure);
+    of_figure
+        .enumerate()
+        .filter_map(|(number, (_, name, scene, preset))| {
+            let (_, published) = paper::curve(scene, preset)?;
+            let group = groups.iter().find(|group| group.scene == *scene && group.device == device);
+            let records = group.map(|group| group.records.as_slice()).unwrap_or_default();
+            let of_preset = records.iter().copied().filter(|record| record.preset.as_deref() == Some(preset));
+            let square = of_preset.filter(|record| record.local_size.is_some_and(|[x, y]| x == y));
+            let ours = square.filter(|record| median(record).is_some()).collect();
+            Some(Curve { name, number, published, ours })
+        })
+        .collect()
+}
+
+/// The paper's figure of this number twice: as shapes and in milliseconds, and its values; of the run that has most of it, for a
+/// curve is not put together of several. None where nothing of it was measured.
+pub(super) fn curves_of(
+    number: u32,
+    runs: &[Run<'_>],
+    device: &str,
+    suffix: &str,
+) -> Option<(Vec<Plot>, Vec<[String; 5]>)> {
+    let points = |curves: &Vec<Curve<'_>>| curves.iter().map(|curve| curve.ours.len()).sum::<usize>();
+    let curves = runs.iter().map(|run| curves(number, &run.groups, device)).max_by_key(points)?;
+    if curves.iter().all(|curve| curve.ours.is_empty()) {
+        return None;
+    }
+    let shapes = Plot::of(
+        format!("figure-{number}-shapes{suffix}"),
+        "Each curve divided by its own least value: the shapes compare even though the devices do not. Points of fewer than five samples are left out.",
+        &drawn(&curves, number, device, true),
+    );
+    let times = Plot::of(
+        format!("figure-{number}{suffix}"),
+        "Ours, solid, on this device; the paper's, dashed, on its own unnamed one. Log scale.",
+        &drawn(&curves, number, device, false),
+    );
+    Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
+}
+
+/// The curves over block sizes: in milliseconds, or each over its least value.
+fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
+    let mut blocks: Vec<u32> = curves
+        .iter()
+        .flat_map(|curve| {
+            let ours = curve.ours.iter().filter_map(|record| record.local_size.map(|size| size[0]));
+            curve.published.iter().map(|(block, _)| *block).chain(ours)
+        })
+        .collect();
+    blocks.sort_unstable();
+    blocks.dedup();
+    let place = |block: u32| blocks.iter().position(|known| *known == block).map(|place| place as f64);
+    let series = curves.iter().flat_map(|curve| both(curve, &place, as_shapes)).collect();
+    Chart {
+        title: if as_shapes {
+            format!("Figure {number} as shapes: {device}")
+        } else {
+            format!("Figure {number}: {device}")
+        },
+        x_label: "block size".into(),
+        y_label: if as_shapes {
+            "time, as a multiple of the curve's least".into()
+        } else {
+            "time, ms".into()
+        },
+        across: Across::Names(blocks.iter().map(|block| format!("{block}x{block}")).collect()),
+        up: Kind::Log,
+        diagonal: false,
+        series,
+    }
+}
+
+fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -> Vec<Series> {
+    let least = |values: &mut dyn Iterator<Item = f64>| {
+        if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
+    };
+    let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
+    // A shape is made of ratios, which few samples have no part in.
+    let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
+    let own = least(&mut ours().filter_map(median));
+    let published = curve.published.iter().filter_map(|(block, ms)| {
+        let tip = format!("{} at {block} x {block}\npublished {}", curve.name, duration(*ms));
+        Some(Mark { x: place(*block)?, y: ms / theirs, interval: None, tip })
+    });
+    let ours = ours().filter_map(|record| {
+        let interval = interval(record).map(|ends| ends.map(|end| end / own));
+        Some(Mark { x: place(record.local_size?[0])?, y: median(record)? / own, interval, tip: tip(record) })
+    });
+    let series = |name: String, dashed, marks| Series {
+        name,
+        look: Look { number: curve.number, dashed },
+        joined: true,
+        marks,
+    };
+    let all = [
+        series(format!("{}, ours", curve.name), false, ours.collect::<Vec<_>>()),
+        series(format!("{}, paper", curve.name), true, published.collect()),
+    ];
+    all.into_iter().filter(|one| !one.marks.is_empty()).collect()
+}
+
+/// Curve, block, published, ours, ours over published.
+fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
+    let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
+    let row = |(block, ms): &(u32, f64)| {
+        let time = ours(*block).and_then(|record| median(record));
+        let few = ours(*block).and_then(|record| not_enough(record));
+        [
+            curve.name.to_owned(),
+            format!("{block} x {block}"),
+            crate::record::ms(*ms),
+            time.map_or("-".into(), crate::record::ms),
+            few.or(time.map(|time| times(*ms, time))).unwrap_or("-".into()),
+        ]
+    };
+    curve.published.iter().map(row).collect()
+}

@@ -1,0 +1,103 @@
+//! The paper's figures, each beside ours, with what is known to differ.
+
+use super::curves::curves_of;
+use super::predicted::predicted;
+use crate::error::Result;
+use crate::report::claims::Run;
+use crate::report::gallery::{Picture, Pictures};
+use crate::report::plot::Plot;
+use crate::toml_error::toml_error;
+use serde::Deserialize;
+
+const TABLE: &str = include_str!("figures.toml");
+
+/// A figure of the paper.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Described {
+    /// Its number.
+    pub number: u32,
+    /// What it shows.
+    pub title: String,
+    /// Scenes whose picture is shown.
+    pub pictures: Vec<String>,
+    /// What is known to differ from the paper's.
+    pub differs: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    figure: Vec<Described>,
+}
+
+/// A figure as the page shows it.
+pub struct Figure {
+    /// What is said of it.
+    pub about: Described,
+    /// Our pictures of it.
+    pub pictures: Vec<Picture>,
+    /// Our plots of it.
+    pub plots: Vec<Plot>,
+    /// Curve, block, published, ours, ours over published.
+    pub rows: Vec<[String; 5]>,
+    /// What would show it, where nothing does.
+    pub missing: String,
+}
+
+/// Every figure.
+pub fn described() -> Result<Vec<Described>> {
+    let file: File = toml::from_str(TABLE)
+        .map_err(|error| toml_error("figures.toml", TABLE, &error, "its head has every key"))?;
+    Ok(file.figure)
+}
+
+/// A figure on a device; `suffix` makes the names of its plots its own among devices.
+pub fn figure(
+    about: Described,
+    runs: &[Run<'_>],
+    device: &str,
+    suffix: &str,
+    pictures: &mut Pictures<'_>,
+) -> Figure {
+    let shown: Vec<Picture> =
+        about.pictures.iter().filter_map(|scene| picture(scene, runs, device, pictures)).collect();
+    let (plots, rows) = match about.number {
+        5 => (vec![predicted(runs, device, suffix)], Vec::new()),
+        number => curves_of(number, runs, device, suffix).unwrap_or_default(),
+    };
+    let missing = match (shown.is_empty() && plots.is_empty(), about.pictures.is_empty()) {
+        (false, _) => String::new(),
+        (true, true) => format!("raycl run configs/figure-{}.toml", about.number),
+        (true, false) => "raycl run configs/pictures.toml".to_owned(),
+    };
+    Figure { about, pictures: shown, plots, rows, missing }
+}
+
+/// The picture that a device cast of a scene: of the run that has it largest.
+fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures<'_>) -> Option<Picture> {
+    let groups = runs.iter().flat_map(|run| &run.groups);
+    let own = groups.filter(|group| group.scene == scene && group.device == device);
+    let records = own.flat_map(|group| group.records.iter().copied());
+    let there = records.filter(|record| pictures.has(record.image.as_deref()));
+    let record = there.max_by_key(|record| (record.image_size, record.preset.as_deref() == Some("naive")))?;
+    let caption = format!("cast by {} on {device}", crate::report::words::title(record));
+    Some(pictures.picture(record.image.as_deref()?, scene.to_owned(), caption))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_figure_but_the_drawing_of_the_camera_says_what_differs() {
+        let figures = described().expect("it reads");
+        let numbers: Vec<_> = figures.iter().map(|figure| figure.number).collect();
+        assert_eq!(numbers, [1, 3, 4, 5, 6, 7, 8, 9]);
+        let scenes = crate::report::paper::scenes();
+        for figure in &figures {
+            assert!(!figure.differs.trim().is_empty() && !figure.title.is_empty(), "{figure:?}");
+            assert!(figure.pictures.iter().all(|scene| scenes.contains(&scene.as_str())), "{figure:?}");
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! The reproduction for programs: what the page says, without its plots.
+
+use super::{Device, Reproduction};
+use crate::error::{Error, Result};
+use crate::report::claims::Claim;
+use serde_json::{Value, json};
+
+impl Reproduction {
+    /// Each device's answer and claims; `docs/format.md` documents every field.
+    pub fn json(&self) -> Result<String> {
+        let devices: Vec<Value> = self.devices.iter().map(device).collect();
+        let text = serde_json::to_string_pretty(&json!({ "devices": devices }));
+        text.map(|text| text + "\n").map_err(|error| Error::run(error.to_string()))
+    }
+}
+
+fn device(device: &Device) -> Value {
+    let answer = &device.answer;
+    json!({
+        "device": device.name,
+        "answer": {
+            "memory_strategy": answer.strategy,
+            "local_size": answer.size,
+            "why": answer.why,
+            "how_sure": answer.sure,
+        },
+        "claims": device.claims.iter().map(claim).collect::<Vec<_>>(),
+    })
+}
+
+fn claim(claim: &Claim) -> Value {
+    let line =
+        |line: &crate::report::claims::Line| json!({ "text": line.text, "verdict": line.verdict.name() });
+    json!({
+        "sentence": claim.row.sentence,
+        "place": claim.row.place,
+        "reading": claim.row.reading,
+        "verdict": claim.verdict.name(),
+        "lines": claim.lines.iter().map(line).collect::<Vec<_>>(),
+        "decides": claim.decides(),
+    })
+}

@@ -1,0 +1,85 @@
+//! The paper's Figure 5: how many threads a multiprocessor is predicted to hold at each block size.
+
+use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
+use crate::record::Record;
+use crate::report::claims::Run;
+use crate::report::plot::Plot;
+use crate::report::plot::chart::{Across, Chart, Mark, Series};
+use crate::report::plot::look::Look;
+use crate::report::plot::scale::Kind;
+
+/// The paper's table: block, threads a multiprocessor.
+const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
+/// The blocks that it speaks of.
+const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
+/// Its registers a thread.
+const REGISTERS: u32 = 63;
+/// Its device.
+const PAPER: &str = "2.0";
+
+/// The published row, what its own registers make of it, and what the naive kernel's registers make of it on this device where
+/// they are known.
+pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
+    let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
+    let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
+    if let Ok(sm) = multiprocessor(PAPER) {
+        let name = format!("with its {REGISTERS} registers");
+        series.push(one(name, 1, false, BLOCKS.iter().map(|block| by_registers(sm, *block)).collect()));
+    }
+    let own = of_device(runs, device);
+    if !own.is_empty() {
+        series.push(one("naive on this device".to_owned(), 2, false, own));
+    }
+    let chart = Chart {
+        title: format!("Figure 5: {device}"),
+        x_label: "block size".into(),
+        y_label: "threads resident on a multiprocessor".into(),
+        across: Across::Names(BLOCKS.iter().map(|block| format!("{block}x{block}")).collect()),
+        up: Kind::Linear,
+        diagonal: false,
+        series,
+    };
+    let caption = "Dashed: the paper's table, by blocks and threads alone. Compute capability 2.0 with the paper's 63 registers a \
+                   thread holds 512 at most, and cannot launch 32x32. On a device that tells its kernels' registers, the naive \
+                   kernel's own prediction stands beside.";
+    Plot::of(format!("figure-5{suffix}"), caption, &chart)
+}
+
+fn one(name: String, number: usize, dashed: bool, marks: Vec<Mark>) -> Series {
+    Series { name, look: Look { number, dashed }, joined: true, marks }
+}
+
+fn mark(block: u32, threads: u64, why: &str) -> Mark {
+    let place = BLOCKS.iter().position(|known| *known == block).unwrap_or(0);
+    let tip = format!("{block} x {block}: {threads} threads\n{why}");
+    Mark { x: place as f64, y: threads as f64, interval: None, tip }
+}
+
+fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
+    let found = occupancy(sm, REGISTERS, 0, block * block);
+    mark(block, found.threads, &format!("limited by {}", found.limiter))
+}
+
+/// What the records predict of the naive kernel, from the registers that its compiler told.
+fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
+    let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
+    let records: Vec<&Record> = groups.flat_map(|group| group.records.iter().copied()).collect();
+    let own = |block: &u32| {
+        let naive = |record: &&&Record| {
+            record.preset.as_deref() == Some("naive") && record.local_size == Some([*block; 2])
+        };
+        let kernel = records
+            .iter()
+            .filter(naive)
+            .find_map(|record| record.main_kernel()?.resident_groups.zip(record.main_kernel()))?;
+        let (groups, kernel) = kernel;
+        let registers = kernel.resources.registers.map_or("?".to_owned(), |count| count.to_string());
+        let limit = kernel.occupancy_limited_by.as_deref().unwrap_or("nothing known");
+        Some(mark(
+            *block,
+            groups * u64::from(block * block),
+            &format!("{registers} registers, limited by {limit}"),
+        ))
+    };
+    BLOCKS.iter().filter_map(own).collect()
+}

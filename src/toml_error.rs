@@ -1,0 +1,25 @@
+//! What `toml` found wrong, with its place and the nearest right name.
+
+use crate::error::{Error, nearest};
+
+/// The error for a document that does not parse, shown where it is wrong. `help` is the remedy where no name was misspelt.
+pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
+    let span = error.span().unwrap_or(0..0);
+    let message = error.message().trim_end().to_owned();
+    // serde says: unknown field `a`, expected one of `b`, `c`; of a value among several, unknown variant `a`, expected ...
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let what = [("unknown field", "key", "keys"), ("unknown variant", "value", "values")]
+        .into_iter()
+        .find(|(start, ..)| message.starts_with(start));
+    match (&quoted[..], what) {
+        ([key, known @ ..], Some((_, one, all))) => {
+            let meant = nearest(key, known.iter().copied());
+            let suggestion = meant.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
+            let label = format!("not a {one} here");
+            Error::in_file(name, text, span, format!("unknown {one} `{key}`{suggestion}"), label)
+                .with_help(format!("the {all} here are {}", known.join(", ")))
+        }
+        _ => Error::in_file(name, text, span, message.replace("invalid type: ", "wrong type: "), "here")
+            .with_help(help),
+    }
+}
