@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-long test-intel test-browser fuzz lint bench
+.PHONY: help setup setup-tests build demo test test-long mutants test-intel test-browser fuzz lint bench
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -29,6 +29,9 @@ test: setup-tests ## run the tests
 
 test-long: setup-tests ## run them without leaving anything out: every preset at every local size (half an hour)
 	RAYCL_TEST_LONG=1 $(TEST)
+
+mutants: setup-tests ## break every kernel file in turn, in every family: verification must notice (half an hour)
+	RAYCL_TEST_LONG=1 $(TEST) --test all -- mutants:: --nocapture
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
 	@.ci/test-intel

@@ -64,7 +64,7 @@ fn a_wrong_type() {
 fn a_missing_file_is_answered_with_the_nearest() {
     let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
     has(&place.mistake(&["render", "secne.toml"], 2), &["secne.toml", "did you mean `scene.toml`"]);
-    has(&place.mistake(&["run", "confg.toml"], 2), &["confg.toml", "did you mean config.toml"]);
+    has(&place.mistake(&["run", "confg.toml"], 2), &["confg.toml", "did you mean `config.toml`"]);
     has(&place.mistake(&["run", "nothing-like-it"], 2), &["nothing-like-it", "configs/quick.toml"]);
     let message = config_mistake("\"scene.toml\"", "\"scene.tml\"");
     has(&message, &["config.toml:3", "scene.tml", "did you mean scene.toml"]);

@@ -34,6 +34,7 @@ struct Mutant {
     to: String,
     #[serde(default)]
     with: String,
+    bases: Option<Vec<String>>,
     scene: Option<String>,
     lanes: Option<Vec<LaneOperations>>,
     command: Option<String>,
@@ -52,7 +53,8 @@ fn mutants() -> Vec<Mutant> {
 impl Mutant {
     /// What is made of the file, in each family: as `--strategy` has it, and what that means.
     fn strategies(&self) -> Vec<(String, Strategy)> {
-        let named = USUAL.iter().map(|base| match self.with.as_str() {
+        let is_base = |base: &&&str| self.bases.as_ref().is_none_or(|bases| bases.iter().any(|b| b == *base));
+        let named = USUAL.iter().filter(is_base).map(|base| match self.with.as_str() {
             "" => ((*base).to_owned(), preset(base).expect("a preset").strategy),
             with => (format!("{base},{with}"), with_values(base, with)),
         });

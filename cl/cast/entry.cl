@@ -5,12 +5,7 @@
 
 // A whole frame: primary rays, shading, shadow rays.
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
-    SCENE_LOCALS
-    WORKING_LOCALS
-    Scene scene;
-    BIND_SCENE(scene)
-    Working working;
-    BIND_WORKING(working)
+    SCENE_AND_WORKING
     const Pixels pixels = own_pixels(image_size);
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
@@ -25,12 +20,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 
 // The nearest triangle of every pixel, or NO_HIT.
 __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
-    SCENE_LOCALS
-    WORKING_LOCALS
-    Scene scene;
-    BIND_SCENE(scene)
-    Working working;
-    BIND_WORKING(working)
+    SCENE_AND_WORKING
     const Pixels pixels = own_pixels(image_size);
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
@@ -42,12 +32,7 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 
 // Casts any rays, for tests and for who wants more than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
-    SCENE_LOCALS
-    WORKING_LOCALS
-    Scene scene;
-    BIND_SCENE(scene)
-    Working working;
-    BIND_WORKING(working)
+    SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
     Lanes ray[7];
     IntLanes triangle;

@@ -91,6 +91,15 @@
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
 
+// What every kernel of rays begins with.
+#define SCENE_AND_WORKING  \
+    SCENE_LOCALS           \
+    WORKING_LOCALS         \
+    Scene scene;           \
+    BIND_SCENE(scene)      \
+    Working working;       \
+    BIND_WORKING(working)
+
 #if LINEAR_IN_PIXEL
 #define search_ray ray_in_pixels
 #else

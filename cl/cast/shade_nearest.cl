@@ -1,11 +1,6 @@
 // Shades the nearest triangle of every pixel, whoever found it.
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
-    SCENE_LOCALS
-    WORKING_LOCALS
-    Scene scene;
-    BIND_SCENE(scene)
-    Working working;
-    BIND_WORKING(working)
+    SCENE_AND_WORKING
     const Pixels pixels = own_pixels(image_size);
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;

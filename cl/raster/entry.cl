@@ -134,16 +134,19 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
 }
 
+#define COVERAGE_OF_TRIANGLE                 \
+    Geometry geometry;                       \
+    BIND_GEOMETRY(geometry)                  \
+    const int triangle = get_global_id(0);   \
+    const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
+
 // The host fills both buffers with NO_HIT first.
 #define FOR_COVERED_PIXELS(coverage)                                              \
     for (int y = coverage.low.y; coverage.drawn && y < coverage.high.y; y++) \
         for (int x = coverage.low.x; x < coverage.high.x; x++)
 
 __kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
-    Geometry geometry;
-    BIND_GEOMETRY(geometry)
-    const int triangle = get_global_id(0);
-    const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
+    COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const int bits = depth_bits(&coverage, x, y, eye.w);
         if (bits != NO_HIT) atomic_min(depth + (size_t)y * image_size.x + x, bits);
@@ -151,10 +154,7 @@ __kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
 }
 
 __kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
-    Geometry geometry;
-    BIND_GEOMETRY(geometry)
-    const int triangle = get_global_id(0);
-    const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
+    COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const size_t pixel = (size_t)y * image_size.x + x;
         const int bits = depth_bits(&coverage, x, y, eye.w);

@@ -5,25 +5,7 @@
 // intervals of its vectors, at once too (slices.cl). Rays are tested against boxes only where such an interval says
 // little (scattered.cl). A leaf's triangles meet the rays of the vectors that are left (intersect/).
 
-#if !defined(TILE_X) || !defined(TILE_Y)
-#error "TILE_X, TILE_Y: pixels of a tile across and down"
-#endif
-#ifndef CULL_BACK
-#error "CULL_BACK: 0 or 1: whether culling = back"
-#endif
-#ifndef WATERTIGHT
-#error "WATERTIGHT: 0 or 1: whether intersector = watertight"
-#endif
-#if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
-#error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
-#endif
-
-#include "common/work_group.cl"
-#include "common/width.cl"
-#include "common/vec3.cl"
-#include "common/camera.cl"
-#include "common/hit.cl"
-#include "common/rows.cl"
+#include "common/tile.cl"
 #if WATERTIGHT // also for vectors whose rays share no axis
 #include "cast/intersect/watertight.cl"
 #endif

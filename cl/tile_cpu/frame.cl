@@ -23,6 +23,11 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
     lighting.light_count = light_count; \
     lighting.bias = bias;               \
     lighting.materials = materials;
+#define TREE_AND_LIGHTING     \
+    SurfaceTree tree;         \
+    BIND_SURFACE_TREE(tree)   \
+    Lighting lighting;        \
+    BIND_LIGHTING(lighting)
 // There are no barriers.
 #define LEAVE_OUTSIDE(image_size) \
     if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;
@@ -30,10 +35,7 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
 // A whole frame.
 __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
-    SurfaceTree tree;
-    BIND_SURFACE_TREE(tree)
-    Lighting lighting;
-    BIND_LIGHTING(lighting)
+    TREE_AND_LIGHTING
     Bundle bundle;
     if (find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size))
         shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
@@ -58,10 +60,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
 // Shades the nearest triangle of every pixel.
 __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
-    SurfaceTree tree;
-    BIND_SURFACE_TREE(tree)
-    Lighting lighting;
-    BIND_LIGHTING(lighting)
+    TREE_AND_LIGHTING
     Bundle bundle;
     for (int vector = 0; vector < VECTORS; vector++) bundle.place[vector] = vload16(vector, nearest + tile_start());
     shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);

@@ -6,25 +6,7 @@
 // (x z, y z, z), z > 0, where x and y are its slopes; what is nearest has the largest 1/z, which over a triangle
 // is linear in x and y. So is whatever tells inside from outside.
 
-#if !defined(TILE_X) || !defined(TILE_Y)
-#error "TILE_X, TILE_Y: pixels of a tile across and down"
-#endif
-#ifndef CULL_BACK
-#error "CULL_BACK: 0 or 1: whether culling = back"
-#endif
-#ifndef WATERTIGHT
-#error "WATERTIGHT: 0 or 1: whether intersector = watertight"
-#endif
-#if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
-#error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
-#endif
-
-#include "common/work_group.cl"
-#include "common/width.cl"
-#include "common/vec3.cl"
-#include "common/camera.cl"
-#include "common/hit.cl"
-#include "common/rows.cl"
+#include "common/tile.cl"
 #if WATERTIGHT
 #include "common/exact_signs.cl"
 #endif

@@ -1,0 +1,21 @@
+// What tiles of rays are made of, whoever casts them: work-items with a tile each, or groups that share one.
+
+#if !defined(TILE_X) || !defined(TILE_Y)
+#error "TILE_X, TILE_Y: pixels of a tile across and down"
+#endif
+#ifndef CULL_BACK
+#error "CULL_BACK: 0 or 1: whether culling = back"
+#endif
+#ifndef WATERTIGHT
+#error "WATERTIGHT: 0 or 1: whether intersector = watertight"
+#endif
+#if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
+#error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
+#endif
+
+#include "common/work_group.cl"
+#include "common/width.cl"
+#include "common/vec3.cl"
+#include "common/camera.cl"
+#include "common/hit.cl"
+#include "common/rows.cl"
