@@ -7,6 +7,7 @@ pub mod compile;
 pub mod completions;
 pub mod devices;
 pub mod kernel;
+pub mod noise;
 pub mod occupancy;
 mod output;
 pub mod peak;
@@ -78,6 +79,8 @@ enum Command {
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
     Peak(peak::Args),
+    /// Measure what differences runs on this machine can tell apart, and what stands in the way
+    Noise(noise::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -110,6 +113,7 @@ impl Cli {
             Command::Kernel(args) => kernel::run(args),
             Command::Compile(args) => compile::run(args),
             Command::Peak(args) => peak::run(args),
+            Command::Noise(args) => noise::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }
