@@ -4,13 +4,14 @@
 //! [`config`] reads a TOML experiment; [`scene`] loads what it names;
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/` as the [`manifest`] says ([`sources`] has their files); [`launch`] runs them;
-//! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them;
+//! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them, the [`anchor`] beside them;
 //! [`filetype`] names files that are something else; [`memory`] says what the host can hold, [`load`] what else it
 //! does; [`record`] keeps what was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
 //! anybody else's.
 //! [`cli`] holds one file a subcommand.
 
 pub mod accel;
+pub mod anchor;
 pub mod cli;
 pub mod config;
 pub mod device;

@@ -134,6 +134,7 @@ impl Worker for MockWorker {
                 let ms = CASTS.fetch_add(1, Ordering::Relaxed) as f64 % 7.0 + 1.0;
                 Reply::Sample(FrameTimes::whole(ms, ms))
             }
+            Request::Anchor => Reply::Sample(FrameTimes::whole(1.0, 1.0)),
         };
         let scene = Scene { request, requests: counts.requests };
         self.next = match (self.script.borrow_mut())(&scene) {
@@ -197,9 +198,7 @@ fn count(records: &[Record], outcome: Outcome) -> usize {
 }
 
 fn point_of(request: &Request) -> usize {
-    match request {
-        Request::Check { point, .. } | Request::Cast { point } => *point,
-    }
+    request.step().map_or(usize::MAX, |(_, point)| point)
 }
 
 /// No point has two records, and none two samples of one round of a launch.

@@ -4,9 +4,10 @@ use super::draft::Drafter;
 use super::oracle::Oracle;
 use super::ready::Ready;
 use super::{Pictures, Point, Refusal, Work, host, views};
+use crate::anchor::Anchor;
 use crate::config::Baseline;
 use crate::device::Device;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::launch::{Queue, Refused, Session};
 use crate::record::Record;
@@ -45,6 +46,12 @@ impl<'a> Checker<'a> {
     /// The device.
     pub fn device(&self) -> Option<&'a Device> {
         self.device.as_ref().map(|(device, _)| *device)
+    }
+
+    /// The device's anchor.
+    pub fn anchor(&self) -> Result<Anchor> {
+        let (device, queue) = self.device.as_ref().ok_or_else(|| Error::run("the host has no anchor"))?;
+        Anchor::build(queue, device.info.limits.compute_units)
     }
 
     /// Drops what the device has of a scene: another comes.

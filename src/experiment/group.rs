@@ -6,12 +6,13 @@ use super::complete::{Taken, complete};
 use super::keeper::Keep;
 use super::rounds::{End, Rounds, measure};
 use super::supervisor::{Checked, Supervisor, Task};
+use crate::anchor;
 use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::load::Watch;
 use crate::measure::{StopReason, StoppingRule};
-use crate::record::{Record, RoundLoad, judge};
-use std::collections::{BTreeSet, HashSet};
+use crate::record::{AnchorSample, Record, RoundLoad, judge};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
 
 /// A point that is yet to be measured.
@@ -192,8 +193,21 @@ impl OpenGroup {
         let taken = vec![Vec::new(); self.points.len()];
         let failed = HashSet::new();
         let (points, start, watch) = (&self.points, Instant::now(), Watch::start());
-        let mut timed =
-            Timed { points, run, launch, number, start, watch, losses, supervisor, keeper, taken, failed };
+        let casts = HashMap::new();
+        let mut timed = Timed {
+            points,
+            run,
+            launch,
+            number,
+            start,
+            watch,
+            losses,
+            supervisor,
+            keeper,
+            taken,
+            failed,
+            casts,
+        };
         let end = measure(points.len(), &run.stopping_rule(), timing.seed, &mut timed)?;
         let Timed { taken, failed, .. } = timed;
         let left = timing.launches as usize - self.whole;
@@ -248,6 +262,36 @@ struct Timed<'b, 's, K> {
     keeper: &'b mut K,
     taken: Vec<Vec<Taken>>,
     failed: HashSet<usize>,
+    /// Frames of each device: every so often its anchor is run.
+    casts: HashMap<usize, usize>,
+}
+
+/// Frames of a device to a run of its anchor: its time is known better than a point's, at a small part of what frames cost.
+const CASTS_PER_ANCHOR: usize = 6;
+
+impl<K: Keep> Timed<'_, '_, K> {
+    fn at_ms(&self) -> f64 {
+        // To the microsecond, which is enough to tell their order.
+        (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
+    }
+
+    /// Runs the anchor of a point's device where its turn has come. A look is too short for one.
+    fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
+        let open = &self.points[point];
+        let Some(device) = self.run.device_of(open).filter(|_| self.run.experiment.timing.launches > 1)
+        else {
+            return Ok(());
+        };
+        let casts = self.casts.entry(open.device).or_default();
+        *casts += 1;
+        if *casts % CASTS_PER_ANCHOR != 1 {
+            return Ok(());
+        }
+        let anchor = anchor::name(device)?;
+        let Some(times) = self.supervisor.anchor(open.task())? else { return Ok(()) };
+        let (device, launch, at_ms) = (open.record.device.clone(), self.launch, self.at_ms());
+        self.keeper.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
+    }
 }
 
 impl<K: Keep> Rounds for Timed<'_, '_, K> {
@@ -267,12 +311,10 @@ impl<K: Keep> Rounds for Timed<'_, '_, K> {
     }
 
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()> {
-        // To the microsecond, which is enough to tell their order.
-        let at_ms = (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3;
-        let taken = Taken { launch: self.launch, at_ms, times: *times };
+        let taken = Taken { launch: self.launch, at_ms: self.at_ms(), times: *times };
         self.keeper.sample(&self.points[point].record.key, round, &taken)?;
         self.taken[point].push(taken);
-        Ok(())
+        self.anchor(point, round)
     }
 
     fn ended(&mut self, round: u32) -> Result<()> {

@@ -6,6 +6,7 @@ use super::protocol::{Reply, Request};
 use super::ready::Ready;
 use super::refusal::Refusal;
 use super::{Plan, Point};
+use crate::anchor::Anchor;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
@@ -31,6 +32,8 @@ pub struct Hands<'a> {
     /// The points at hand: those of one group that passed.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
+    /// Once it was asked for.
+    anchor: Option<Anchor>,
     /// The device's sensors, where it has any.
     watch: Option<Watch>,
     /// The device in whose name it measures, where that is another.
@@ -46,7 +49,17 @@ impl<'a> Hands<'a> {
         stands_for: Option<DeviceInfo>,
     ) -> Self {
         let watch = checker.device().and_then(|device| watch(&device.info.hardware));
-        Self { drafter, plan, checker, scene: None, group: None, entries: HashMap::new(), watch, stands_for }
+        Self {
+            drafter,
+            plan,
+            checker,
+            scene: None,
+            group: None,
+            entries: HashMap::new(),
+            anchor: None,
+            watch,
+            stands_for,
+        }
     }
 
     /// Does what a request asks.
@@ -54,6 +67,7 @@ impl<'a> Hands<'a> {
         match request {
             Request::Check { point, key, verified } => self.check(*point, key, verified.as_deref()),
             Request::Cast { point } => self.cast(*point),
+            Request::Anchor => self.anchor(),
         }
     }
 
@@ -92,6 +106,14 @@ impl<'a> Hands<'a> {
             self.scene = Some((point.scene, choice.load()?.into()));
         }
         Ok(())
+    }
+
+    fn anchor(&mut self) -> Result<Reply> {
+        let anchor = match self.anchor.take() {
+            Some(anchor) => anchor,
+            None => self.checker.anchor()?,
+        };
+        self.anchor.insert(anchor).run().map(Reply::Sample)
     }
 
     fn cast(&mut self, number: usize) -> Result<Reply> {

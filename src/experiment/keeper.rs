@@ -4,7 +4,7 @@ use super::complete::Taken;
 use super::{Observer, Results};
 use crate::error::Result;
 use crate::peak::Peak;
-use crate::record::{Record, RoundLoad, Sample};
+use crate::record::{AnchorSample, Record, RoundLoad, Sample};
 
 /// What measuring points hands its findings to.
 pub trait Keep {
@@ -18,6 +18,8 @@ pub trait Keep {
     fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()>;
     /// Keeps what else the machine did while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
+    /// Keeps what the anchor took.
+    fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
     /// The number of a launch that begins: one that no other of the folder has.
     fn next_launch(&mut self) -> u32;
     /// So many launches of points are done, or will not be.
@@ -47,6 +49,10 @@ impl Keep for Keeper<'_> {
 
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.results.load(load)
+    }
+
+    fn anchor(&mut self, sample: &AnchorSample) -> Result<()> {
+        self.results.anchor(sample)
     }
 
     fn next_launch(&mut self) -> u32 {

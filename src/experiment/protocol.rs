@@ -66,14 +66,17 @@ pub enum Request {
         /// Which.
         point: usize,
     },
+    /// Run the device's anchor once.
+    Anchor,
 }
 
 impl Request {
-    /// What a worker is at when it does this, and of which point.
-    pub fn step(&self) -> (Step, usize) {
+    /// What a worker is at when it does this, and of which point; none where it is of no point.
+    pub fn step(&self) -> Option<(Step, usize)> {
         match self {
-            Self::Check { point, .. } => (Step::Check, *point),
-            Self::Cast { point } => (Step::Cast, *point),
+            Self::Check { point, .. } => Some((Step::Check, *point)),
+            Self::Cast { point } => Some((Step::Cast, *point)),
+            Self::Anchor => None,
         }
     }
 }

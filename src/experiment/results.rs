@@ -6,20 +6,21 @@ use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
 use crate::record::{
-    CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX, own_folder,
-    read_lines, sync_folder,
+    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
+    own_folder, read_lines, sync_folder,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `rounds.jsonl`, `images/`, `environment.json`, and at the end
+/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `rounds.jsonl`, `anchors.jsonl`, `images/`, `environment.json`, and at the end
 /// `summary.md` and `summary.csv`. docs/format.md documents each.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,
     samples: JsonLines<Sample>,
     rounds: JsonLines<RoundLoad>,
+    anchors: JsonLines<AnchorSample>,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
@@ -63,8 +64,8 @@ impl Results {
         own_folder(&images)
             .map_err(|error| cannot_make(if folder.is_dir() { &images } else { folder }, &error))?;
         let lock = Lock::take(folder)?;
-        let [records, samples, rounds] =
-            ["records.jsonl", "samples.jsonl", "rounds.jsonl"].map(|name| folder.join(name));
+        let [records, samples, rounds, anchors] =
+            ["records.jsonl", "samples.jsonl", "rounds.jsonl", "anchors.jsonl"].map(|name| folder.join(name));
         remove_left_overs(folder);
         keep_environment(folder, environment)?;
         let results = Self {
@@ -72,6 +73,7 @@ impl Results {
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
             rounds: JsonLines::append_to(&rounds)?,
+            anchors: JsonLines::append_to(&anchors)?,
             peak: Peak::kept_in(folder)?,
             past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
             _lock: lock,
@@ -116,6 +118,11 @@ impl Results {
     /// Keeps what else the machine did while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.rounds.append(load)
+    }
+
+    /// Keeps what the anchor took.
+    pub fn anchor(&mut self, sample: &AnchorSample) -> Result<()> {
+        self.anchors.append(sample)
     }
 
     /// Says which points are the current run's.

@@ -104,12 +104,15 @@ impl Run<'_> {
         })
     }
 
+    /// The device that a point is measured on; none for a caster on the host.
+    pub(super) fn device_of(&self, open: &Open) -> Option<&DeviceInfo> {
+        let device = self.devices.get(open.device % self.devices.len().max(1));
+        device.filter(|_| !open.record.is_baseline()).copied()
+    }
+
     /// What the devices of some points are locked by.
     pub fn lock_names(&self, points: &[Open]) -> Vec<LockName> {
-        let count = self.devices.len().max(1);
-        let device =
-            |open: &Open| self.devices.get(open.device % count).filter(|_| !open.record.is_baseline());
-        points.iter().map(|open| LockName::of(device(open).copied())).collect()
+        points.iter().map(|open| LockName::of(self.device_of(open))).collect()
     }
 
     /// When a launch has enough samples.

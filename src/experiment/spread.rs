@@ -7,7 +7,7 @@ use super::keeper::{Keep, Keeper};
 use super::launches::{Waiting, serve};
 use super::supervisor::{Spawner, Supervisor};
 use crate::error::Result;
-use crate::record::{Record, RoundLoad};
+use crate::record::{AnchorSample, Record, RoundLoad};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -73,6 +73,10 @@ impl Keep for Shared<'_, '_, '_> {
 
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
         locked(self.0).load(load)
+    }
+
+    fn anchor(&mut self, sample: &AnchorSample) -> Result<()> {
+        locked(self.0).anchor(sample)
     }
 
     fn next_launch(&mut self) -> u32 {

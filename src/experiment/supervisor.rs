@@ -99,6 +99,8 @@ pub struct Supervisor<'a> {
     deaths: HashMap<usize, u32>,
     given_up: usize,
     losses: usize,
+    /// Devices that do not run the anchor.
+    without_anchor: HashSet<usize>,
 }
 
 impl<'a> Supervisor<'a> {
@@ -112,6 +114,7 @@ impl<'a> Supervisor<'a> {
             deaths: HashMap::new(),
             given_up: 0,
             losses: 0,
+            without_anchor: HashSet::new(),
         }
     }
 
@@ -173,6 +176,19 @@ impl<'a> Supervisor<'a> {
         }
     }
 
+    /// Runs the anchor of the device that a point was cast on. None where it cannot be run: from then on nobody asks again.
+    pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<FrameTimes>> {
+        if self.without_anchor.contains(&task.device) || !self.posts.contains_key(&task.post()) {
+            return Ok(None);
+        }
+        if let Ok(Reply::Sample(times)) = self.ask(task, &Request::Anchor)? {
+            return Ok(Some(times));
+        }
+        // A worker that it took down is missed by the point that is cast next.
+        self.without_anchor.insert(task.device);
+        Ok(None)
+    }
+
     /// Asks a point's worker, starting it if need be. A worker that gave no reply is gone.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
@@ -182,7 +198,7 @@ impl<'a> Supervisor<'a> {
         };
         post.worker.send(request);
         // A sample is worth waiting for; a check is done again.
-        let patient = matches!(request, Request::Cast { .. });
+        let patient = matches!(request, Request::Cast { .. } | Request::Anchor);
         let answer = self.wait(post.worker.as_mut(), patient)?;
         if answer.is_ok() {
             self.posts.insert(task.post(), post);

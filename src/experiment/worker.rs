@@ -40,8 +40,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     reply(&Reply::Started)?;
     while let Ok(line) = lines.recv() {
         let request: Request = parse(&line)?;
-        if let Some(fault) = &job.fault {
-            let (step, point) = request.step();
+        if let (Some(fault), Some((step, point))) = (&job.fault, request.step()) {
             fault.strike(step, point, &job.folder);
         }
         reply(&hands.answer(&request).unwrap_or_else(|error| Reply::of_error(&error)))?;

@@ -40,7 +40,7 @@ pub struct FrameTimes {
 }
 
 /// How long a finished command ran, in milliseconds of the device's clock.
-pub(super) fn duration_ms(event: &Event) -> ocl::Result<f64> {
+pub(crate) fn duration_ms(event: &Event) -> ocl::Result<f64> {
     let read = |info| match event.profiling_info(info)? {
         ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns) => Ok::<_, ocl::Error>(ns),
         _ => Ok(0),

@@ -32,6 +32,7 @@ pub use band::{Band, cut};
 pub use caster::Caster;
 pub use error::LaunchError;
 pub use frame::FrameTimes;
+pub(crate) use frame::duration_ms;
 pub use prepared::Prepared;
 pub use queue::Queue;
 pub use rays::Ray;

@@ -102,7 +102,7 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
 #[test]
 fn every_file_belongs_to_a_family_or_to_what_measures_a_device() {
     let mut named: BTreeSet<String> = strategies().iter().flat_map(|strategy| spec(strategy).files).collect();
-    let others = ["probe/", "limits/", "peak/"];
+    let others = ["probe/", "peak/", "anchor/"];
     named.extend(
         Sources::names()
             .into_iter()

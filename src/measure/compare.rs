@@ -57,7 +57,10 @@ mod tests {
 
     #[test]
     fn only_what_the_interval_leaves_no_doubt_of_is_said() {
-        let of = |low: f64, high: f64| Verdict::of(Interval { middle: (low * high).sqrt(), low, high }, 0.02);
+        let of = |low: f64, high: f64| {
+            let middle = f64::sqrt(low * high);
+            Verdict::of(Interval { middle, low, high, error: 0.1, degrees: 8.0 }, 0.02)
+        };
         assert_eq!(of(1.05, 1.2), Verdict::Slower);
         assert_eq!(of(0.7, 0.9), Verdict::Faster);
         assert_eq!(of(0.99, 1.01), Verdict::Same);

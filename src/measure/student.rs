@@ -1,24 +1,16 @@
 //! How many standard errors an interval reaches when the error itself is known from few values.
 
-/// The 97.5% quantile of Student's t for 1 to 10 degrees of freedom.
-const FEW: [f64; 10] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228];
-/// The same of the normal distribution.
-const NORMAL: f64 = 1.959_964;
+use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 
-/// The 97.5% quantile of Student's t, so that 95% lie between it and its negative. Beyond the table the expansion of
-/// Abramowitz and Stegun (1964, 26.7.5) is right to three decimals. No degrees of freedom know nothing: infinity.
-pub(super) fn t975(degrees: usize) -> f64 {
-    if degrees == 0 {
-        return f64::INFINITY;
+/// Student's t has the normal distribution's quantiles from here on, to four decimals.
+const MANY: f64 = 1e5;
+
+/// The value that Student's t stays below with the chance `p`. No degrees of freedom know nothing: infinity.
+pub(super) fn t_quantile(p: f64, degrees: f64) -> f64 {
+    if degrees >= MANY {
+        return Normal::standard().inverse_cdf(p);
     }
-    if let Some(quantile) = FEW.get(degrees - 1) {
-        return *quantile;
-    }
-    let (x, n) = (NORMAL, degrees as f64);
-    let first = (x.powi(3) + x) / 4.0;
-    let second = (5.0 * x.powi(5) + 16.0 * x.powi(3) + 3.0 * x) / 96.0;
-    let third = (3.0 * x.powi(7) + 19.0 * x.powi(5) + 17.0 * x.powi(3) - 15.0 * x) / 384.0;
-    x + first / n + second / n.powi(2) + third / n.powi(3)
+    StudentsT::new(0.0, 1.0, degrees).map_or(f64::INFINITY, |t| t.inverse_cdf(p))
 }
 
 #[cfg(test)]
@@ -27,12 +19,19 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_the_tables() {
-        for (degrees, expected) in
-            [(1, 12.706), (2, 4.303), (10, 2.228), (11, 2.201), (30, 2.042), (1000, 1.962)]
-        {
-            assert!((t975(degrees) - expected).abs() < 1e-3, "{degrees}: {}", t975(degrees));
+        for (p, degrees, expected) in [
+            (0.975, 1.0, 12.706),
+            (0.975, 2.0, 4.303),
+            (0.975, 10.0, 2.228),
+            (0.975, 30.0, 2.042),
+            (0.975, 1e6, 1.960),
+            (0.9995, 10.0, 4.587),
+            (0.9995, 2.0, 31.599),
+        ] {
+            let found = t_quantile(p, degrees);
+            assert!((found - expected).abs() < 1e-3 * expected, "{p} {degrees}: {found}");
         }
-        assert_eq!(t975(0), f64::INFINITY);
-        assert!((0..40).all(|degrees| t975(degrees) > t975(degrees + 1)));
+        assert_eq!(t_quantile(0.975, 0.0), f64::INFINITY);
+        assert!((1..40).all(|n| t_quantile(0.975, f64::from(n)) > t_quantile(0.975, f64::from(n + 1))));
     }
 }

@@ -1,5 +1,6 @@
 //! The one door to a folder of results: what is read through it is the current plan's, and everything shown is read through it.
 
+use super::anchors::AnchorSample;
 use super::plan::CurrentPlan;
 use super::rounds::{RoundLoad, disturbance};
 use super::scenes::tell_scenes_apart;
@@ -7,6 +8,7 @@ use super::together::{how_sure, judge};
 use super::types::Record;
 use super::{DIRTY, is_dirty, ordinary, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,8 @@ pub struct Folder {
     pub environment: Value,
     /// What else the machine did while rounds were timed.
     pub rounds: Vec<RoundLoad>,
+    /// What the anchors took that were run beside its points.
+    pub anchors: Vec<AnchorSample>,
     /// What is to be said wherever its figures are shown, such as records that are not among them.
     pub notes: Vec<String>,
 }
@@ -47,9 +51,7 @@ impl Folder {
         let (environment, unknown) = environment(folder);
         let Shown { mut records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
         judge(&mut records);
-        let rounds = folder.join("rounds.jsonl");
-        // Folders of earlier versions have none.
-        let rounds = if rounds.is_file() { read_lines(&rounds)?.lines } else { Vec::new() };
+        let rounds = lines_if_any(&folder.join("rounds.jsonl"))?;
         let mut sure = how_sure(&records);
         sure.extend(disturbance(&rounds, &records));
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
@@ -60,6 +62,7 @@ impl Folder {
             records,
             environment,
             rounds,
+            anchors: lines_if_any(&folder.join("anchors.jsonl"))?,
             notes: sure.into_iter().chain(notes).chain(dirty).chain(torn).chain(unknown).collect(),
         })
     }
@@ -76,6 +79,11 @@ impl Folder {
         write_whole(&self.path.join("summary.md"), markdown.as_bytes())?;
         write_whole(&self.path.join("summary.csv"), &summary_csv(&self.records)?)
     }
+}
+
+/// The lines of a file that folders of earlier versions lack.
+fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
+    if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
 }
 
 /// What a folder shows of its records, and what is to be said of the others.

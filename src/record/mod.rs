@@ -1,6 +1,7 @@
 //! What was found: one flat record a point, kept as JSON lines, and the
 //! summaries that are made of nothing but records.
 
+mod anchors;
 mod clocks;
 mod environment;
 mod folder;
@@ -23,6 +24,7 @@ mod together;
 mod types;
 mod whole;
 
+pub use anchors::AnchorSample;
 pub use clocks::Clocks;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
 pub use folder::{Folder, latest, point};
@@ -43,8 +45,11 @@ pub(crate) use summary::{few_names, median, not_enough, quartiles};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};
-pub use together::{Place, judge};
-pub(crate) use together::{are_together, fewest, interval, launches, ranking, ratio, ratio_to_mean};
+pub use together::{Place, judge, judge_beside_anchors};
+pub(crate) use together::{
+    anchored, anchored_mean, are_together, fewest, interval, launches, ranking, ratio, ratio_of_means,
+    ratio_to_mean,
+};
 pub use types::{HOST, Outcome, Record, Sample};
 pub use whole::{
     TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_page, write_whole,

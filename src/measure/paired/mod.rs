@@ -17,12 +17,14 @@
 //! Of one launch, five stretches of time stand for launches: a look, which knows nothing of what another launch would draw.
 
 mod drift;
+mod error;
 #[cfg(test)]
 mod simulation;
 mod spread;
 
 use super::summary::median_of;
 use super::{MIN_SAMPLES, Ranking};
+use error::Error;
 use spread::Pooled;
 
 /// Stretches of time that a single launch is split into: every point has as many samples at least.
@@ -48,13 +50,34 @@ pub struct Interval {
     pub low: f64,
     /// The interval's upper end.
     pub high: f64,
+    /// The standard error of the estimate's logarithm.
+    pub error: f64,
+    /// How well that is known: degrees of freedom of Student's t.
+    pub degrees: f64,
 }
 
 impl Interval {
     /// This over another that was found apart from it.
     pub fn over(self, other: Self) -> Self {
-        let half = |one: Self| (one.high / one.middle).ln();
-        interval((self.middle / other.middle).ln(), half(self).hypot(half(other)))
+        let error = Error::of_sum([self.error(), other.error()]);
+        interval((self.middle / other.middle).ln(), error)
+    }
+
+    /// The geometric mean of some that were found apart from each other; none of none.
+    pub fn mean(all: &[Self]) -> Option<Self> {
+        let count = all.len() as f64;
+        let sum = Error::of_sum(all.iter().map(|one| one.error()));
+        let log = all.iter().map(|one| one.middle.ln()).sum::<f64>() / count;
+        (!all.is_empty()).then(|| interval(log, Error { error: sum.error / count, ..sum }))
+    }
+
+    /// What it surely exceeds but for the chance `risk`.
+    pub fn surely_above(self, risk: f64) -> f64 {
+        (self.middle.ln() - self.error().reach(risk)).exp()
+    }
+
+    fn error(self) -> Error {
+        Error { error: self.error, degrees: self.degrees }
     }
 }
 
@@ -83,6 +106,8 @@ struct Point {
 pub struct Standing {
     launches: usize,
     point: Point,
+    /// Points that it is the mean of.
+    points: usize,
     pooled: Pooled,
 }
 
@@ -106,13 +131,16 @@ impl Standing {
     pub fn ratio(&self, other: &Self) -> Interval {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
-        interval(self.level() - other.level(), self.pooled.of_difference(&differences))
+        interval(
+            self.level() - other.level(),
+            self.pooled.of_difference(&differences, [self.points, other.points]),
+        )
     }
 
     /// The same of one that was measured at another time: what the machine did meanwhile is in it.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
-        let half = |standing: &Self| standing.pooled.of_level(&standing.point.plain);
-        interval(self.point.median - other.point.median, half(self).hypot(half(other)))
+        let error = |standing: &Self| standing.pooled.of_level(&standing.point.plain);
+        interval(self.point.median - other.point.median, Error::of_sum([error(self), error(other)]))
     }
 
     /// The mean of points that were measured together; none of none.
@@ -128,12 +156,12 @@ impl Standing {
             plain: each(|point| &point.plain),
             relative: each(|point| &point.relative),
         };
-        Some(Self { point, ..first.clone() })
+        Some(Self { point, points: points.iter().map(|one| one.points).sum(), ..first.clone() })
     }
 
     /// As [`Paired::resolution`].
     pub fn resolution(&self) -> Option<f64> {
-        self.pooled.usual().map(f64::exp_m1)
+        self.pooled.usual().map(|error| error.reach(RISK).exp_m1())
     }
 }
 
@@ -180,7 +208,7 @@ impl Paired {
     /// A point among the others; none of too few samples.
     pub fn standing(&self, point: usize) -> Option<Standing> {
         let point = self.points.get(point)?.clone()?;
-        Some(Standing { launches: self.launches, point, pooled: self.pooled })
+        Some(Standing { launches: self.launches, point, points: 1, pooled: self.pooled })
     }
 
     /// A point's median over all samples, in milliseconds; none of too few samples.
@@ -191,13 +219,13 @@ impl Paired {
     /// How many times as long as `other` a point takes, by samples close in time; none where one has too few.
     pub fn ratio(&self, point: usize, other: usize) -> Option<Interval> {
         let (one, two) = (self.standing(point)?, self.standing(other)?);
-        Some(if point == other { interval(0.0, 0.0) } else { one.ratio(&two) })
+        Some(if point == other { interval(0.0, Error::NONE) } else { one.ratio(&two) })
     }
 
     /// The difference that two points of usual spread must exceed to be told apart, as a part (0.03 is 3%); none where there
     /// are no two points of enough samples.
     pub fn resolution(&self) -> Option<f64> {
-        self.pooled.usual().map(f64::exp_m1)
+        self.pooled.usual().map(|error| error.reach(RISK).exp_m1())
     }
 
     /// Who wins: the point of the least level, and every other that is not surely slower by more than `resolution`, a part.
@@ -253,9 +281,14 @@ fn repeats(launches: &[Vec<f64>]) -> Vec<f64> {
     }
 }
 
-/// From a logarithm and half of its interval.
-fn interval(middle: f64, half: f64) -> Interval {
-    Interval { middle: middle.exp(), low: (middle - half).exp(), high: (middle + half).exp() }
+/// The chance that a 95% interval lies above what it is of.
+const RISK: f64 = 0.025;
+
+/// From a logarithm and its error.
+fn interval(middle: f64, error: Error) -> Interval {
+    let half = error.reach(RISK);
+    let Error { error, degrees } = error;
+    Interval { middle: middle.exp(), low: (middle - half).exp(), high: (middle + half).exp(), error, degrees }
 }
 
 #[cfg(test)]

@@ -165,7 +165,8 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     let mut medians: Vec<f64> = (0..200).map(|_| resampled()).collect();
     medians.sort_by(f64::total_cmp);
     let middle = median_of(samples).expect("samples");
-    Interval { middle, low: quantile(&medians, 0.025), high: quantile(&medians, 0.975) }
+    let (low, high) = (quantile(&medians, 0.025), quantile(&medians, 0.975));
+    Interval { middle, low, high, error: 0.0, degrees: 0.0 }
 }
 
 /// Why all this: the bootstrap's interval from within launches holds far less of what another run finds.

@@ -1,7 +1,7 @@
 //! How far repeats of a point lie apart, and how sure that makes their mean.
 
+use super::error::Error;
 use crate::measure::mean_and_sigma;
-use crate::measure::student::t975;
 
 /// The most degrees of freedom by which the spread of all points counts beside a pair's own.
 const BORROWED: usize = 6;
@@ -25,25 +25,26 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns }
     }
 
-    /// Half of the 95% interval of the mean of `differences` between two rows, a value a column.
-    pub(super) fn of_difference(&self, differences: &[f64]) -> f64 {
+    /// The error of the mean of `differences` between the means of so many rows and of so many others, a value a column.
+    pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns - 1));
-        let variance = self.moderated(2.0 * self.apart, borrowed, variance(differences));
-        self.half(variance, borrowed + self.columns - 1)
+        let usual: f64 = rows.iter().map(|rows| self.apart / *rows as f64).sum();
+        let variance = self.moderated(usual, borrowed, variance(differences));
+        self.error(variance, borrowed + self.columns - 1)
     }
 
-    /// Half of the 95% interval of a row's level. What the columns share, all rows have in common: no row can borrow from
+    /// The error of a row's level. What the columns share, all rows have in common: no row can borrow from
     /// another how well that is known.
-    pub(super) fn of_level(&self, row: &[f64]) -> f64 {
+    pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(1) * (self.columns - 1));
         let variance = self.moderated(self.together, borrowed, variance(row));
-        self.half(variance, self.columns - 1)
+        self.error(variance, self.columns - 1)
     }
 
-    /// Half of the 95% interval of a difference between two rows of usual spread; none where there is but one row.
-    pub(super) fn usual(&self) -> Option<f64> {
+    /// The error of a difference between two rows of usual spread; none where there is but one row.
+    pub(super) fn usual(&self) -> Option<Error> {
         let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns.saturating_sub(1)));
-        (self.rows > 1).then(|| self.half(2.0 * self.apart, borrowed + self.columns - 1))
+        (self.rows > 1).then(|| self.error(2.0 * self.apart, borrowed + self.columns - 1))
     }
 
     /// A variance between the row's own, which has few degrees of freedom, and the usual one, weighted by theirs.
@@ -52,8 +53,8 @@ impl Pooled {
         (borrowed * usual + columns * own) / (borrowed + columns)
     }
 
-    fn half(&self, variance: f64, degrees: usize) -> f64 {
-        t975(degrees) * (variance / self.columns as f64).sqrt()
+    fn error(&self, variance: f64, degrees: usize) -> Error {
+        Error { error: (variance / self.columns as f64).sqrt(), degrees: degrees as f64 }
     }
 }
 
@@ -98,8 +99,8 @@ mod tests {
         let pooled = Pooled::of(&[&one, &two], &[&one, &two]);
         let differences: Vec<f64> = one.iter().zip(&two).map(|(a, b)| a - b).collect();
         assert!((2.0 * pooled.apart - variance(&differences)).abs() < 1e-12);
-        let expected = 4.303 * (variance(&differences) / 3.0).sqrt();
-        assert!((pooled.of_difference(&differences) - expected).abs() < 1e-12, "two degrees of freedom");
+        let expected = Error { error: (variance(&differences) / 3.0).sqrt(), degrees: 2.0 };
+        assert_eq!(pooled.of_difference(&differences, [1, 1]), expected);
     }
 
     #[test]
@@ -107,7 +108,10 @@ mod tests {
         let table = [[0.0, 0.1, -0.1], [1.0, 0.9, 1.1], [2.0, 2.1, 1.9], [3.0, 3.1, 2.9], [4.0, 4.0, 4.0]];
         let rows: Vec<&[f64]> = table.iter().map(|row| row.as_slice()).collect();
         let pooled = Pooled::of(&rows, &rows);
-        assert!(pooled.of_difference(&[0.0; 3]) > 0.05, "{}", pooled.of_difference(&[0.0; 3]));
-        assert!(pooled.of_difference(&[-0.5, 0.5, 0.0]) > pooled.of_difference(&[0.0; 3]));
+        let error = |differences: &[f64], rows| pooled.of_difference(differences, rows).error;
+        assert!(error(&[0.0; 3], [1, 1]) > 0.02, "{}", error(&[0.0; 3], [1, 1]));
+        assert!(error(&[-0.5, 0.5, 0.0], [1, 1]) > error(&[0.0; 3], [1, 1]));
+        // Means of four are known twice as well.
+        assert!((error(&[0.0; 3], [1, 1]) / error(&[0.0; 3], [4, 4]) - 2.0).abs() < 1e-12);
     }
 }

@@ -2,16 +2,19 @@
 
 use super::{Against, Pair};
 use crate::measure::Interval;
-use crate::record::{Record, are_together, median, ratio, ratio_to_mean};
+use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
 /// Two records of a point that both folders measured.
 type Both<'a> = (&'a Record, &'a Record);
 
-/// How many times as long the second of `pair` takes as the first, against what: baselines that were measured in the rounds
+/// How many times as long the second of `pair` takes as the first, against what: the anchor of its device; else baselines that were measured in the rounds
 /// of each and are the same program; without any, those points of the rounds that changed alike. None where there is
 /// nothing beside it, or too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
+    if let Some(change) = against_anchor(pair) {
+        return Some((change, Against::Anchor));
+    }
     let beside = |(one, other): &&Both<'_>| are_together(one, before) && are_together(other, after);
     let beside: Vec<Both<'_>> = all.iter().filter(beside).copied().collect();
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
@@ -27,6 +30,12 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let of = |record: &Record, anchors: Vec<&Record>| ratio_to_mean(record, &anchors);
     let (first, second) = anchors.into_iter().unzip();
     Some((of(after, second)?.over(of(before, first)?), against))
+}
+
+/// By ratios to the anchor, where it was the same one in both.
+fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
+    let ((first, before), (second, after)) = (anchored(before)?, anchored(after)?);
+    (first == second).then(|| after.over(before))
 }
 
 /// The half of the points whose changes are nearest to their median: what one change slowed is not among them.

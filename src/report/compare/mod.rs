@@ -2,13 +2,16 @@
 
 mod change;
 mod page;
+mod regressions;
 #[cfg(test)]
 mod tests;
 
 use super::merged::{labels, merged};
 use super::words::{size_name, title};
 use crate::measure::{Interval, Verdict};
-use crate::record::{Folder, HOST, Outcome, Record, by, fewest, median, ratio, significant};
+use crate::record::{
+    Folder, HOST, Outcome, Record, by, fewest, judge_beside_anchors, median, ratio, significant,
+};
 use serde::Serialize;
 use std::collections::HashMap;
 
@@ -29,6 +32,8 @@ pub struct Pair {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
+    /// The device's anchor, a fixed kernel that was run in the same rounds of each.
+    Anchor,
     /// Casters on the host in the same rounds, which are the same program in both folders.
     Baselines,
     /// Points of the same rounds that changed alike: what all of them share cannot be told.
@@ -119,6 +124,7 @@ impl Comparison {
     /// where each folder has but one, to each other: another machine's results can be compared. Scenes correspond by content where both
     /// folders have recorded it, else by name.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
+        let (before, after) = (&beside_anchors(before), &beside_anchors(after));
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
         let by_content = [before, after].iter().all(|folder| has_content(folder));
         let point = |record: &Record| {
@@ -250,16 +256,10 @@ impl Comparison {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// The points that are surely slower by more than `limit_percent`, and those that ran before and fail now.
+    /// What is surely slower by more than `limit_percent`, a line each, and the points that ran before and fail now. Of 50
+    /// comparisons of a thing with itself at most one finds any.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
-        let several = self.has_several_devices();
-        let slower = self.pairs.iter().filter_map(|pair| {
-            let (change, _) = pair.change.filter(|(change, _)| change.low > 1.0 + limit_percent / 100.0)?;
-            let [middle, low] = [change.middle, change.low].map(percent);
-            Some(format!("{} is {middle:.1}% slower (surely {low:.1}%)", pair.point(several)))
-        });
-        let broken = self.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
-        slower.chain(broken).collect()
+        regressions::regressions(self, limit_percent)
     }
 
     /// "12 faster, 3 slower, 40 same, 5 unclear", and, where there are such, "1 cannot tell, 2 not enough samples".
@@ -290,6 +290,13 @@ fn line(pair: &Pair) -> PairLine<'_> {
         against: pair.change.map(|(_, against)| against),
         verdict: pair.verdict.name(),
     }
+}
+
+/// A folder whose records know where they stand beside their devices' anchors.
+fn beside_anchors(folder: &Folder) -> Folder {
+    let mut folder = folder.clone();
+    judge_beside_anchors(&mut folder.records, &folder.anchors);
+    folder
 }
 
 /// A ratio as a percentage more than one.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::record::AnchorSample;
 use crate::record::fixtures::{few, infeasible, judged, measured};
 
 fn folder(label: &str, records: Vec<Record>) -> Folder {
@@ -91,4 +92,62 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert!(of(&two, &two).html().expect("it renders").contains("class=\"mark\""));
     let one = folder("one", vec![timed("a", "naive", 10.0)]);
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+}
+
+/// Two strategies at two sizes each in three launches, beside an anchor. Launches differ by `machine`, and `slow` is how many
+/// times as long as usual a strategy takes.
+fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
+    let mut records = Vec::new();
+    let mut anchors = Vec::new();
+    let speed = |launch: u32| machine * (1.0 + 0.1 * f64::from(launch));
+    for (place, (name, side)) in
+        [("naive", 4), ("naive", 8), ("wide", 4), ("wide", 8)].into_iter().enumerate()
+    {
+        let mut record = measured("gpu", name, side, 1.0);
+        let at = |n: u32| (n / 6, f64::from(10 * (n % 6) + place as u32));
+        record.sample_launches = (0..18).map(|n| at(n).0).collect();
+        record.samples_at_ms = (0..18).map(|n| at(n).1).collect();
+        let wobble = |n: u32| 1.0 + 0.004 * f64::from((n * 7 + place as u32 * 3) % 5);
+        record.samples_ms =
+            (0..18).map(|n| slow(name) * speed(at(n).0) * wobble(n) * f64::from(side)).collect();
+        record.median_ms = Some(f64::from(side));
+        records.push(record);
+    }
+    for n in 0..18_u32 {
+        let (launch, at_ms) = (n / 6, f64::from(10 * (n % 6)) + 5.0);
+        let ms = 3.0 * speed(launch) * (1.0 + 0.004 * f64::from(n * 3 % 5));
+        anchors.push(AnchorSample {
+            anchor: "a".into(),
+            device: "gpu".into(),
+            launch,
+            round: n % 6,
+            at_ms,
+            ms,
+        });
+    }
+    Folder { label: label.into(), records: judged(records), anchors, ..Folder::default() }
+}
+
+#[test]
+fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
+    let usual = anchored("old", 1.0, |_| 1.0);
+    let slow_machine = of(&usual, &anchored("new", 1.5, |_| 1.0));
+    assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 4 same, 0 unclear");
+    assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
+    let all = of(&usual, &anchored("new", 0.7, |_| 1.1));
+    assert!(all.regressions(5.0)[0].starts_with("all points together are 10"), "{:?}", all.regressions(5.0));
+    let one = of(&usual, &anchored("new", 1.2, |name| if name == "wide" { 1.1 } else { 1.0 }));
+    let found = one.regressions(5.0);
+    assert!(found[0].starts_with("wide at its 2 points is 10"), "{found:?}");
+    assert!(found.iter().all(|line| !line.contains("naive") && !line.contains("all points")), "{found:?}");
+    assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
+}
+
+#[test]
+fn another_anchor_tells_nothing() {
+    let mut other = anchored("new", 1.0, |_| 1.1);
+    other.anchors.iter_mut().for_each(|sample| sample.anchor = "b".into());
+    let comparison = of(&anchored("old", 1.0, |_| 1.0), &other);
+    assert!(comparison.pairs.iter().all(|pair| !matches!(pair.change, Some((_, Against::Anchor)))));
+    assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }

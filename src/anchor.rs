@@ -1,0 +1,204 @@
+//! The anchor: a fixed kernel that is timed in every round beside the points of a device. No folder of kernels replaces it, so
+//! that two runs whose machine changed meanwhile can be compared by ratios to it.
+
+use crate::device::DeviceInfo;
+use crate::error::{Error, Result};
+use crate::launch::{FrameTimes, Queue, duration_ms};
+use crate::program::Sources;
+use ocl::prm::Float4;
+use ocl::{Buffer, Event, Kernel, MemFlags, Program};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use std::time::Instant;
+
+/// The kernel's file.
+const FILE: &str = "anchor/spheres.cl";
+/// Spheres that each ray is tested against.
+const SPHERES: usize = 1024;
+/// Work-items of a work-group.
+const GROUP: usize = 64;
+/// Rays per compute unit: some milliseconds on a CPU, a fifth of one on a large GPU.
+const RAYS_PER_UNIT: usize = 4096;
+/// Rays whose distances are compared with the host's.
+const CHECKED: usize = 4096;
+/// Rays that may differ from the host's, which rounds otherwise: those that graze a sphere.
+const MOST_GRAZING: usize = CHECKED / 100;
+/// MISS in the kernel.
+const MISS: f32 = 1e30;
+
+/// What the anchor of a device is called in `anchors.jsonl`: equal where the same work is done by the same device.
+pub fn name(device: &DeviceInfo) -> Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    let rays = rays(device.limits.compute_units);
+    for part in [text()?, options(), rays.to_string(), device.identity(), device.state()] {
+        hasher.update(part.as_bytes());
+        hasher.update(&[0]);
+    }
+    Ok(hasher.finalize().to_hex()[..32].to_owned())
+}
+
+/// The anchor on an open device.
+pub struct Anchor {
+    queue: Queue,
+    kernel: Kernel,
+    // The kernel's arguments, which live as long as it does.
+    _spheres: Buffer<Float4>,
+    _distances: Buffer<f32>,
+}
+
+impl Anchor {
+    /// Builds it, runs it once and compares what it found with the host.
+    pub fn build(queue: &Queue, compute_units: u32) -> Result<Self> {
+        Self::of_text(queue, compute_units, &text()?)
+    }
+
+    fn of_text(queue: &Queue, compute_units: u32, text: &str) -> Result<Self> {
+        let program = Program::builder()
+            .src(text)
+            .cmplr_opt(options())
+            .devices(queue.device)
+            .build(&queue.context)
+            .map_err(failed)?;
+        let rays = rays(compute_units);
+        let spheres = spheres();
+        let on_device: Vec<Float4> =
+            spheres.iter().map(|[x, y, z, squared]| Float4::new(*x, *y, *z, *squared)).collect();
+        let buffer = |len| Buffer::<f32>::builder().queue(queue.commands.clone()).len(len).build();
+        let distances = buffer(rays).map_err(failed)?;
+        let uploaded = Buffer::builder()
+            .queue(queue.commands.clone())
+            .flags(MemFlags::READ_ONLY)
+            .len(on_device.len())
+            .copy_host_slice(&on_device)
+            .build()
+            .map_err(failed)?;
+        let kernel = Kernel::builder()
+            .program(&program)
+            .name("cast_at_spheres")
+            .queue(queue.commands.clone())
+            .global_work_size(rays)
+            .local_work_size(GROUP)
+            .arg(&uploaded)
+            .arg(&distances)
+            .build()
+            .map_err(failed)?;
+        let anchor = Self { queue: queue.clone(), kernel, _spheres: uploaded, _distances: distances };
+        anchor.run()?;
+        let mut found = vec![0.0; CHECKED.min(rays)];
+        anchor._distances.read(&mut found).enq().map_err(failed)?;
+        check(&found, &spheres)?;
+        Ok(anchor)
+    }
+
+    /// Runs it once and waits for it.
+    pub fn run(&self) -> Result<FrameTimes> {
+        let start = Instant::now();
+        let mut event = Event::empty();
+        // SAFETY: its two buffers are as long as the kernel's text and range need, and live as long as this does.
+        unsafe { self.kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
+        self.queue.commands.finish().map_err(failed)?;
+        let host_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(FrameTimes::whole(duration_ms(&event).map_err(failed)?, host_ms))
+    }
+}
+
+fn failed(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}"))
+        .with_help("results are right without it; a later run is compared by baselines only")
+}
+
+fn text() -> Result<String> {
+    Sources::Embedded.read(FILE)
+}
+
+fn options() -> String {
+    format!("-D SPHERES={SPHERES} -D GROUP={GROUP} -cl-std=CL1.2")
+}
+
+fn rays(compute_units: u32) -> usize {
+    compute_units.max(1) as usize * RAYS_PER_UNIT
+}
+
+/// Centres and squared radii: scattered before the eye, always the same.
+fn spheres() -> Vec<[f32; 4]> {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut sphere = || {
+        let depth: f32 = rng.random_range(4.0..40.0);
+        let [x, y] = [(); 2].map(|()| depth * rng.random_range(-1.0_f32..1.0));
+        let radius: f32 = depth * rng.random_range(0.01..0.06);
+        [x, y, depth, radius * radius]
+    };
+    (0..SPHERES).map(|_| sphere()).collect()
+}
+
+/// Compares the first rays' distances with the host's.
+fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
+    let agrees = |(ray, found): (usize, &f32)| {
+        let expected = nearest(ray, spheres);
+        (found - expected).abs() <= 1e-3 * expected
+    };
+    let wrong = found.iter().enumerate().filter(|ray| !agrees(*ray)).count();
+    match wrong <= MOST_GRAZING {
+        true => Ok(()),
+        false => Err(failed(format!("{wrong} of {} rays hit something else than on the host", found.len()))),
+    }
+}
+
+/// What the kernel finds for one ray.
+fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
+    let at = |place: usize| (place % 64) as f32 / 32.0 - 1.0;
+    let direction = [at(ray), at(ray / 64), 1.0];
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let length_squared = dot(direction, direction);
+    let mut nearest = MISS;
+    for [x, y, z, radius_squared] in spheres {
+        let centre = [*x, *y, *z];
+        let along = dot(direction, centre);
+        let discriminant = along * along - length_squared * (dot(centre, centre) - radius_squared);
+        let distance = (along - discriminant.sqrt()) / length_squared;
+        // Of a miss it is no number, which is not more than nothing.
+        if distance > 0.0 && distance < nearest {
+            nearest = distance;
+        }
+    }
+    nearest
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+
+    fn queue() -> (Queue, u32) {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let units = device.info.limits.compute_units;
+        (Queue::open(device.platform, device.device).unwrap(), units)
+    }
+
+    #[test]
+    fn rays_hit_spheres_and_miss_them_as_on_the_host() {
+        let (queue, units) = queue();
+        let times = Anchor::build(&queue, units).unwrap().run().unwrap();
+        assert!(times.frame_ms > 0.0 && times.host_ms > 0.0);
+        let spheres = spheres();
+        let hits = (0..CHECKED).filter(|ray| nearest(*ray, &spheres) < MISS).count();
+        assert!((CHECKED / 2..CHECKED).contains(&hits), "{hits} of {CHECKED}");
+    }
+
+    #[test]
+    fn a_kernel_that_casts_otherwise_is_no_anchor() {
+        let (queue, units) = queue();
+        for (right, wrong) in [
+            ("distance < nearest", "distance > nearest"),
+            ("along - sqrt", "along + sqrt"),
+            ("- sphere.w", ""),
+        ] {
+            let text = text().unwrap();
+            assert!(text.contains(right));
+            let broken = Anchor::of_text(&queue, units, &text.replace(right, wrong));
+            let said = broken.err().expect("it is wrong").to_string();
+            assert!(said.contains("hit something else"), "{said}");
+        }
+    }
+}

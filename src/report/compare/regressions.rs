@@ -1,0 +1,76 @@
+//! What is surely slower than it may be: single points, every strategy's points together, and all points together. Many points
+//! that are a little slower each are so found where none of them is sure, as when a file changed that all strategies share.
+
+use super::{Against, Comparison, Pair, percent};
+use crate::measure::Interval;
+use crate::record::{anchored_mean, are_together, ratio_of_means};
+
+/// How many comparisons of two runs of the same thing find a regression, at the most.
+const RISK: f64 = 0.02;
+
+/// One line for each. The risk is shared out in thirds: to all points together, to the strategies, and to the points.
+pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
+    let limit = 1.0 + limit_percent / 100.0;
+    let slower = |what: &str, change: Interval, tests: usize| {
+        let sure = change.surely_above(RISK / 3.0 / tests as f64);
+        let [middle, sure_percent] = [change.middle, sure].map(percent);
+        (sure > limit).then(|| format!("{what} {middle:.1}% slower (surely {sure_percent:.1}%)"))
+    };
+    let kernels: Vec<&Pair> =
+        comparison.pairs.iter().filter(|pair| pair.change.is_some() && !pair.before.is_baseline()).collect();
+    let together = change_of(&kernels).and_then(|change| slower("all points together are", change, 1));
+    let strategies = by_strategy(&kernels);
+    let of_strategies = strategies.iter().filter_map(|(name, pairs)| {
+        slower(&format!("{name} at its {} points is", pairs.len()), change_of(pairs)?, strategies.len())
+    });
+    let judged = comparison.pairs.iter().filter_map(|pair| Some((pair, pair.change?.0))).collect::<Vec<_>>();
+    let several = comparison.has_several_devices();
+    let of_points = judged
+        .iter()
+        .filter_map(|(pair, change)| slower(&format!("{} is", pair.point(several)), *change, judged.len()));
+    let broken = comparison.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
+    together.into_iter().chain(of_strategies).chain(of_points).chain(broken).collect()
+}
+
+/// Strategies of several points, by name.
+fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
+    let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
+    for &pair in kernels {
+        match strategies.iter_mut().find(|(name, _)| *name == pair.before.name) {
+            Some((_, pairs)) => pairs.push(pair),
+            None => strategies.push((&pair.before.name, vec![pair])),
+        }
+    }
+    strategies.retain(|(_, pairs)| pairs.len() > 1);
+    strategies
+}
+
+/// How some points changed together: the mean over groups that were measured together. None where one of them has nothing fixed
+/// beside it.
+fn change_of(pairs: &[&Pair]) -> Option<Interval> {
+    let mut groups: Vec<Vec<&Pair>> = Vec::new();
+    for &pair in pairs {
+        let is_beside = |group: &Vec<&Pair>| {
+            are_together(&group[0].before, &pair.before)
+                && are_together(&group[0].after, &pair.after)
+                && group[0].before.device == pair.before.device
+        };
+        match groups.iter_mut().find(|group| is_beside(group)) {
+            Some(group) => group.push(pair),
+            None => groups.push(vec![pair]),
+        }
+    }
+    let changes: Option<Vec<Interval>> = groups.iter().map(|group| change_of_group(group)).collect();
+    Interval::mean(&changes?)
+}
+
+fn change_of_group(group: &[&Pair]) -> Option<Interval> {
+    let (_, against) = group.first()?.change?;
+    let before: Vec<_> = group.iter().map(|pair| &pair.before).collect();
+    let after: Vec<_> = group.iter().map(|pair| &pair.after).collect();
+    match against {
+        Against::SameRounds => ratio_of_means(&after, &before),
+        Against::Anchor => Some(anchored_mean(&after)?.over(anchored_mean(&before)?)),
+        _ => None,
+    }
+}
