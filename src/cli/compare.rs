@@ -24,7 +24,8 @@ pub struct Args {
     /// Compare the times themselves instead of their ratios to what was measured with them
     #[arg(long)]
     times: bool,
-    /// Exit with 1 where a point is surely slower by more than this, or failed that ran before
+    /// Exit with 1 where all points, a strategy's points or one point is surely slower by more than this, or a point failed that
+    /// ran before. Of 50 comparisons of a thing with itself at most one ends so
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots here

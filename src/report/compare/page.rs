@@ -41,8 +41,8 @@ impl Comparison {
     /// How verdicts are found.
     fn rule(&self) -> String {
         format!(
-            "Changes are ratios of ratios: of a point to the baselines that were measured in its rounds, or without any to the \
-             points that changed alike, in each folder. Faster and slower: the 95% interval lies beyond {0}%; same: it lies \
+            "Changes are ratios of ratios: of a point to the anchor of its device, a fixed kernel that was timed in its rounds; \
+             without one to the baselines in its rounds, or to the points that changed alike, in each folder. Faster and slower: the 95% interval lies beyond {0}%; same: it lies \
              within {0}%; else unclear. So a verdict is wrong in at most one of 40 points. Fewer than five samples in a launch \
              are not enough.",
             self.threshold_percent()
