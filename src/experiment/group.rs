@@ -4,8 +4,10 @@
 use super::Run;
 use super::complete::{Taken, complete};
 use super::keeper::Keep;
+use super::open::Open;
 use super::rounds::{End, Rounds, measure};
-use super::supervisor::{Checked, Supervisor, Task};
+use super::supervisor::{Checked, Supervisor};
+use crate::device_lock::LockName;
 use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::load::Watch;
@@ -13,36 +15,6 @@ use crate::measure::{StopReason, StoppingRule};
 use crate::record::{Record, RoundLoad, judge};
 use std::collections::{BTreeSet, HashSet};
 use std::time::Instant;
-
-/// A point that is yet to be measured.
-pub struct Open {
-    /// Its place in the plan.
-    pub point: usize,
-    /// The device whose worker runs it.
-    pub device: usize,
-    /// Its scene, by its number.
-    scene: usize,
-    /// For the observer.
-    pub label: String,
-    /// What is known of it.
-    pub record: Record,
-    /// The hash of its picture, once that was compared with the reference.
-    verified: Option<String>,
-    /// Its samples of whole launches.
-    taken: Vec<Taken>,
-}
-
-impl Open {
-    /// A point of which nothing is known but its draft: by its number, its device's and its scene's.
-    pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
-        Self { point, device, scene, label, record, verified: None, taken: Vec::new() }
-    }
-
-    fn task(&self) -> Task<'_> {
-        let (key, verified) = (&self.record.key, self.verified.as_deref());
-        Task { point: self.point, device: self.device, scene: self.scene, key, verified }
-    }
-}
 
 /// Points that are compared with each other, and how far they are.
 pub struct OpenGroup {
@@ -150,7 +122,7 @@ impl OpenGroup {
         keeper: &mut impl Keep,
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
-        let devices = run.lock_names(&self.points);
+        let devices = lock_names(run, &self.points);
         for mut open in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
             let interrupted = supervisor.interrupted();
@@ -184,7 +156,7 @@ impl OpenGroup {
         keeper: &mut impl Keep,
     ) -> Result<End> {
         let timing = &run.experiment.timing;
-        let devices = run.lock_names(&self.points);
+        let devices = lock_names(run, &self.points);
         let interrupted = supervisor.interrupted();
         let _held = run.locks.take_all(devices, &mut |line| keeper.says(line), interrupted)?;
         let launch = keeper.next_launch();
@@ -222,6 +194,13 @@ impl OpenGroup {
         }
         records.into_iter().try_for_each(|record| keeper.keep(record))
     }
+}
+
+/// What the devices of some points are locked by.
+fn lock_names(run: &Run<'_>, points: &[Open]) -> Vec<LockName> {
+    let count = run.devices.len().max(1);
+    let device = |open: &Open| run.devices.get(open.device % count).filter(|_| !open.record.is_baseline());
+    points.iter().map(|open| LockName::of(device(open).copied())).collect()
 }
 
 /// What was checked, by the names of its draft: a worker knows of one folder of kernels only.

@@ -2,21 +2,13 @@
 //! docs/methodology.md states it.
 
 use super::numbers::{by, significant};
-use super::summary::median;
-use super::types::Record;
+use super::place::Place;
+use super::types::{Outcome, Record};
 use crate::measure::{Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::BTreeMap;
 
 /// Points that differ by no more than this part are a tie, however sure the difference is.
 const TIE: f64 = 0.01;
-
-/// Where a record stands among those that were measured with it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Place {
-    /// What tells those that were measured together from others.
-    together: blake3::Hash,
-    standing: Standing,
-}
 
 /// Finds where each measured record stands. Records of the same launches were measured together; those of earlier versions,
 /// which tell no launch, where scene, image size and device are the same.
@@ -67,6 +59,11 @@ fn name(samples: &[PairedSample]) -> blake3::Hash {
         hasher.update(&sample.ms.to_le_bytes());
     }
     hasher.finalize()
+}
+
+/// The median of a measured record.
+pub fn median(record: &Record) -> Option<f64> {
+    record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
 
 /// How many launches its samples are of.

@@ -1,0 +1,12 @@
+//! Where a record stands among those that were measured with it.
+
+use crate::measure::Standing;
+
+/// Where a record stands among those that were measured with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// What tells those that were measured together from others.
+    pub(super) together: blake3::Hash,
+    /// Its own times, and how they go with the others'.
+    pub(super) standing: Standing,
+}
