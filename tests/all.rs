@@ -1,6 +1,7 @@
 //! Every test that is not beside what it tests, as one program: it is linked once, and its tests share both cores to the
 //! end. `cargo test --test all kernels::` runs those of one file.
 #![allow(missing_docs, reason = "a test program has no documentation")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod binary;
 mod common;
@@ -18,6 +19,7 @@ mod goldens;
 mod hostile;
 mod kernel;
 mod kernels;
+mod launches;
 mod made;
 mod mutants;
 mod numbers;
@@ -29,6 +31,7 @@ mod readme;
 mod render;
 mod report;
 mod reproduce;
+mod resuming;
 mod run;
 mod scenes;
 mod session;

@@ -211,7 +211,7 @@ fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
     let device = crate::binary::device();
-    let render = ["render", "scene.toml", "--device", &device, "--cl-dir", kernels.to_str().expect("UTF-8")];
+    let render = ["render", "scene.toml", "--device", &device, "--cl-dir", &kernels];
     let message = place.mistake(&render, 1);
     has(&message, &["the build failed", "cast/shade.cl:1"]);
     assert!(!message.contains("####"), "{message}");

@@ -1,30 +1,21 @@
 //! Two commands that measure on one device: the second waits, says for whom, and never times beside the first.
 
-use crate::binary::{Place, device, has, repository, send_interrupt, until};
+use crate::binary::{Place, TRIANGLE, config, device, has, repository, send_interrupt, until};
 use std::fs::File;
 use std::process::{Child, Command, Stdio};
 
 /// Five points: the baseline, and two kernels at two local sizes.
-const CONFIG: &str = r#"
-question = "?"
-expectation = "!"
-scenes = ["scene.toml"]
+const POINTS: &str = r#"
 image_sizes = [[40, 25]]
 local_sizes = [2, 4]
 strategies = ["naive", "deferred"]
 baselines = ["serial"]
-
-[timing]
-launches = 1
-warmup = 1
-min_samples = 5
-max_samples = 5
 "#;
 /// A point of the kernels, which hangs while it is timed.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
 
 fn place() -> Place {
-    Place::with(&[("scene.toml", crate::binary::TRIANGLE), ("test.toml", CONFIG)])
+    Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
 }
 
 /// Starts the binary in the place, what it says on standard error going to a file there.

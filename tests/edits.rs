@@ -4,7 +4,6 @@
 use crate::binary::{Place, TRIANGLE, device, repository};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 
 /// A folder of results, what it is made of, and what the next run finds.
 struct Ground {
@@ -58,7 +57,12 @@ const EDITS: [Edit; 24] = [
     ("both as before", |ground| ground.set("image_sizes", "[[16, 10]]"), 0, A),
     ("the first local size alone", |ground| ground.set("local_sizes", "[4]"), 0, A),
     ("a strategy by another name", Ground::rename_strategy, 0, A),
-    ("a comment in a kernel file of one strategy", |ground| ground.edit_kernel("deferred.cl"), 1, A),
+    (
+        "a comment in a kernel file of one strategy",
+        |ground| ground.edit_kernel("cast/shading/deferred.cl"),
+        1,
+        A,
+    ),
     ("one thread", |ground| ground.variables.push(("POCL_MAX_PTHREAD_COUNT", "1".to_owned())), 2, A),
     (
         "a log of the driver's, which decides nothing",
@@ -121,15 +125,12 @@ impl Ground {
         };
         // The scene is called as its file is.
         ground.write("a/scene.toml", &TRIANGLE.replace("name = \"little\"\n", ""));
-        let cl = repository("cl");
-        let one = find(&cl, "deferred.cl").expect("a kernel file");
-        let one = one.strip_prefix(&cl).ok().and_then(Path::to_str).expect("a name in it");
-        ground.place.kernels(one, "", "");
+        ground.place.kernels("cast/shading/deferred.cl", "", "");
         ground
     }
 
     fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.place.path(name), text).expect("a file");
+        self.place.write(name, text);
     }
 
     fn set(&mut self, key: &'static str, value: &str) {
@@ -169,10 +170,8 @@ impl Ground {
         self.tables = format!("{}{}{}", self.tables, sweep(0), sweep(1));
     }
 
-    fn edit_kernel(&mut self, name: &str) {
-        let path = find(&self.place.path("kernels"), name).expect("a kernel file");
-        let text = std::fs::read_to_string(&path).expect("a kernel file");
-        std::fs::write(path, format!("{text}// A comment.\n")).expect("a kernel file");
+    fn edit_kernel(&mut self, file: &str) {
+        self.edit(&format!("kernels/{file}"), "\n\n", "\n// A comment.\n\n");
     }
 
     /// Runs, and says how many points were measured.
@@ -264,13 +263,6 @@ impl Ground {
 
 fn in_file_names(scene: &str) -> String {
     scene.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
-}
-
-fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).find_map(|path| match path.is_dir() {
-        true => find(&path, name),
-        false => Some(path).filter(|path| path.ends_with(name)),
-    })
 }
 
 fn word(value: &Value) -> String {

@@ -1,30 +1,11 @@
 //! What somebody with bad intentions, or a broken machine, can put in the way: drivers that die when they are listed,
 //! results folders that lead elsewhere, arguments that are no text.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, device, has, one_point};
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
 use std::process::Command;
-
-/// One point that takes no time.
-const CONFIG: &str = r#"question = "?"
-expectation = "!"
-scenes = ["scene.toml"]
-image_sizes = [[8, 5]]
-local_sizes = [4]
-strategies = ["deferred"]
-
-[timing]
-launches = 1
-warmup = 0
-min_samples = 1
-max_samples = 1
-"#;
-
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
-}
 
 /// The arguments of a run into `out` on the test device.
 fn run<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
@@ -48,7 +29,7 @@ fn driver(place: &Place, body: &str) -> std::path::PathBuf {
 
 #[test]
 fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
-    let place = place();
+    let place = one_point();
     let vendors = driver(&place, "abort()");
     let output =
         place.raycl(&run("all", &[])).env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
@@ -61,7 +42,7 @@ fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
 
 #[test]
 fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
-    let place = place();
+    let place = one_point();
     let name = OsStr::from_bytes(b"o\xffut");
     for option in ["--out", "--cl-dir"] {
         let refused =
@@ -77,7 +58,7 @@ fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
 
 #[test]
 fn a_folder_of_results_leads_nowhere_else() {
-    let place = place();
+    let place = one_point();
     let device = device();
     place.raycl(&run(&device, &[])).assert().success();
     let elsewhere = place.path("elsewhere");
@@ -112,7 +93,7 @@ fn a_folder_of_results_leads_nowhere_else() {
 
 #[test]
 fn a_device_in_the_place_of_a_file_is_not_read() {
-    let place = place();
+    let place = one_point();
     let device = device();
     place.raycl(&run(&device, &[])).assert().success();
     for name in ["samples.jsonl", "records.jsonl"] {

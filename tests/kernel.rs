@@ -12,23 +12,11 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
-/// A scene of sizes that no two arrays share.
-const WORKLOAD: Workload = Workload {
-    triangles: 12,
-    positions: 8,
-    normals: 6,
-    materials: 2,
-    lights: 1,
-    stack_size: 32,
-    image_size: [64, 64],
-    local_size: [8, 8],
-};
-
 /// The program of a strategy on a device with these lane operations.
 fn program(strategy: &Strategy, lanes: LaneOperations) -> ProgramSpec {
     let local_size = if strategy.shares_tiles() { [32, lanes.usual_groups()] } else { [8, 8] };
     let builtins = Builtins { reduce: true, prefetch: true, lanes, ..Builtins::default() };
-    let workload = Workload { local_size, ..WORKLOAD };
+    let workload = Workload { local_size, ..Workload::CUBE };
     ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program")
 }
 
@@ -188,9 +176,8 @@ fn sizes_are_those_of_the_scene_and_the_local_size() {
 fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
     let (place, file) = (Place::new(), "cast/intersect/moller_trumbore.cl");
     let folder = place.kernels(file, "// Of a ray", "// Quite another comment:\n\n  // Of a ray");
-    let folder = folder.to_str().expect("a path");
     let of = |arguments: &[&str]| place.output(&[&["kernel", "naive", "--canonical"], arguments].concat());
-    assert_eq!(of(&[]), of(&["--cl-dir", folder]));
+    assert_eq!(of(&[]), of(&["--cl-dir", &folder]));
     assert_ne!(of(&[]), of(&["--local-size", "4x4"]));
 }
 
@@ -205,7 +192,7 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
     {
         let place = Place::new();
         let folder = place.kernels(file, "\n\n", &format!("\n{line}\n"));
-        let message = place.mistake(&["kernel", "naive", "--cl-dir", folder.to_str().expect("a path")], 2);
+        let message = place.mistake(&["kernel", "naive", "--cl-dir", &folder], 2);
         has(&message, &[&format!("{file}, line {at}: {said}"), "help: "]);
     }
     let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);

@@ -97,10 +97,7 @@ impl Mutant {
         let text = Sources::Embedded.read(&self.file).expect("a kernel file");
         let found = text.matches(&self.from).count();
         assert_eq!(found, 1, "{}: {:?} has to be there once", self.file, self.from);
-        let path = place.path("broken").join(&self.file);
-        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
-        std::fs::write(&path, text.replacen(&self.from, &self.to, 1)).expect("a file");
-        place.path("broken").to_str().expect("UTF-8").to_owned()
+        place.kernels(&self.file, &self.from, &self.to)
     }
 }
 
@@ -116,16 +113,7 @@ fn with_values(base: &str, with: &str) -> Strategy {
 
 /// The files that a strategy's program is made of.
 fn files(strategy: &Strategy) -> Vec<String> {
-    let workload = Workload {
-        triangles: 10,
-        positions: 10,
-        normals: 10,
-        materials: 1,
-        lights: 1,
-        stack_size: 32,
-        image_size: [64, 64],
-        local_size: [32, 1],
-    };
+    let workload = Workload { local_size: [32, 1], ..Workload::CUBE };
     let builtins = *BUILTINS.get_or_init(|| common::device().info.builtins());
     ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program").files
 }

@@ -1,6 +1,6 @@
 //! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as docs/kernels.md tells.
 
-use crate::binary::{Place, TRIANGLE, device, has, repository};
+use crate::binary::{Place, TRIANGLE, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
 use raycl::strategy::{Records, Strategy, preset};
 use serde_json::Value;
@@ -15,18 +15,10 @@ const FILE: &str = "cast/intersect/baldwin_weber.cl";
 
 /// A folder with the example's file, changed, under another name or not.
 fn changed(place: &Place, file: &str, from: &str, to: &str) -> String {
-    let text = std::fs::read_to_string(repository("docs/kernels").join(FILE)).expect("the example");
-    assert!(from.is_empty() || text.contains(from), "the example no longer says {from}");
-    let path = place.path("kernels").join(file);
-    std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
-    std::fs::write(&path, if from.is_empty() { text } else { text.replacen(from, to, 1) }).expect("a file");
-    "kernels".to_owned()
+    place.kernels_of(&format!("docs/kernels/{FILE}"), file, from, to)
 }
 
-const CONFIG: &str = r#"
-question = "?"
-expectation = "!"
-scenes = ["scene.toml"]
+const POINTS: &str = r#"
 image_sizes = [[40, 30]]
 local_sizes = [4]
 
@@ -38,12 +30,6 @@ intersector = ["moller-trumbore", "baldwin-weber"]
 preset = "bvh"
 intersector = "baldwin-weber"
 records = "once"
-
-[timing]
-launches = 1
-warmup = 0
-min_samples = 5
-max_samples = 5
 "#;
 
 #[test]
@@ -71,7 +57,7 @@ fn a_file_is_a_value_at_once() {
 
 #[test]
 fn an_experiment_takes_it_and_its_text_is_in_the_key() {
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 0, 5))]);
     let device = device();
     let run = |cl: &str| {
         let run =
@@ -171,11 +157,8 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
 #[test]
 fn a_folder_holds_what_differs() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let store = std::fs::read_to_string(repository("cl/common/store_radiance.cl")).expect("a kernel file");
-    std::fs::create_dir_all(place.path("kernels/common")).expect("a folder");
-    std::fs::write(place.path("kernels/common/store_radiance.cl"), format!("#error \"mine\"\n{store}"))
-        .expect("a file");
-    let message = place.mistake(&["kernel", "naive", "--cl-dir", "kernels"], 2);
+    let kernels = place.kernels("common/store_radiance.cl", "", "#error \"mine\"\n");
+    let message = place.mistake(&["kernel", "naive", "--cl-dir", &kernels], 2);
     has(&message, &["common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
@@ -191,9 +174,7 @@ fn each_axis_of_files_takes_a_new_one() {
         ("tile_cpu/intersect", "edge_planes", "my_planes"),
     ];
     for (folder, from, to) in copies {
-        let to = place.path("kernels").join(folder).join(format!("{to}.cl"));
-        std::fs::create_dir_all(to.parent().expect("a folder")).expect("a folder");
-        std::fs::copy(repository("cl").join(folder).join(format!("{from}.cl")), to).expect("a copy");
+        place.kernels_of(&format!("cl/{folder}/{from}.cl"), &format!("{folder}/{to}.cl"), "", "");
     }
     let kernel = |strategy: &str| place.output(&["kernel", strategy, "--cl-dir", "kernels"]);
     let canonical = |strategy| place.output(&["kernel", strategy, "--cl-dir", "kernels", "--canonical"]);

@@ -1,7 +1,7 @@
 //! What lies where a command is to write: a file that raycl did not make, or that was changed since, stays without `--force`.
 //! Reports and comparisons are tested in tests/report.rs.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, device, has, one_point};
 use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -12,24 +12,6 @@ const MINE: &str = "the only copy";
 
 /// Only a hang takes longer.
 const LIMIT: Duration = Duration::from_secs(180);
-
-const CONFIG: &str = r#"question = "?"
-expectation = "!"
-scenes = ["scene.toml"]
-image_sizes = [[8, 5]]
-local_sizes = [4]
-strategies = ["deferred"]
-
-[timing]
-launches = 1
-warmup = 0
-min_samples = 1
-max_samples = 1
-"#;
-
-fn place() -> Place {
-    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
-}
 
 /// The command is refused before any work, so without a driver too: the file is as it was, and the message says what to do.
 fn refused(place: &Place, arguments: &[&str], file: &str, parts: &[&str]) {
@@ -67,7 +49,7 @@ fn a_texture_beside_its_mesh_stays() {
 
 #[test]
 fn pictures_of_every_format_are_replaced_until_somebody_changes_them() {
-    let place = place();
+    let place = one_point();
     for name in ["a.png", "a.jpg", "a.exr", "a.hdr"] {
         let arguments = ["scene.toml", "-o", name];
         render(&place, &arguments);
@@ -87,7 +69,7 @@ fn pictures_of_every_format_are_replaced_until_somebody_changes_them() {
 
 #[test]
 fn an_edited_picture_that_kept_its_comment_stays() {
-    let place = place();
+    let place = one_point();
     render(&place, &["scene.toml", "-o", "a.png"]);
     let made = std::fs::read(place.path("a.png")).expect("a picture");
     let chunk = 33..33 + 12 + u32::from_be_bytes(made[33..37].try_into().expect("a length")) as usize;
@@ -143,7 +125,7 @@ impl Drop for Watching {
 
 #[test]
 fn watching_goes_on_where_the_picture_was_changed_meanwhile() {
-    let place = place();
+    let place = one_point();
     let watching = Watching::start(&place);
     let picture = place.path("scene.png");
     let is_picture = || image::open(&picture).is_ok();
@@ -168,7 +150,7 @@ fn watching_goes_on_where_the_picture_was_changed_meanwhile() {
 
 #[test]
 fn limits_and_what_was_compiled_stay_where_they_are_somebodys() {
-    let place = place();
+    let place = one_point();
     std::fs::write(place.path("notes.json"), MINE).expect("a file");
     refused(&place, &["peak", "--out", "notes.json"], "notes.json", &[STRANGE, "`--out FILE`"]);
 
@@ -184,15 +166,14 @@ fn limits_and_what_was_compiled_stay_where_they_are_somebodys() {
     place.output(&[&again[..], &["--force"]].concat());
     assert_eq!(place.text("made/naive/source.cl"), source);
 
-    std::fs::create_dir_all(place.path("other/naive")).expect("a folder");
-    std::fs::write(place.path("other/naive/build.log"), MINE).expect("a file");
+    place.write("other/naive/build.log", MINE);
     let command = ["compile", "scene.toml", "--strategy", "naive", "--out", "other"];
     refused(&place, &command, "other/naive/build.log", &[STRANGE]);
 }
 
 #[test]
 fn runs_write_into_folders_of_results_only() {
-    let (place, device) = (place(), device());
+    let (place, device) = (one_point(), device());
     std::fs::create_dir(place.path("thesis")).expect("a folder");
     std::fs::write(place.path("thesis/summary.md"), MINE).expect("a file");
     let run = ["run", "config.toml", "--out", "thesis"];

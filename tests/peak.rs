@@ -1,24 +1,19 @@
 //! `raycl peak`, and what a run does with them. No figure is judged but that there is one: every kernel of
 //! `cl/peak/` checks its own result.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, config, device, has};
 use serde_json::Value;
 
-const CONFIG: &str = r#"
-question = "?"
-expectation = "!"
-scenes = ["scene.toml"]
+const POINTS: &str = r#"
 image_sizes = [[40, 30]]
 local_sizes = [4]
 strategies = ["naive", "watertight", "bvh"]
 baselines = ["serial"]
-
-[timing]
-launches = 1
-warmup = 1
-min_samples = 5
-max_samples = 5
 "#;
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
+}
 
 /// The names of a device's figures.
 const FIGURES: [&str; 10] = [
@@ -36,7 +31,7 @@ const FIGURES: [&str; 10] = [
 
 #[test]
 fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    let place = place();
     let device = device();
     let text = place.output(&["peak", "--device", &device, "--out", "peak.json"]);
     has(&text, &["multiply-adds", "Gfma/s", "__local reads", "GB/s", "global memory", "ns"]);
@@ -80,7 +75,7 @@ fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
 
 #[test]
 fn a_point_records_what_the_compiler_made() {
-    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    let place = place();
     place.output(&["run", "test.toml", "--device", &device(), "--out", "out", "--quiet"]);
     for record in place.json_lines("out/records.jsonl") {
         let kernels = record["kernels"].as_array().expect("a list");
@@ -96,7 +91,8 @@ fn a_point_records_what_the_compiler_made() {
 
 #[test]
 fn an_old_spelling_is_answered_with_the_new_one() {
-    let place = Place::with(&[("test.toml", CONFIG), ("old.toml", &format!("{CONFIG}[limits]\n"))]);
+    let text = config(POINTS, 1, 5);
+    let place = Place::with(&[("test.toml", &text), ("old.toml", &format!("{text}[limits]\n"))]);
     has(&place.mistake(&["limits"], 2), &["did you mean `raycl peak`?"]);
     has(&place.mistake(&["run", "test.toml", "--limits=peak.json"], 2), &["did you mean `--peak`?"]);
     has(&place.mistake(&["run", "old.toml"], 2), &["old.toml:15", "did you mean 'emulate'?"]);

@@ -179,7 +179,7 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     assert!(report(&place, &["scene.toml"])["verified"].is_null());
 
     let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
-    let wrong = ["--cl-dir", kernels.to_str().expect("UTF-8"), "-o", "wrong.png"];
+    let wrong = ["--cl-dir", &kernels, "-o", "wrong.png"];
     let message = place.mistake(&[&arguments[..], &wrong].concat(), 1);
     has(&message, &["the picture is wrong: ", "it is kept, to be looked at: wrong.png"]);
     assert!(place.path("wrong.png").exists());

@@ -145,7 +145,7 @@ fn launches_are_in_the_journals_and_one_is_called_a_look() {
 fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
     let place = place();
     let new = place.kernels("cast/vectors/local.cl", "//", "// Edited.\n//");
-    let (old, new) = (repository("cl"), new.to_str().expect("UTF-8").to_owned());
+    let (old, new) = (repository("cl"), new);
     let both = ["--cl-dir", old.to_str().expect("UTF-8"), "--cl-dir", &new, "--fail-on-regression", "9999"];
     let device = device();
     let said = place.output(&arguments(&device, &both));
@@ -180,8 +180,7 @@ fn the_environment_says_what_ran_where() {
 #[test]
 fn a_dry_run_compiles_nothing_and_writes_nothing() {
     let (place, device) = (place(), device());
-    std::fs::create_dir_all(place.path("kernels/common")).expect("a folder");
-    std::fs::write(place.path("kernels/common/hit.cl"), "no C at all").expect("a file that does not compile");
+    place.write("kernels/common/hit.cl", "no C at all");
     let text = place.output(&arguments(&device, &["--dry-run", "--cl-dir", "kernels"]));
     has(&text, &["__local B", "scratch B", "naive 4x4", "local-vectors 8x2", "host", "5 points, 0 of which"]);
     assert!(!place.path("out").exists());
@@ -219,7 +218,7 @@ fn what_a_device_cannot_hold_is_an_outcome_and_no_failure() {
 fn a_kernel_that_does_not_compile_is_an_outcome_and_a_failure() {
     let place = place();
     let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
-    let records = records(&place, &["--cl-dir", kernels.to_str().expect("UTF-8")], 1);
+    let records = records(&place, &["--cl-dir", &kernels], 1);
     let failed: Vec<_> = records.iter().filter(|record| record["outcome"] == "build-failed").collect();
     assert_eq!((records.len(), failed.len()), (5, 4));
     for record in failed {
@@ -232,7 +231,7 @@ fn a_kernel_that_does_not_compile_is_an_outcome_and_a_failure() {
 fn a_wrong_image_is_never_timed_and_shows_where() {
     let place = place();
     let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
-    let more = ["--cl-dir", kernels.to_str().expect("UTF-8"), "--set", "strategies=[\"naive\"]"];
+    let more = ["--cl-dir", &kernels, "--set", "strategies=[\"naive\"]"];
     let records = records(&place, &more, 1);
     let wrong: Vec<_> = records.iter().filter(|record| record["outcome"] == "wrong-image").collect();
     assert_eq!((records.len(), wrong.len()), (3, 2));

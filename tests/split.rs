@@ -1,7 +1,7 @@
 //! One frame on several devices: the same pixels as on one; a run on several; several frames in one sample. PoCL makes
 //! two devices of one machine.
 
-use crate::binary::{Place, TRIANGLE, repository};
+use crate::binary::{Place, TRIANGLE, config, repository};
 use crate::common::apart::apart;
 use crate::common::{Stand, is_long, scene};
 use raycl::strategy::preset;
@@ -61,26 +61,17 @@ fn same_pixels(place: &Place, one: &str, other: &str) -> bool {
     one.dimensions() == other.dimensions() && one.as_raw() == other.as_raw()
 }
 
-const CONFIG: &str = r#"
-question = "?"
-expectation = "!"
-scenes = ["little.toml"]
+const POINTS: &str = r#"
 image_sizes = [[40, 30], [20, 30], [30, 20], [24, 24]]
 local_sizes = [4]
 strategies = ["deferred", "naive-scratch"]
 baselines = ["serial"]
-
-[timing]
-launches = 1
-warmup = 1
-min_samples = 5
-max_samples = 5
 "#;
 
 #[test]
 fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     apart!();
-    let place = Place::with(&[("little.toml", TRIANGLE), ("test.toml", CONFIG)]);
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))]);
     let run = |more: &[&str]| {
         let all = [
             &["run", "test.toml", "--device", "portable computing language", "--out", "out", "--spread"],

@@ -49,20 +49,6 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
-/// The image's size decides nothing that is compiled.
-const IMAGE_SIZE: [u32; 2] = [64, 64];
-/// A cube in a tree: what is shown where no scene is named.
-const SMALL: Workload = Workload {
-    triangles: 12,
-    positions: 8,
-    normals: 6,
-    materials: 1,
-    lights: 1,
-    stack_size: 32,
-    image_size: IMAGE_SIZE,
-    local_size: [8, 8],
-};
-
 /// Prints the program.
 pub fn run(args: Args) -> Result<()> {
     let sources = Sources::of(args.cl_dir.clone())?;
@@ -107,8 +93,8 @@ fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Work
         false => [8, 8],
     };
     let local_size = args.local_size.unwrap_or(usual);
-    let Some(path) = &args.scene else { return Ok(Workload { local_size, ..SMALL }) };
+    let Some(path) = &args.scene else { return Ok(Workload { local_size, ..Workload::CUBE }) };
     let scene = load_scene(path)?.scene;
     let stack_size = stack_size(&scene.mesh, strategy).map_err(|refused| refused.into_error("the host"))?;
-    Ok(Workload { stack_size, ..Workload::of(&scene, IMAGE_SIZE, local_size) })
+    Ok(Workload { stack_size, ..Workload::of(&scene, Workload::CUBE.image_size, local_size) })
 }

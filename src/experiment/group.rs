@@ -4,9 +4,12 @@
 use super::Run;
 use super::complete::{Taken, complete};
 use super::keeper::Keep;
+use super::open::Open;
 use super::rounds::{End, Rounds, measure};
-use super::supervisor::{Checked, Supervisor, Task};
+use super::supervisor::{Checked, Supervisor};
 use crate::anchor;
+use crate::device::DeviceInfo;
+use crate::device_lock::LockName;
 use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::load::Watch;
@@ -14,36 +17,6 @@ use crate::measure::{StopReason, StoppingRule};
 use crate::record::{AnchorSample, Record, RoundLoad, judge};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
-
-/// A point that is yet to be measured.
-pub struct Open {
-    /// Its place in the plan.
-    pub point: usize,
-    /// The device whose worker runs it.
-    pub device: usize,
-    /// Its scene, by its number.
-    scene: usize,
-    /// For the observer.
-    pub label: String,
-    /// What is known of it.
-    pub record: Record,
-    /// The hash of its picture, once that was compared with the reference.
-    verified: Option<String>,
-    /// Its samples of whole launches.
-    taken: Vec<Taken>,
-}
-
-impl Open {
-    /// A point of which nothing is known but its draft: by its number, its device's and its scene's.
-    pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
-        Self { point, device, scene, label, record, verified: None, taken: Vec::new() }
-    }
-
-    fn task(&self) -> Task<'_> {
-        let (key, verified) = (&self.record.key, self.verified.as_deref());
-        Task { point: self.point, device: self.device, scene: self.scene, key, verified }
-    }
-}
 
 /// Points that are compared with each other, and how far they are.
 pub struct OpenGroup {
@@ -151,7 +124,7 @@ impl OpenGroup {
         keeper: &mut impl Keep,
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
-        let devices = run.lock_names(&self.points);
+        let devices = lock_names(run, &self.points);
         for mut open in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
             let interrupted = supervisor.interrupted();
@@ -185,7 +158,7 @@ impl OpenGroup {
         keeper: &mut impl Keep,
     ) -> Result<End> {
         let timing = &run.experiment.timing;
-        let devices = run.lock_names(&self.points);
+        let devices = lock_names(run, &self.points);
         let interrupted = supervisor.interrupted();
         let _held = run.locks.take_all(devices, &mut |line| keeper.says(line), interrupted)?;
         let launch = keeper.next_launch();
@@ -238,6 +211,17 @@ impl OpenGroup {
     }
 }
 
+/// The device that a point is measured on; none for a caster on the host.
+fn device_of<'a>(run: &Run<'a>, open: &Open) -> Option<&'a DeviceInfo> {
+    let device = run.devices.get(open.device % run.devices.len().max(1));
+    device.filter(|_| !open.record.is_baseline()).copied()
+}
+
+/// What the devices of some points are locked by.
+fn lock_names(run: &Run<'_>, points: &[Open]) -> Vec<LockName> {
+    points.iter().map(|open| LockName::of(device_of(run, open))).collect()
+}
+
 /// What was checked, by the names of its draft: a worker knows of one folder of kernels only.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
@@ -278,7 +262,7 @@ impl<K: Keep> Timed<'_, '_, K> {
     /// Runs the anchor of a point's device where its turn has come. A look is too short for one.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let open = &self.points[point];
-        let Some(device) = self.run.device_of(open).filter(|_| self.run.experiment.timing.launches > 1)
+        let Some(device) = device_of(self.run, open).filter(|_| self.run.experiment.timing.launches > 1)
         else {
             return Ok(());
         };

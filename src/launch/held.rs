@@ -66,16 +66,7 @@ mod tests {
     use super::*;
     use crate::strategy::preset;
 
-    const WORKLOAD: Workload = Workload {
-        triangles: 100,
-        positions: 60,
-        normals: 60,
-        materials: 1,
-        lights: 1,
-        stack_size: 32,
-        image_size: [100, 10],
-        local_size: [8, 8],
-    };
+    const WORKLOAD: Workload = Workload { triangles: 100, image_size: [100, 10], ..Workload::CUBE };
 
     #[test]
     fn a_frame_counts_while_it_lives_and_what_is_shared_counts_for_others() {

@@ -30,16 +30,7 @@ pub(super) fn spec(strategy: &Strategy) -> ProgramSpec {
 }
 
 pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
-    let workload = Workload {
-        triangles: 10,
-        positions: 10,
-        normals: 10,
-        materials: 1,
-        lights: 1,
-        stack_size: 32,
-        image_size: [64, 64],
-        local_size: [32, 1],
-    };
+    let workload = Workload { local_size: [32, 1], ..Workload::CUBE };
     let builtins =
         Builtins { reduce: true, prefetch: false, lanes: LaneOperations::Barriers, opencl_3: true };
     ProgramSpec::new(sources, strategy, &workload, builtins).unwrap_or_else(|error| panic!("{error}"))

@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::numbers::{align_points, by, duration, ms, significant};
-use super::summary::{Group, few_names, groups, median, not_enough, quartiles, scene_notes};
+use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
+use super::together::median;
 use super::together::{interval, launches, ratio, resolution};
 use super::types::{HOST, Record};
 

@@ -12,9 +12,11 @@ mod markdown;
 mod noise;
 mod numbers;
 mod parameters;
+mod place;
 mod plan;
 mod revision;
 mod rounds;
+mod sample;
 mod scenes;
 mod spreadsheet;
 mod summary;
@@ -34,23 +36,25 @@ pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
 pub use noise::{Causes, Noise};
 pub(crate) use numbers::{by, duration, ms, significant};
+pub use place::Place;
 pub use plan::{CurrentPlan, PlannedPoint};
 pub use revision::{DIRTY, dirty_program, is_dirty};
 pub use rounds::RoundLoad;
+pub use sample::Sample;
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
 pub use summary::{Group, groups, scene_notes};
-pub(crate) use summary::{few_names, median, not_enough, quartiles};
+pub(crate) use summary::{few_names, not_enough, quartiles};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};
-pub use together::{Place, judge, judge_beside_anchors};
 pub(crate) use together::{
-    anchored, anchored_mean, are_together, fewest, interval, launches, ranking, ratio, ratio_of_means,
-    ratio_to_mean,
+    anchored, anchored_mean, are_together, fewest, interval, launches, median, ranking, ratio,
+    ratio_of_means, ratio_to_mean,
 };
-pub use types::{HOST, Outcome, Record, Sample};
+pub use together::{judge, judge_beside_anchors};
+pub use types::{HOST, Outcome, Record};
 pub use whole::{
     TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_page, write_whole,
 };

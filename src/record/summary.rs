@@ -1,7 +1,7 @@
 //! What records say when they are put side by side: groups, winners, speed-ups.
 
-use super::together::{fewest, interval, ranking};
-use super::types::{Outcome, Record};
+use super::together::{fewest, interval, median, ranking};
+use super::types::Record;
 use crate::measure::{Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
 
@@ -78,11 +78,6 @@ impl<'a> Group<'a> {
     }
 }
 
-/// The median of a measured record.
-pub fn median(record: &Record) -> Option<f64> {
-    record.median_ms.filter(|_| record.outcome == Outcome::Measured)
-}
-
 /// First and third quartile; none of too few samples.
 pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     interval(record)?;
@@ -105,6 +100,7 @@ pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) 
 #[cfg(test)]
 pub mod tests {
     use super::super::together::judge;
+    use super::super::types::Outcome;
     use super::*;
 
     /// A measured record for tests: ten equal samples, five in each of two launches.

@@ -3,8 +3,9 @@
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
 use super::numbers::{by, duration, ms, significant};
-use super::summary::{Group, groups, median, not_enough, scene_notes};
+use super::summary::{Group, groups, not_enough, scene_notes};
 use super::together::fewest;
+use super::together::median;
 use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
 

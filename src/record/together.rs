@@ -3,23 +3,13 @@
 
 use super::anchors::AnchorSample;
 use super::numbers::{by, significant};
-use super::summary::median;
-use super::types::Record;
+use super::place::Place;
+use super::types::{Outcome, Record};
 use crate::measure::{Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Points that differ by no more than this part are a tie, however sure the difference is.
 const TIE: f64 = 0.01;
-
-/// Where a record stands among those that were measured with it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Place {
-    /// What tells those that were measured together from others.
-    together: blake3::Hash,
-    standing: Standing,
-    /// The anchor of its device: its name, and where it stands among the same points. Only where it was asked for.
-    anchor: Option<(String, Standing)>,
-}
 
 /// Finds where each measured record stands. Records of the same launches were measured together; those of earlier versions,
 /// which tell no launch, where scene, image size and device are the same.
@@ -33,24 +23,47 @@ pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
         groups.entry(measured_with(record)).or_default().push(place);
     }
-    for places in groups.values() {
-        let samples = in_order(places.iter().map(|place| &records[*place]), &[]);
+    let tables: Vec<Table> = groups.into_values().map(|places| Table::of(places, records, anchors)).collect();
+    let mut paired: Vec<Paired> = tables.iter().map(|table| table.paired.clone()).collect();
+    Paired::borrow_from_each_other(&mut paired);
+    for (table, paired) in tables.iter().zip(&paired) {
+        table.write_places(paired, records);
+    }
+}
+
+/// Records that were measured together, and the anchors that were run beside them.
+struct Table {
+    /// What tells them from others.
+    together: blake3::Hash,
+    /// Their places in the list of all records.
+    places: Vec<usize>,
+    /// The anchors, which come behind them as points, each with its device.
+    anchors: Vec<(String, String)>,
+    paired: Paired,
+}
+
+impl Table {
+    fn of(places: Vec<usize>, records: &[Record], anchors: &[AnchorSample]) -> Self {
+        let own = || places.iter().map(|place| &records[*place]);
+        let samples = in_order(own(), &[]);
         let together = name(&samples);
-        let own: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
+        let launches: HashSet<u32> = samples.iter().map(|sample| sample.launch).collect();
         let beside: Vec<&AnchorSample> =
-            anchors.iter().filter(|anchor| own.contains(&anchor.launch)).collect();
-        let samples = in_order(places.iter().map(|place| &records[*place]), &beside);
+            anchors.iter().filter(|anchor| launches.contains(&anchor.launch)).collect();
         let names = names(&beside);
-        let paired = Paired::of(&samples, places.len() + names.len());
-        let anchor_of = |record: &Record| {
-            let (name, device) = names.iter().find(|(_, device)| *device == record.device)?;
-            let point = places.len() + names.iter().position(|other| other == &(*name, *device))?;
-            Some(((*name).to_owned(), paired.standing(point)?))
-        };
-        for (point, place) in places.iter().enumerate() {
-            let anchor = anchor_of(&records[*place]);
-            let standing = paired.standing(point);
-            records[*place].place = standing.map(|standing| Place { together, standing, anchor });
+        let paired = Paired::of(&in_order(own(), &beside), places.len() + names.len());
+        let anchors = names.iter().map(|(name, device)| ((*name).to_owned(), (*device).to_owned())).collect();
+        Self { together, places, anchors, paired }
+    }
+
+    fn write_places(&self, paired: &Paired, records: &mut [Record]) {
+        for (point, place) in self.places.iter().enumerate() {
+            let record = &mut records[*place];
+            let anchor = self.anchors.iter().position(|(_, device)| *device == record.device);
+            let anchor = anchor
+                .and_then(|at| Some((self.anchors[at].0.clone(), paired.standing(self.places.len() + at)?)));
+            let together = self.together;
+            record.place = paired.standing(point).map(|standing| Place { together, standing, anchor });
         }
     }
 }
@@ -101,6 +114,11 @@ fn name(samples: &[PairedSample]) -> blake3::Hash {
         hasher.update(&sample.ms.to_le_bytes());
     }
     hasher.finalize()
+}
+
+/// The median of a measured record.
+pub fn median(record: &Record) -> Option<f64> {
+    record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
 
 /// How many launches its samples are of.
@@ -264,7 +282,7 @@ mod tests {
         records[1].sample_launches.iter_mut().for_each(|launch| *launch += 7);
         let records = judged(records);
         let apart = ratio(&records[0], &records[1]).expect("enough samples");
-        assert!(apart.high / apart.low > 1.7 * paired.high / paired.low, "{apart:?} {paired:?}");
+        assert!(apart.high / apart.low > 1.4 * paired.high / paired.low, "{apart:?} {paired:?}");
     }
 
     #[test]

@@ -16,6 +16,14 @@ pub struct AxisInfo {
     pub listed: &'static [(&'static str, &'static str)],
 }
 
+impl AxisInfo {
+    /// Each value's name and what it means.
+    pub fn values(&self) -> Vec<(&'static str, &'static str)> {
+        let files = values_of(self.name).map(|header| (header.name.as_str(), header.meaning.as_str()));
+        self.listed.iter().copied().chain(files).collect()
+    }
+}
+
 /// A type whose values are those of one axis.
 pub trait Axis: Sized + Copy + Eq + 'static {
     /// Its name, and what it decides.

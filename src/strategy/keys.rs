@@ -118,3 +118,66 @@ impl fmt::Display for Takes {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::FOLDERS;
+    use std::collections::BTreeSet;
+
+    const DOCUMENT: &str = include_str!("../../docs/kernels.md");
+
+    /// The rows of the document's table with these column heads, each as its cells.
+    fn table(heads: &str) -> Vec<Vec<&'static str>> {
+        let lines = DOCUMENT.lines().skip_while(|line| *line != heads).skip(2);
+        let rows = lines.take_while(|line| line.starts_with('|'));
+        let rows: Vec<_> =
+            rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect()).collect();
+        assert!(!rows.is_empty(), "no table {heads}");
+        rows
+    }
+
+    fn in_quotes(cell: &str) -> Vec<&str> {
+        cell.split('`').skip(1).step_by(2).collect()
+    }
+
+    #[test]
+    fn the_document_names_every_key_and_no_other() {
+        let rows = table("| key | of | must be there | says |");
+        let known = |key: &Key| (key.name, key.axis, !key.optional);
+        let all: BTreeSet<_> =
+            KEYS.iter().map(known).chain([("meaning", "all", true), ("contradicts", "all", false)]).collect();
+        let told: BTreeSet<_> = rows
+            .iter()
+            .map(|row| (row[0].trim_matches('`'), row[1].trim_matches('`'), row[2] == "yes"))
+            .collect();
+        assert_eq!(told, all);
+        assert_eq!(rows.len(), all.len(), "a key has two rows");
+    }
+
+    #[test]
+    fn the_document_says_what_every_key_takes() {
+        for row in table("| key | of | must be there | says |") {
+            let Some(key) = KEYS.iter().find(|key| key.name == row[0].trim_matches('`')) else { continue };
+            let says = in_quotes(row[3]);
+            for word in key.takes.words() {
+                assert!(says.contains(word), "{}: {word} is not told of", key.name);
+            }
+            if let Takes::Numbers(..) = key.takes {
+                assert!(row[3].contains(&key.takes.to_string()), "{}: not told: {}", key.name, key.takes);
+            }
+        }
+    }
+
+    #[test]
+    fn the_document_names_every_folder_of_values_and_no_other() {
+        let rows = table("| folder | axis | families that include it |");
+        let told: BTreeSet<_> = rows.iter().flat_map(|row| in_quotes(row[0])).collect();
+        assert_eq!(told, FOLDERS.iter().map(|(folder, _)| *folder).collect());
+        for (folder, axis) in FOLDERS {
+            let row = rows.iter().find(|row| in_quotes(row[0]).contains(&folder));
+            let axes = row.map(|row| in_quotes(row[1])).unwrap_or_default();
+            assert_eq!(axes, [axis], "{folder}");
+        }
+    }
+}

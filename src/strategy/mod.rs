@@ -5,6 +5,7 @@ mod facts;
 mod fastest;
 mod header;
 mod host;
+mod infeasible;
 mod keys;
 mod presets;
 mod requirements;
@@ -21,8 +22,9 @@ pub use facts::{Copied, WorkingMemory};
 pub use fastest::fastest;
 pub use header::{Contradiction, Header};
 pub use host::HostNeeds;
+pub use infeasible::Infeasible;
 pub use presets::{PRESETS, Preset, preset};
-pub use requirements::{Infeasible, Requirements};
+pub use requirements::Requirements;
 pub use values::{FOLDERS, values_of};
 pub use workload::Workload;
 

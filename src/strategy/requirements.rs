@@ -4,6 +4,7 @@ mod fits;
 
 use fits::{groups, indices, shape};
 
+use super::infeasible::Infeasible;
 use super::sum::Sum;
 use super::workload::Workload;
 use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
@@ -52,13 +53,6 @@ pub struct Requirements {
     pub private_bytes: u64,
     /// Global bytes of scene, image and what passes between kernels.
     pub global_bytes: u64,
-}
-
-/// Why a device cannot hold a point: the arithmetic, as a sentence.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Infeasible {
-    /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
-    pub reason: String,
 }
 
 impl Requirements {

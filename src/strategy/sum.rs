@@ -1,6 +1,6 @@
 //! Sums of bytes that can explain themselves.
 
-use super::requirements::Infeasible;
+use super::infeasible::Infeasible;
 
 /// A sum of bytes with its terms. What no `u128` holds stays at its largest.
 #[derive(Clone, Debug, Default)]

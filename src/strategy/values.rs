@@ -1,7 +1,7 @@
 //! The values that are files: those built in, and those of a `--cl-dir`. A file in a folder of values is a value at once.
 
+use super::AXES;
 use super::header::{Header, Reader};
-use super::{AXES, AxisInfo};
 use crate::error::{Error, Result, nearest};
 use crate::sources::Sources;
 use std::path::PathBuf;
@@ -42,14 +42,6 @@ pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
-}
-
-impl AxisInfo {
-    /// Each value's name and what it means.
-    pub fn values(&self) -> Vec<(&'static str, &'static str)> {
-        let files = values_of(self.name).map(|header| (header.name.as_str(), header.meaning.as_str()));
-        self.listed.iter().copied().chain(files).collect()
-    }
 }
 
 impl Sources {

@@ -25,6 +25,18 @@ pub struct Workload {
 }
 
 impl Workload {
+    /// A cube in a tree: what a program is made for where no scene is named. The image's size decides nothing that is compiled.
+    pub const CUBE: Self = Self {
+        triangles: 12,
+        positions: 8,
+        normals: 6,
+        materials: 1,
+        lights: 1,
+        stack_size: 32,
+        image_size: [64, 64],
+        local_size: [8, 8],
+    };
+
     /// Work-items across and down: one a block of pixels or 32 a tile, whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
         if strategy.shares_tiles() {

@@ -80,6 +80,21 @@ vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]
 faces = [[0, 1, 2]]
 "#;
 
+/// A config that measures these points of [`TRIANGLE`], which lies beside it as scene.toml: after so many warm-up frames so many
+/// samples, in one launch.
+pub fn config(points: &str, warmup: u32, samples: u32) -> String {
+    format!(
+        "question = \"?\"\nexpectation = \"!\"\nscenes = [\"scene.toml\"]\n{points}\n[timing]\nlaunches = 1\n\
+         warmup = {warmup}\nmin_samples = {samples}\nmax_samples = {samples}\n"
+    )
+}
+
+/// Scene and config of one point that takes no time.
+pub fn one_point() -> Place {
+    let points = "image_sizes = [[8, 5]]\nlocal_sizes = [4]\nstrategies = [\"deferred\"]\n";
+    Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
+}
+
 /// A word of the device tests run on: PoCL, or what RAYCL_TEST_DEVICE names.
 pub fn device() -> String {
     std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
@@ -102,10 +117,15 @@ impl Place {
     /// A folder with these files.
     pub fn with(files: &[(&str, &str)]) -> Self {
         let place = Self::new();
-        for (name, text) in files {
-            std::fs::write(place.path(name), text).expect("a file");
-        }
+        files.iter().for_each(|(name, text)| place.write(name, text));
         place
+    }
+
+    /// Writes a file, and makes the folders that it lies in.
+    pub fn write(&self, name: &str, text: &str) {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(path, text).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
 
     /// Where a name lies in it.
@@ -123,15 +143,17 @@ impl Place {
         self.text(name).lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect()
     }
 
-    /// A copy of the kernels in which one text is replaced; the folder's path.
-    pub fn kernels(&self, file: &str, from: &str, to: &str) -> PathBuf {
-        let folder = self.path("kernels");
-        copy_folder(&repository("cl"), &folder);
-        let path = folder.join(file);
-        let text = std::fs::read_to_string(&path).expect("a kernel file");
-        assert!(text.contains(from), "{file} no longer says {from}");
-        std::fs::write(path, text.replacen(from, to, 1)).expect("a kernel file");
-        folder
+    /// A folder with a kernel file in which one text is replaced, to be laid over those built in.
+    pub fn kernels(&self, file: &str, from: &str, to: &str) -> String {
+        self.kernels_of(&format!("cl/{file}"), file, from, to)
+    }
+
+    /// The same with a file of the repository, under this name.
+    pub fn kernels_of(&self, of: &str, file: &str, from: &str, to: &str) -> String {
+        let text = std::fs::read_to_string(repository(of)).expect("a kernel file");
+        assert!(text.contains(from), "{of} no longer says {from}");
+        self.write(&format!("kernels/{file}"), &text.replacen(from, to, 1));
+        "kernels".to_owned()
     }
 
     /// The binary, to be run in this folder.
@@ -156,18 +178,6 @@ impl Place {
         let message = String::from_utf8(output.stderr).expect("UTF-8");
         assert!(!message.contains("panicked"), "{message}");
         message
-    }
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).expect("a folder");
-    for entry in std::fs::read_dir(from).expect("a folder").map(|entry| entry.expect("an entry")) {
-        let target = to.join(entry.file_name());
-        if entry.path().is_dir() {
-            copy_folder(&entry.path(), &target);
-        } else {
-            std::fs::copy(entry.path(), target).expect("a copy");
-        }
     }
 }
 

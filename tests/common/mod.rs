@@ -3,6 +3,7 @@
 pub mod apart;
 pub mod cover;
 pub mod edges;
+pub mod mock;
 
 use raycl::device::{Builtins, Device, discover, select};
 use raycl::image::Radiance;

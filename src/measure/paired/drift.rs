@@ -1,6 +1,6 @@
 //! What is left of a launch's samples when what all points share is taken away.
 
-use super::PairedSample;
+use super::sample::PairedSample;
 use crate::measure::summary::median_of;
 
 /// Sweeps of the polish; from the third on nothing moves by more than rounding in practice.

@@ -18,68 +18,25 @@
 
 mod drift;
 mod error;
+mod interval;
+mod sample;
 #[cfg(test)]
 mod simulation;
 mod spread;
+#[cfg(test)]
+mod tests;
+
+pub use interval::Interval;
+pub use sample::PairedSample;
 
 use super::summary::median_of;
 use super::{MIN_SAMPLES, Ranking};
 use error::Error;
+use interval::interval;
 use spread::Pooled;
 
 /// Stretches of time that a single launch is split into: every point has as many samples at least.
 const STRETCHES: usize = MIN_SAMPLES;
-
-/// One timed frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PairedSample {
-    /// The point's place among those that are compared.
-    pub point: usize,
-    /// The launch it was taken in.
-    pub launch: u32,
-    /// What it took.
-    pub ms: f64,
-}
-
-/// A value and its 95% interval.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// The estimate.
-    pub middle: f64,
-    /// The interval's lower end.
-    pub low: f64,
-    /// The interval's upper end.
-    pub high: f64,
-    /// The standard error of the estimate's logarithm.
-    pub error: f64,
-    /// How well that is known: degrees of freedom of Student's t.
-    pub degrees: f64,
-}
-
-impl Interval {
-    /// This over another that was found apart from it.
-    pub fn over(self, other: Self) -> Self {
-        let error = Error::of_sum([self.error(), other.error()]);
-        interval((self.middle / other.middle).ln(), error)
-    }
-
-    /// The geometric mean of some that were found apart from each other; none of none.
-    pub fn mean(all: &[Self]) -> Option<Self> {
-        let count = all.len() as f64;
-        let sum = Error::of_sum(all.iter().map(|one| one.error()));
-        let log = all.iter().map(|one| one.middle.ln()).sum::<f64>() / count;
-        (!all.is_empty()).then(|| interval(log, Error { error: sum.error / count, ..sum }))
-    }
-
-    /// What it surely exceeds but for the chance `risk`.
-    pub fn surely_above(self, risk: f64) -> f64 {
-        (self.middle.ln() - self.error().reach(risk)).exp()
-    }
-
-    fn error(self) -> Error {
-        Error { error: self.error, degrees: self.degrees }
-    }
-}
 
 /// What the samples of points that were measured together tell of each other.
 #[derive(Clone, Debug, PartialEq)]
@@ -161,7 +118,7 @@ impl Standing {
 
     /// As [`Paired::resolution`].
     pub fn resolution(&self) -> Option<f64> {
-        self.pooled.usual().map(|error| error.reach(RISK).exp_m1())
+        self.pooled.usual().map(|error| error.reach(interval::RISK).exp_m1())
     }
 }
 
@@ -200,6 +157,17 @@ impl Paired {
         Self { launches: launches.len(), points, pooled }
     }
 
+    /// Lets tables of one machine, of the same run, learn from each other how far launches lie apart.
+    pub fn borrow_from_each_other(all: &mut [Self]) {
+        let pooled: Vec<Pooled> = all.iter().map(|one| one.pooled).collect();
+        for (place, one) in all.iter_mut().enumerate() {
+            let has_as_many = |other: &usize| *other != place && pooled[*other].has_repeats_as(&one.pooled);
+            let others: Vec<Pooled> =
+                (0..pooled.len()).filter(has_as_many).map(|other| pooled[other]).collect();
+            one.pooled.borrow(&others);
+        }
+    }
+
     /// Launches that count. Of one, intervals do not hold what another would draw.
     pub fn launches(&self) -> usize {
         self.launches
@@ -225,7 +193,7 @@ impl Paired {
     /// The difference that two points of usual spread must exceed to be told apart, as a part (0.03 is 3%); none where there
     /// are no two points of enough samples.
     pub fn resolution(&self) -> Option<f64> {
-        self.pooled.usual().map(|error| error.reach(RISK).exp_m1())
+        self.pooled.usual().map(|error| error.reach(interval::RISK).exp_m1())
     }
 
     /// Who wins: the point of the least level, and every other that is not surely slower by more than `resolution`, a part.
@@ -278,109 +246,5 @@ fn repeats(launches: &[Vec<f64>]) -> Vec<f64> {
             (0..STRETCHES).filter_map(|stretch| median_of(&only[end(stretch)..end(stretch + 1)])).collect()
         }
         several => several.iter().filter_map(|values| median_of(values)).collect(),
-    }
-}
-
-/// The chance that a 95% interval lies above what it is of.
-const RISK: f64 = 0.025;
-
-/// From a logarithm and its error.
-fn interval(middle: f64, error: Error) -> Interval {
-    let half = error.reach(RISK);
-    let Error { error, degrees } = error;
-    Interval { middle: middle.exp(), low: (middle - half).exp(), high: (middle + half).exp(), error, degrees }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Rounds of points that take 1, 2, 3, ... ms, a little more in every other round, in each of some launches.
-    fn steady(points: usize, launches: u32, rounds: usize) -> Vec<PairedSample> {
-        let mut samples = Vec::new();
-        for launch in 0..launches {
-            for round in 0..rounds {
-                for point in 0..points {
-                    let wobble = 1.0 + 0.001 * ((round + point + launch as usize) % 3) as f64;
-                    samples.push(PairedSample { point, launch, ms: (point + 1) as f64 * wobble });
-                }
-            }
-        }
-        samples
-    }
-
-    #[test]
-    fn medians_and_ratios_of_steady_points_are_found() {
-        let paired = Paired::of(&steady(4, 3, 9), 4);
-        assert_eq!(paired.launches(), 3);
-        let ratio = paired.ratio(3, 1).expect("enough samples");
-        assert!((ratio.middle - 2.0).abs() < 1e-3 && ratio.high / ratio.low < 1.01, "{ratio:?}");
-        let median = paired.median_ms(2).expect("enough samples");
-        assert!((median.middle - 3.003).abs() < 1e-9 && median.low <= 3.003, "{median:?}");
-        assert!(paired.resolution().is_some_and(|part| part < 0.01), "{:?}", paired.resolution());
-        assert_eq!(paired.ratio(1, 1).map(|one| (one.low, one.high)), Some((1.0, 1.0)));
-        assert_eq!(paired.ranking(0.0).winners, [0]);
-    }
-
-    #[test]
-    fn a_slow_launch_and_a_slow_hour_are_no_difference() {
-        let mut samples = steady(3, 3, 9);
-        for (place, sample) in samples.iter_mut().enumerate() {
-            let launch = if sample.launch == 1 { 1.3 } else { 1.0 };
-            sample.ms *= launch * if (40..70).contains(&place) { 1.7 } else { 1.0 };
-        }
-        let paired = Paired::of(&samples, 3);
-        let ratio = paired.ratio(1, 0).expect("enough samples");
-        assert!((ratio.middle - 2.0).abs() < 0.01 && ratio.high / ratio.low < 1.05, "{ratio:?}");
-        let median = paired.median_ms(0).expect("enough samples");
-        assert!(median.high / median.low > 1.3, "the medians of launches lie apart: {median:?}");
-    }
-
-    #[test]
-    fn a_point_needs_five_samples_in_every_launch() {
-        let mut samples = steady(3, 3, 5);
-        let last =
-            samples.iter().rposition(|sample| sample.point == 1 && sample.launch == 2).expect("it is there");
-        samples.remove(last);
-        let paired = Paired::of(&samples, 3);
-        assert!(
-            paired.median_ms(1).is_none() && paired.ratio(1, 0).is_none() && paired.ratio(0, 1).is_none()
-        );
-        assert!(paired.ratio(2, 0).is_some());
-        assert_eq!(paired.ranking(9.0).unranked, [1]);
-        assert!(paired.median_ms(7).is_none());
-    }
-
-    #[test]
-    fn a_launch_that_was_interrupted_does_not_count() {
-        let mut samples = steady(2, 2, 9);
-        samples.extend(steady(2, 1, 4).iter().map(|sample| PairedSample { launch: 2, ..*sample }));
-        let paired = Paired::of(&samples, 2);
-        assert_eq!((paired.launches(), paired.median_ms(0).is_some()), (2, true));
-    }
-
-    #[test]
-    fn one_launch_gives_a_look_and_no_samples_give_nothing() {
-        let look = Paired::of(&steady(3, 1, 5), 3);
-        assert_eq!(look.launches(), 1);
-        assert!(look.ratio(2, 0).is_some_and(|ratio| ratio.low > 2.8 && ratio.high < 3.2));
-        let none = Paired::of(&[], 2);
-        assert_eq!((none.launches(), none.median_ms(0), none.resolution()), (0, None, None));
-        assert_eq!(none.ranking(0.0).unranked, [0, 1]);
-        let alone = Paired::of(&steady(1, 3, 5), 1);
-        assert_eq!((alone.resolution(), alone.ranking(0.0).winners), (None, vec![0]));
-        assert!(alone.median_ms(0).is_some_and(|median| median.high.is_finite()));
-    }
-
-    #[test]
-    fn what_is_no_time_is_passed_over() {
-        let mut samples = steady(2, 2, 6);
-        samples.extend([0.0, -1.0, f64::NAN, f64::INFINITY].map(|ms| PairedSample {
-            point: 0,
-            launch: 0,
-            ms,
-        }));
-        samples.push(PairedSample { point: 9, launch: 0, ms: 1.0 });
-        assert_eq!(Paired::of(&samples, 2), Paired::of(&steady(2, 2, 6), 2));
     }
 }

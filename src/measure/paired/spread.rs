@@ -15,6 +15,8 @@ pub(super) struct Pooled {
     together: f64,
     rows: usize,
     columns: usize,
+    /// The same variance of other tables, in the mean, and its degrees of freedom.
+    elsewhere: Error,
 }
 
 impl Pooled {
@@ -22,7 +24,8 @@ impl Pooled {
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together = plain.iter().map(|row| variance(row)).sum::<f64>() / rows.max(1) as f64;
-        Self { apart: interaction(relative), together, rows, columns }
+        let elsewhere = Error { error: 0.0, degrees: 0.0 };
+        Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
     /// The error of the mean of `differences` between the means of so many rows and of so many others, a value a column.
@@ -33,12 +36,30 @@ impl Pooled {
         self.error(variance, borrowed + self.columns - 1)
     }
 
-    /// The error of a row's level. What the columns share, all rows have in common: no row can borrow from
-    /// another how well that is known.
+    /// The error of a row's level. What the columns share, all rows have in common: no row can borrow from another how well that is
+    /// known, but other tables are as many cases more.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(1) * (self.columns - 1));
-        let variance = self.moderated(self.together, borrowed, variance(row));
-        self.error(variance, self.columns - 1)
+        let own = self.moderated(self.together, borrowed, variance(row));
+        let (columns, elsewhere) = (self.columns as f64 - 1.0, self.elsewhere);
+        let degrees = columns + elsewhere.degrees;
+        let variance = (columns * own + elsewhere.degrees * elsewhere.error.powi(2)) / degrees;
+        Error { degrees, ..self.error(variance, 0) }
+    }
+
+    /// Whether both have rows, and launches or stretches of one.
+    pub(super) fn has_repeats_as(&self, other: &Self) -> bool {
+        self.columns > 1 && self.columns == other.columns
+    }
+
+    /// Takes what other tables, of the same machine and the same hours, tell of the spread of levels.
+    pub(super) fn borrow(&mut self, others: &[Self]) {
+        let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
+        let all: f64 = others.iter().map(degrees).sum();
+        if all > 0.0 {
+            let variance = others.iter().map(|other| degrees(other) * other.together).sum::<f64>() / all;
+            self.elsewhere = Error { error: variance.sqrt(), degrees: all.min(BORROWED as f64) };
+        }
     }
 
     /// The error of a difference between two rows of usual spread; none where there is but one row.
@@ -101,6 +122,25 @@ mod tests {
         assert!((2.0 * pooled.apart - variance(&differences)).abs() < 1e-12);
         let expected = Error { error: (variance(&differences) / 3.0).sqrt(), degrees: 2.0 };
         assert_eq!(pooled.of_difference(&differences, [1, 1]), expected);
+    }
+
+    #[test]
+    fn tables_of_one_machine_are_more_cases_of_its_launches() {
+        let rows: [&[f64]; 2] = [&[0.0, 0.1, -0.1], &[1.0, 1.1, 0.9]];
+        let alone = Pooled::of(&rows, &rows);
+        let mut borrowing = alone;
+        borrowing.borrow(&[alone, alone]);
+        let (one, more) = (alone.of_level(rows[0]), borrowing.of_level(rows[0]));
+        assert_eq!((one.degrees, more.degrees), (2.0, 6.0));
+        assert!((one.error - more.error).abs() < 1e-12 && more.reach(0.025) < 0.6 * one.reach(0.025));
+        // Where launches lie farther apart elsewhere, they may here.
+        let wide = [[0.0, 0.3, -0.3], [1.0, 1.3, 0.7]];
+        let wide: Vec<&[f64]> = wide.iter().map(|row| row.as_slice()).collect();
+        borrowing.borrow(&[Pooled::of(&wide, &wide)]);
+        assert!(borrowing.of_level(rows[0]).error > 2.0 * one.error);
+        borrowing = alone;
+        borrowing.borrow(&[]);
+        assert_eq!(borrowing.of_level(rows[0]), one);
     }
 
     #[test]

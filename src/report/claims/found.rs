@@ -1,8 +1,8 @@
 //! What was measured on one device in one run, and how a test finds its points there.
 
-use super::Line;
 use super::point::{Point, Size};
 use super::sure::Ratio;
+use super::verdict::Line;
 use crate::peak::Peak;
 use crate::record::{Folder, Group, Outcome, Record, Sample, duration, median, ranking, read_lines};
 use crate::report::words::{first_line, title};

@@ -1,10 +1,10 @@
 //! How each kind of test is decided on what was found.
 
-use super::Line;
 use super::found::Found;
 use super::point::Point;
 use super::sure::{Fastest, Ratio};
 use super::table::{LocalSize, Memory, Pass, Preset, Test};
+use super::verdict::Line;
 use crate::device::occupancy::{multiprocessor, occupancy};
 use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};

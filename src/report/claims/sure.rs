@@ -1,6 +1,6 @@
 //! How sure a comparison of two times is: nothing is said to hold, or not to, that the samples leave open.
 
-use super::{Line, Verdict};
+use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
 use crate::record::{Record, duration, few_names, fewest, median, ranking, ratio, significant};
 use std::ops::RangeInclusive;

@@ -1,11 +1,8 @@
 //! How a point changed from one run to another: against what changed with it, for another day is another machine.
 
-use super::{Against, Pair};
+use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
-
-/// Two records of a point that both folders measured.
-type Both<'a> = (&'a Record, &'a Record);
 
 /// How many times as long the second of `pair` takes as the first, against what: the anchor of its device; else baselines that were measured in the rounds
 /// of each and are the same program; without any, those points of the rounds that changed alike. None where there is
@@ -58,11 +55,4 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
 /// The same by bare times, whatever else changed between the runs.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio(after, before)?, Against::BareTimes))
-}
-
-impl Pair {
-    /// Its two records.
-    pub(super) fn both(&self) -> Both<'_> {
-        (&self.before, &self.after)
-    }
 }

@@ -2,47 +2,19 @@
 
 mod change;
 mod page;
+mod pair;
 mod regressions;
 #[cfg(test)]
 mod tests;
 
+pub use pair::{Against, Pair};
+
 use super::merged::{labels, merged};
-use super::words::{size_name, title};
-use crate::measure::{Interval, Verdict};
-use crate::record::{
-    Folder, HOST, Outcome, Record, by, fewest, judge_beside_anchors, median, ratio, significant,
-};
+use crate::measure::Verdict;
+use crate::record::{Folder, HOST, Outcome, Record, judge_beside_anchors, median, ratio};
+use pair::{name, percent};
 use serde::Serialize;
 use std::collections::HashMap;
-
-/// A point that both folders measured.
-#[derive(Clone, Debug)]
-pub struct Pair {
-    /// Its record in the first folder.
-    pub before: Record,
-    /// Its record in the second.
-    pub after: Record,
-    /// How the second stands to the first.
-    pub verdict: Verdict,
-    /// How many times as long the second takes as the first, and against what. None where that cannot be told.
-    pub change: Option<(Interval, Against)>,
-}
-
-/// What a change is measured against.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Against {
-    /// The device's anchor, a fixed kernel that was run in the same rounds of each.
-    Anchor,
-    /// Casters on the host in the same rounds, which are the same program in both folders.
-    Baselines,
-    /// Points of the same rounds that changed alike: what all of them share cannot be told.
-    PointsInCommon,
-    /// Nothing: the times themselves.
-    BareTimes,
-    /// The same rounds: both were measured in one run.
-    SameRounds,
-}
 
 /// A pair as `--json` prints it.
 #[derive(Debug, Serialize)]
@@ -72,42 +44,6 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// Changes of less than this part are the same.
     pub threshold: f64,
-}
-
-impl Pair {
-    /// The change as a percentage of the first's time: positive is slower.
-    pub fn change_percent(&self) -> Option<f64> {
-        self.change.map(|(change, _)| percent(change.middle))
-    }
-
-    /// "+12.3% (+10.1 to +14.2)"; "496× as long" from tenfold on, where per cent say little; "n = 10 and 3" where there are
-    /// not enough samples.
-    pub fn change(&self) -> String {
-        let Some((change, _)) = self.change else {
-            return match self.verdict {
-                Verdict::CannotTell => "?".to_owned(),
-                _ => format!("n = {} and {}", fewest(&self.before), fewest(&self.after)),
-            };
-        };
-        match change.middle {
-            ratio if ratio >= 10.0 => format!("{}× as long", significant(ratio, 3)),
-            ratio if ratio <= 0.1 => format!("{}× as fast", significant(1.0 / ratio, 3)),
-            ratio => {
-                let [middle, low, high] = [ratio, change.low, change.high].map(percent);
-                format!("{middle:+.1}% ({low:+.1} to {high:+.1})")
-            }
-        }
-    }
-
-    /// "teapot 800 x 500, naive 8x8"; with `device` where a folder has several.
-    pub fn point(&self, device: bool) -> String {
-        let on = if device && !self.before.is_baseline() {
-            format!(", {}", self.before.device)
-        } else {
-            String::new()
-        };
-        format!("{}{on}", name(&self.before))
-    }
 }
 
 impl Comparison {
@@ -297,18 +233,6 @@ fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);
     folder
-}
-
-/// A ratio as a percentage more than one.
-fn percent(ratio: f64) -> f64 {
-    100.0 * (ratio - 1.0)
-}
-
-fn name(record: &Record) -> String {
-    if record.is_baseline() {
-        return format!("{} {}, {}", record.scene, by(record.image_size), title(record));
-    }
-    format!("{} {}, {} {}", record.scene, by(record.image_size), record.name, size_name(record))
 }
 
 fn devices(folder: &Folder) -> Vec<&str> {

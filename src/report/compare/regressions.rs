@@ -1,7 +1,8 @@
 //! What is surely slower than it may be: single points, every strategy's points together, and all points together. Many points
 //! that are a little slower each are so found where none of them is sure, as when a file changed that all strategies share.
 
-use super::{Against, Comparison, Pair, percent};
+use super::Comparison;
+use super::pair::{Against, Pair, percent};
 use crate::measure::Interval;
 use crate::record::{anchored_mean, are_together, ratio_of_means};
 

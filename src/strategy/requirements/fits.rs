@@ -1,10 +1,9 @@
 //! Whether work-groups and indices are such as a device, a family and a layout take, whatever their bytes.
 
-use super::Infeasible;
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::GROUP_LANES;
-use crate::strategy::{Strategy, Workload};
+use crate::strategy::{Infeasible, Strategy, Workload};
 
 /// Whether a work-group of this shape exists on the device at all.
 pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {

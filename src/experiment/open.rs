@@ -1,0 +1,99 @@
+//! The points of a plan that are yet to be measured, each with what is known of it.
+
+use super::complete::Taken;
+use super::draft::{Drafter, Hashed};
+use super::supervisor::Task;
+use super::{Plan, Point, Run};
+use crate::error::Result;
+use crate::program::Sources;
+use crate::record::Record;
+
+/// A point that is yet to be measured.
+pub struct Open {
+    /// Its place in the plan.
+    pub point: usize,
+    /// The device whose worker runs it.
+    pub device: usize,
+    /// Its scene, by its number.
+    scene: usize,
+    /// For the observer.
+    pub label: String,
+    /// What is known of it.
+    pub record: Record,
+    /// The hash of its picture, once that was compared with the reference.
+    pub verified: Option<String>,
+    /// Its samples of whole launches.
+    pub taken: Vec<Taken>,
+}
+
+impl Open {
+    /// A point of which nothing is known but its draft: by its number, its device's and its scene's.
+    pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
+        Self { point, device, scene, label, record, verified: None, taken: Vec::new() }
+    }
+
+    /// What a worker is asked to run.
+    pub fn task(&self) -> Task<'_> {
+        let (key, verified) = (&self.record.key, self.verified.as_deref());
+        Task { point: self.point, device: self.device, scene: self.scene, key, verified }
+    }
+}
+
+impl Run<'_> {
+    /// Every point of the plan with what is known of it, by groups. Scenes are loaded one at a time.
+    pub(super) fn open_points(&self, plan: &Plan) -> Result<Vec<Vec<Open>>> {
+        let drafters: Vec<_> =
+            self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();
+        let labels = self.other_sources.map(|other| labels([self.sources, other]));
+        let mut groups = Vec::new();
+        let mut number = 0;
+        let mut held: Option<(usize, Hashed)> = None;
+        let planned: Vec<&[Point]> =
+            if self.spread { plan.groups_by_device().collect() } else { plan.groups().collect() };
+        for group in planned {
+            let mut open = Vec::new();
+            for point in group {
+                let at = match held.take() {
+                    Some((scene, at)) if scene == point.scene => at,
+                    _ => self.experiment.scenes[point.scene].load()?.into(),
+                };
+                let device = point.device.map(|device| self.devices[device]);
+                for (place, drafter) in drafters.iter().enumerate().take(if device.is_some() { 2 } else { 1 })
+                {
+                    let mut record = drafter.draft(point, device, &at)?;
+                    let of = labels.as_ref().filter(|_| device.is_some()).map(|labels| &labels[place]);
+                    of.into_iter().for_each(|label| of_kernels(&mut record, label));
+                    let name = of.map_or(String::new(), |label| format!(" ({label})"));
+                    // Casters on the host have no device: any worker will do.
+                    let job = point.device.unwrap_or(0) + place * self.devices.len().max(1);
+                    let label = point.label(self.experiment) + &name;
+                    open.push(Open::new([number, job, point.scene], label, record));
+                }
+                held = Some((point.scene, at));
+                number += 1;
+            }
+            groups.push(open);
+        }
+        Ok(groups)
+    }
+}
+
+/// What two folders of kernels are called.
+fn labels(sources: [&Sources; 2]) -> [String; 2] {
+    let name = |sources: &Sources| match sources {
+        Sources::Embedded => "built in".to_owned(),
+        Sources::Folder(folder) => {
+            let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
+            name.unwrap_or_else(|| folder.display().to_string())
+        }
+    };
+    let [one, other] = sources.map(name);
+    if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
+}
+
+/// A point of one of two folders of kernels. Neither is the preset, which is what is built in.
+fn of_kernels(record: &mut Record, label: &str) {
+    record.name = format!("{} ({label})", record.name);
+    record.preset = None;
+    record.kernels_of = Some(label.to_owned());
+}

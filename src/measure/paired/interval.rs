@@ -1,0 +1,53 @@
+//! An estimate and how sure it is.
+
+use super::error::Error;
+
+/// The chance that a 95% interval lies above what it is of.
+pub(super) const RISK: f64 = 0.025;
+
+/// A value and its 95% interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// The estimate.
+    pub middle: f64,
+    /// The interval's lower end.
+    pub low: f64,
+    /// The interval's upper end.
+    pub high: f64,
+    /// The standard error of the estimate's logarithm.
+    pub error: f64,
+    /// How well that is known: degrees of freedom of Student's t.
+    pub degrees: f64,
+}
+
+impl Interval {
+    /// This over another that was found apart from it.
+    pub fn over(self, other: Self) -> Self {
+        let error = Error::of_sum([self.error(), other.error()]);
+        interval((self.middle / other.middle).ln(), error)
+    }
+
+    /// The geometric mean of some that were found apart from each other; none of none.
+    pub fn mean(all: &[Self]) -> Option<Self> {
+        let count = all.len() as f64;
+        let sum = Error::of_sum(all.iter().map(|one| one.error()));
+        let log = all.iter().map(|one| one.middle.ln()).sum::<f64>() / count;
+        (!all.is_empty()).then(|| interval(log, Error { error: sum.error / count, ..sum }))
+    }
+
+    /// What it surely exceeds but for the chance `risk`.
+    pub fn surely_above(self, risk: f64) -> f64 {
+        (self.middle.ln() - self.error().reach(risk)).exp()
+    }
+
+    fn error(self) -> Error {
+        Error { error: self.error, degrees: self.degrees }
+    }
+}
+
+/// From a logarithm and its error.
+pub(super) fn interval(middle: f64, error: Error) -> Interval {
+    let half = error.reach(RISK);
+    let Error { error, degrees } = error;
+    Interval { middle: middle.exp(), low: (middle - half).exp(), high: (middle + half).exp(), error, degrees }
+}

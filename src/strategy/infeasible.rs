@@ -1,0 +1,8 @@
+//! Why something cannot be.
+
+/// Why a device cannot hold a point: the arithmetic, as a sentence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Infeasible {
+    /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
+    pub reason: String,
+}

@@ -1,0 +1,106 @@
+//! Launches: each in fresh workers, repeated whole where one was lost or left half done.
+
+use crate::common::mock::{Act, GROUPS, Mock, count, execute, folder, nothing_twice, once, with_run};
+use raycl::record::{Outcome, Record, Sample, read_lines};
+use std::collections::HashSet;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const LAUNCHES: &str = r#"
+question = "?"
+expectation = "!"
+scenes = ["scenes/triangle.toml"]
+image_sizes = [[8, 5], [16, 10]]
+local_sizes = [1]
+strategies = ["naive", "deferred"]
+baselines = ["serial"]
+timing = { launches = 3, warmup = 0, min_samples = 15, max_samples = 15 }
+"#;
+
+#[test]
+fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
+    let folder = folder();
+    let mut mock = Mock::new(|_| Act::Answer);
+    let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it runs");
+    assert_eq!(mock.counts.borrow().workers, 3 * GROUPS);
+    assert!(mock.counts.borrow().checks.values().all(|checks| *checks == 3), "each launch checks its points");
+    for record in &records {
+        assert_eq!((record.samples_ms.len(), record.samples_at_ms.len()), (15, 15));
+        let mut launches = record.sample_launches.clone();
+        launches.dedup();
+        assert_eq!(launches.len(), 3, "{launches:?}");
+        assert!(launches.windows(2).all(|pair| pair[0] < pair[1]) && launches != [0, 1, 2], "{launches:?}");
+        assert!(record.interval_ms.is_some());
+    }
+    // The baseline is measured in the rounds of its kernels.
+    let samples = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
+    for round in samples.chunks(3) {
+        assert!(round.iter().all(|one| (one.launch, one.round) == (round[0].launch, round[0].round)));
+        let keys: HashSet<_> = round.iter().map(|sample| &sample.key).collect();
+        assert_eq!(keys.len(), 3);
+    }
+}
+
+#[test]
+fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
+    let folder = folder();
+    let interrupted: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
+    // Both groups have had a launch (36 requests), and the first of them begins its second.
+    let mut mock = Mock::new(|scene| {
+        interrupted.store(scene.requests >= 46, Ordering::Relaxed);
+        Act::Answer
+    });
+    execute(LAUNCHES, folder.path(), &mut mock, interrupted).expect_err("it is interrupted");
+    let before = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
+    let half = before.last().expect("samples").launch;
+    let mut mock = Mock::new(|_| Act::Answer);
+    let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it resumes");
+    assert_eq!(mock.counts.borrow().workers, 2 * GROUPS, "one launch of each was whole");
+    assert_eq!(count(&records, Outcome::Measured), 2 * 3);
+    for record in &records {
+        assert!(!record.sample_launches.contains(&half) && record.samples_ms.len() == 15);
+    }
+    let after = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
+    assert!(after.starts_with(&before), "nothing measured is lost");
+    nothing_twice(folder.path());
+}
+
+#[test]
+fn a_launch_that_loses_its_worker_is_repeated_whole() {
+    let (records, counts) = once(LAUNCHES, |scene| if scene.requests == 10 { Act::Die } else { Act::Answer });
+    assert_eq!(count(&records, Outcome::Measured), 2 * 3);
+    assert_eq!(counts.borrow().workers, 3 * GROUPS + 1);
+    assert!(
+        records.iter().all(|record| record.samples_ms.len() == 15 && !record.sample_launches.contains(&0)
+            || record.image_size == [16, 10])
+    );
+}
+
+#[test]
+fn how_long_a_run_takes_is_told_by_earlier_times() {
+    let folder = folder();
+    let expected = |earlier: &[Record], done: &[String]| {
+        with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, done)).expect("it is foreseen")
+    };
+    let unknown = expected(&[], &[]).to_string();
+    assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
+    // The mock's records know neither times nor sizes.
+    let timed = |(place, record): (usize, &Record)| Record {
+        host_median_ms: Some(1000.0),
+        image_size: if place < 3 { [8, 5] } else { [16, 10] },
+        local_size: (!record.is_baseline()).then_some([1, 1]),
+        ..record.clone()
+    };
+    let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
+    let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
+    let known = expected(&records, &[]);
+    // A second for each of 15 samples and of 2 checks of each point, and half a second for each worker; the mock's first checks
+    // take no time.
+    assert_eq!(known.points, [6, 6]);
+    assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
+    // Two strategies at one size tell of the other, too, which has four times the pixels.
+    let some = expected(&records[..2], &[]);
+    assert_eq!(some.points, [6, 4]);
+    assert!(some.to_string().contains("for 4 of them, by earlier times"), "{some}");
+    let keys: Vec<String> = records.iter().map(|record| record.key.clone()).collect();
+    assert_eq!(expected(&records, &keys[1..]).points, [1, 1]);
+}
