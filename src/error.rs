@@ -96,6 +96,15 @@ impl Error {
         }))
     }
 
+    /// A mistake in a file whose text may not be shown: neither on the command line nor in the folder of the file that names it,
+    /// it may be anybody's.
+    pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
+        Self::input(format!("{name}:{line}: expected {expected}")).with_help(
+            "its text is not shown, as it lies outside of the folder of the file that names it; \
+             that of a file given to `raycl render` itself is",
+        )
+    }
+
     /// A run that cannot go on.
     pub fn run(message: impl Into<String>) -> Self {
         Self::Run { message: message.into(), help: None }

@@ -15,6 +15,8 @@ mod faults;
 mod formats;
 mod goldens;
 #[cfg(unix)]
+mod guarded;
+#[cfg(unix)]
 mod hostile;
 mod kernel;
 mod kernels;

@@ -5,7 +5,7 @@ use super::source::Joiner;
 use crate::device::Builtins;
 use crate::error::{Error, Result};
 use crate::manifest::{CAMERA, parameter_macro};
-use crate::sources::Sources;
+use crate::sources::{Chain, Sources};
 use crate::strategy::{Math, Strategy, Workload};
 
 /// Everything that decides a program.
@@ -42,6 +42,7 @@ impl ProgramSpec {
             defines: &defines,
             text: parameter_lists(strategy),
             files: Vec::new(),
+            chain: Chain::default(),
         };
         joiner.add(strategy.family().entry)?;
         let (source, files) = (joiner.text, joiner.files);

@@ -214,12 +214,13 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
 }
 
 /// Says how many materials no MTL file defines.
-pub(super) fn note_unknown_materials(faces: &[FaceChunk], notes: &mut Vec<String>) {
+pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
     let (are, such_as) = if names.len() == 1 { ("is", "") } else { ("are", "such as ") };
-    let (count, first) = (counted(names.len(), "material"), quoted(first.as_bytes()));
+    let count = counted(names.len(), "material");
+    let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{count} named by `usemtl` {are} in no material file ({such_as}{first}): k_L {DEFAULT_LAMBERTIAN} is used"
+        "{count} named by `usemtl` {are} in no material file{first}: k_L {DEFAULT_LAMBERTIAN} is used"
     ));
 }

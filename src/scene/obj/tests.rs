@@ -8,7 +8,7 @@ fn read(text: &str) -> Result<ObjFile> {
 }
 
 fn nowhere() -> Reach<'static> {
-    Reach { folder: Path::new("/nowhere"), beyond: false }
+    Reach { folder: Path::new("/nowhere"), permitted: Permitted { beyond: false, quotes: true } }
 }
 
 const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -84,7 +84,7 @@ fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     std::os::unix::fs::symlink("/dev/zero", inner.join("endless.mtl")).unwrap();
     let path = inner.join("test.obj");
     std::fs::write(&path, format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
-    let file = super::read(&path, beyond).unwrap();
+    let file = super::read(&path, Permitted { beyond, quotes: true }).unwrap();
     let material = *file.mesh.material(&file.mesh.triangles[0]);
     (material != crate::scene::Material::default(), file.notes)
 }
@@ -114,7 +114,7 @@ fn a_material_file_outside_the_folder_or_missing_is_a_note() {
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
-    let reach = Reach { folder: folder.path(), beyond: false };
+    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
     let text = format!("mtllib m.mtl\n{CORNERS}{obj}\nf 1 2 3\n");
     parse("test.obj", reach, text.as_bytes()).unwrap().notes
 }
@@ -208,8 +208,13 @@ fn a_material_file_that_is_something_else_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), b"\x89PNG\r\n\x1a\n").unwrap();
     let text = format!("mtllib m.mtl\n{CORNERS}f 1 2 3\n");
-    let notes =
-        parse("test.obj", Reach { folder: folder.path(), beyond: false }, text.as_bytes()).unwrap().notes;
+    let notes = parse(
+        "test.obj",
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } },
+        text.as_bytes(),
+    )
+    .unwrap()
+    .notes;
     assert!(notes[0].contains("`m.mtl` is a PNG picture and is not read"), "{notes:?}");
 }
 
