@@ -146,3 +146,57 @@ fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
         assert!(!message.contains(SECRET) && !message.contains("root:"), "{message}");
     }
 }
+
+#[test]
+fn values_that_leave_single_precision_are_refused_with_their_line() {
+    let scene = |from: &str, to: &str| {
+        assert!(TRIANGLE.contains(from));
+        let place = Place::with(&[("scene.toml", &TRIANGLE.replace(from, to))]);
+        place.mistake(&["render", "scene.toml"], 2)
+    };
+    let faces = "faces = [[0, 1, 2]]";
+    for (from, to, said) in [
+        ("power = 10", "power = 3e38", &["scene.toml:8", "from 0 to 1e28"][..]),
+        (
+            "power = 10",
+            "power = 1e28\n[[light]]\nposition = [0, 0, -2]\npower = 1e28",
+            &["scene.toml:11", "1e28"],
+        ),
+        (faces, "faces = [[0, 1, 2]]\nmaterial = { k_l = 3e38 }", &["scene.toml:13", "from 0 to 1e6"]),
+        (
+            faces,
+            "faces = [[0, 1, 2]]\nmaterial = { k_g = 1, shininess = 1e30 }",
+            &["scene.toml:13", "from 0 to 1e6"],
+        ),
+        (faces, "faces = [[0, 1, 2]]\ntranslation = [1e13, 0, 0]", &["scene.toml:10", "within +-1e12"]),
+        ("[1, 3, 1]", "[1e13, 3, 1]", &["scene.toml:7", "a light is at", "within +-1e12"]),
+    ] {
+        let message = scene(from, to);
+        has(&message, said);
+        has(&message, &["help:"]);
+    }
+    let mesh = "mtllib a.mtl\nusemtl x\nv 0 1 -2\nv -1.9 -1 -2\nv 1.6 -0.5 -2\nf 1 2 3\n";
+    for (line, said) in
+        [("Kd 3e38", "`3e38` in Kd"), ("Ks 1 2 1e7", "`1e7` in Ks"), ("Ns 1e7", "`1e7` in Ns")]
+    {
+        let place = Place::with(&[("a.obj", mesh), ("a.mtl", &format!("newmtl x\n{line}\n"))]);
+        has(&place.mistake(&["render", "a.obj"], 2), &["a.mtl:2", said, "from 0 to 1e6", "help:"]);
+    }
+}
+
+#[test]
+fn a_picture_that_is_not_finite_is_a_failed_run_that_names_its_pixel() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let device = crate::binary::device();
+    let from = "working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));";
+    place.kernels(
+        "cast/shade.cl",
+        from,
+        "working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), 1.0f / 0.0f));",
+    );
+    let render =
+        ["render", "scene.toml", "--cl-dir", "kernels", "--strategy", "naive", "--local-size", "8x8"];
+    let size = ["--width", "40", "--height", "30", "--device", &device];
+    let said = place.mistake(&[&render[..], &size].concat(), 1);
+    has(&said, &["pixels are not finite; the first, (", "inf", "help:", "scene.png"]);
+}

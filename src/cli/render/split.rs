@@ -1,7 +1,8 @@
 //! `raycl render --devices`: one frame on several devices.
 
+use super::judge::{check, refuse_not_finite};
 use super::report::Verified;
-use super::{Args, check, medians, ms_since, scene_overrides, strategy, target, timed};
+use super::{Args, medians, ms_since, scene_overrides, strategy, target, timed};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -100,6 +101,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     drop(held);
     let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
+    refuse_not_finite(&image, target.path())?;
     let verified = args.verify.then(|| check(&scene, &image, &strategy, target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);

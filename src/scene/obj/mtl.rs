@@ -7,7 +7,7 @@ use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
 use crate::reader::{self, Kind, lies_in};
-use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
+use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -181,9 +181,10 @@ fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
 }
 
 fn value(name: &[u8], token: &[u8]) -> std::result::Result<f32, String> {
-    number(token).filter(|value| *value >= 0.0).ok_or_else(|| {
-        format!("{} in {}; expected a finite number of at least 0", quoted(token), words(name))
-    })
+    let most = if name == b"Ns" { MAX_SHININESS } else { MAX_REFLECTANCE };
+    number(token)
+        .filter(|value| (0.0..=most).contains(value))
+        .ok_or_else(|| format!("{} in {}; expected a number from 0 to {most:e}", quoted(token), words(name)))
 }
 
 /// Kd is k_L, Ks is k_G and Ns is s; without a Ks there is no highlight.

@@ -68,8 +68,8 @@ fn expected(line: &[u8]) -> &'static str {
         b"vn" => "`vn x y z`: three finite numbers",
         b"f" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
         b"newmtl" => "`newmtl NAME`",
-        b"Kd" | b"Ks" => "one or three finite numbers of at least 0",
-        b"Ns" => "a finite number of at least 0",
+        b"Kd" | b"Ks" => "one or three numbers from 0 to 1e6",
+        b"Ns" => "a number from 0 to 1e6",
         _ => "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`",
     }
 }
