@@ -1,7 +1,12 @@
 //! What can stop a run, and whose mistake it was.
 
-use std::path::{Path, PathBuf};
+mod nearest;
 
+pub use nearest::{nearest, nearest_file};
+
+use std::path::Path;
+
+use crate::printer::{self, plain};
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
@@ -36,6 +41,13 @@ pub enum Error {
     },
 }
 
+/// The remedy of a mistake that has none of its own.
+const GENERAL: &str = "`raycl help COMMAND` says what a command takes, docs/ what its files hold";
+/// That of a run which could not go on.
+const AGAIN: &str = "run it again; `raycl devices` says whether the devices are still there";
+/// That of a mistake of raycl's own.
+const FAULT: &str = "this is a fault of raycl's: please report it, with the command";
+
 /// A mistake in what the user gave: a file, a line in it, or an argument.
 #[derive(Debug, Error, Diagnostic)]
 #[error("{message}")]
@@ -59,12 +71,17 @@ impl Error {
     /// A mistake in the user's input that has no place in a file.
     pub fn input(message: impl Into<String>) -> Self {
         Self::Input(Box::new(InputError {
-            message: message.into(),
+            message: plain(&message.into()).into_owned(),
             source_code: None,
             span: None,
             label: String::new(),
-            help: None,
+            help: Some(GENERAL.to_owned()),
         }))
+    }
+
+    /// A mistake of raycl's own, which nobody's input should be able to cause.
+    pub fn fault(message: impl Into<String>) -> Self {
+        Self::run(message).with_help(FAULT)
     }
 
     /// A mistake at `span` of the file `name` with the given text. A span over several lines stands for its first; a line
@@ -89,10 +106,10 @@ impl Error {
         let (text, cut) = cut_long_lines(printable(text), start);
         Self::Input(Box::new(InputError {
             message,
-            source_code: Some(NamedSource::new(name, text)),
+            source_code: Some(NamedSource::new(printer::line(name.as_ref()), text)),
             span: Some((start - cut..end - cut).into()),
             label: shortened(label),
-            help: None,
+            help: Some(GENERAL.to_owned()),
         }))
     }
 
@@ -107,15 +124,16 @@ impl Error {
 
     /// A run that cannot go on.
     pub fn run(message: impl Into<String>) -> Self {
-        Self::Run { message: message.into(), help: None }
+        Self::Run { message: plain(&message.into()).into_owned(), help: Some(AGAIN.to_owned()) }
     }
 
     /// Adds the remedy.
     #[must_use]
     pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
+        let remedy = Some(plain(&remedy.into()).into_owned());
         match &mut self {
-            Self::Input(error) => error.help = Some(remedy.into()),
-            Self::Run { help, .. } | Self::Interrupted { help, .. } => *help = Some(remedy.into()),
+            Self::Input(error) => error.help = remedy,
+            Self::Run { help, .. } | Self::Interrupted { help, .. } => *help = remedy,
         }
         self
     }
@@ -131,10 +149,11 @@ impl Error {
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
-        let placed = at(input.message);
-        match input.help {
-            Some(help) => placed.with_help(help),
-            None => placed,
+        let InputError { message, help, .. } = *input;
+        let placed = at(message);
+        match help {
+            Some(help) if help != GENERAL => placed.with_help(help),
+            _ => placed,
         }
     }
 
@@ -200,29 +219,6 @@ fn printable(text: String) -> String {
     text.chars().map(shown).collect()
 }
 
-/// The candidate most like `word`, if any is like enough to be what was meant.
-pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // What is much longer than any name is none, and comparing it takes long.
-    let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
-    candidates
-        .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
-        .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 3)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
-}
-
-/// The file beside a missing one whose name is most like its own, if one is like enough.
-pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
-    let folder = missing.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let names: Vec<String> = std::fs::read_dir(folder.unwrap_or(Path::new(".")))
-        .ok()?
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .collect();
-    let wanted = missing.file_name()?.to_string_lossy();
-    let meant = nearest(&wanted, names.iter().map(String::as_str)).filter(|name| *name != wanted)?;
-    Some(missing.with_file_name(meant))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -278,18 +274,21 @@ mod tests {
     }
 
     #[test]
-    fn nearest_finds_a_misspelt_name_and_refuses_a_strange_one() {
-        let names = ["private", "global", "local"];
-        assert_eq!(nearest("globl", names), Some("global"));
-        assert_eq!(nearest("zzzzzzzz", names), None);
-    }
-
-    #[test]
-    fn nearest_file_looks_beside_the_missing_one() {
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("teapot.toml"), "").unwrap();
-        let meant = nearest_file(&folder.path().join("taepot.toml"));
-        assert_eq!(meant, Some(folder.path().join("teapot.toml")));
-        assert_eq!(nearest_file(&folder.path().join("nowhere/teapot.toml")), None);
+    fn no_error_is_made_without_a_remedy_or_with_what_steers_a_terminal() {
+        let place = |message| Error::in_file("a\u{1b}.toml", "a = 1\n", 0..1, message, "here");
+        for error in [
+            Error::input("a\u{1b}"),
+            Error::run("a\u{1b}"),
+            Error::fault("a\u{1b}"),
+            Error::withheld("a\u{1b}", 1, "b"),
+            place("a\u{1b}".into()),
+            Error::input("a\u{1b}").placed(place),
+        ] {
+            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
+            let shown = format!("{error} {help}");
+            assert!(!help.is_empty() && !shown.contains('\u{1b}'), "{shown:?}");
+        }
+        let own = Error::input("a").with_help("b\u{1b}").placed(place);
+        assert_eq!(own.help().map(|help| help.to_string()).as_deref(), Some("b\\u001b"));
     }
 }

@@ -20,7 +20,7 @@ pub mod strategies;
 mod turn;
 mod watch;
 
-pub use output::{coloured, print, print_json, table};
+pub use output::{coloured, print, print_coloured, print_json, table};
 
 use clap::{Parser, Subcommand};
 

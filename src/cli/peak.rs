@@ -111,6 +111,7 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("what the devices can do at most could not be measured: {why}"))
+                .with_help("`raycl peak --device NAME` measures one alone and says more")
         };
         let program = std::env::current_exe().map_err(|error| failed(&error))?;
         let mut command = Command::new(program);

@@ -161,7 +161,7 @@ fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             let queue = Queue::open(device.platform, device.device)?;
             Ok((device, queue))
         });
-        let (loaded, load_ms) = scene.join().map_err(|_| Error::run("reading the scene panicked"))?;
+        let (loaded, load_ms) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
         // What loading hides of it took no time.
         let discover_ms = (open_ms - load_ms).max(0.0);

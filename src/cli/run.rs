@@ -253,7 +253,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
         // The order counts: the flag is looked at before it is set.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
             .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
-            .map_err(|error| Error::run(format!("cannot listen for Ctrl-C: {error}")))?;
+            .map_err(|error| Error::fault(format!("cannot listen for Ctrl-C: {error}")))?;
     }
     Ok(interrupted)
 }
@@ -315,7 +315,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
             super::print_json(record)?;
         }
     } else if !args.quiet {
-        super::print(summary_terminal(records, super::coloured()))?;
+        super::print_coloured(&summary_terminal(records, super::coloured()))?;
         folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
         super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;

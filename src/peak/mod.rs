@@ -120,7 +120,7 @@ impl Peak {
 
     /// Writes a list.
     pub fn write(all: &[Self], path: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(all).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_string_pretty(all).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(path, format!("{text}\n").as_bytes())
     }
 

@@ -81,8 +81,9 @@ impl Document {
     fn set(&mut self, values: &[(String, Value)]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, values)?;
-        self.text = toml::to_string(&table)
-            .map_err(|error| Error::input(format!("{} with its overrides: {error}", self.name)))?;
+        self.text = toml::to_string(&table).map_err(|error| {
+            Error::input(format!("{} with its overrides: {error}", self.name)).with_help(KEYS)
+        })?;
         self.name.push_str(" with overrides");
         Ok(())
     }
@@ -109,7 +110,7 @@ impl Document {
             let label = if label == "here" { String::new() } else { format!(" ({label})") };
             return Error::withheld(&self.name, line, &format!("what a scene has there{label}"));
         }
-        Error::in_file(&self.name, self.text.as_str(), span, message, label)
+        Error::in_file(&self.name, self.text.as_str(), span, message, label).with_help(KEYS)
     }
 
     /// The ball a bare mesh is framed by; scenes with a file of their own have none.
@@ -125,7 +126,9 @@ fn is_named_obj(path: &Path) -> bool {
 /// The scene file that a bare mesh stands for.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
-    let file = file.ok_or_else(|| Error::input(format!("{}: the name is not UTF-8", path.display())))?;
+    let file = file.ok_or_else(|| {
+        Error::input(format!("{}: the name is not UTF-8", path.display())).with_help("rename the file")
+    })?;
     Ok(format!("[[object]]\nobj = {}\n", Value::from(file)))
 }
 
@@ -140,5 +143,6 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
         let line =
             1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
         Error::input(format!("{}:{line}: not UTF-8; a scene is a TOML file or an .obj file", path.display()))
+            .with_help("save it as UTF-8")
     })
 }
