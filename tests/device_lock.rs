@@ -15,6 +15,7 @@ strategies = ["naive", "deferred"]
 baselines = ["serial"]
 
 [timing]
+launches = 1
 warmup = 1
 min_samples = 5
 max_samples = 5

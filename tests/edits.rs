@@ -28,7 +28,7 @@ struct Shown {
 /// An edit: what it is called, what it does, how many points it has measured, and which scenes are shown after it.
 type Edit = (&'static str, fn(&mut Ground), usize, &'static [&'static str]);
 
-const TIMING: &str = "[timing]\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n";
+const TIMING: &str = "[timing]\nlaunches = 1\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n";
 
 const A: &[&str] = &["scene"];
 const A_AND_B: &[&str] = &["a/scene", "b/scene"];

@@ -29,7 +29,7 @@ impl Ground {
         let text = format!(
             "question = \"?\"\nexpectation = \"!\"\nscenes = [{scene:?}]\nimage_sizes = [[40, 25], [24, 15]]\n\
              local_sizes = [2, 4]\nstrategies = [\"naive\", \"deferred\"]\nbaselines = [\"serial\"]\n\
-             [timing]\nwarmup = 1\nmin_samples = {samples}\nmax_samples = {samples}\n"
+             [timing]\nlaunches = 1\nwarmup = 1\nmin_samples = {samples}\nmax_samples = {samples}\n"
         );
         let config = folder.path().join("test.toml");
         std::fs::write(&config, text).expect("a config");
@@ -70,7 +70,8 @@ impl Ground {
         let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
         assert_eq!(keys.len(), POINTS);
         let samples = read_lines::<Sample>(&self.out.join("samples.jsonl")).expect("samples").lines;
-        let rounds: HashSet<_> = samples.iter().map(|sample| (&sample.key, sample.round)).collect();
+        let rounds: HashSet<_> =
+            samples.iter().map(|sample| (&sample.key, sample.launch, sample.round)).collect();
         assert_eq!(rounds.len(), samples.len());
     }
 

@@ -200,3 +200,55 @@ fn a_picture_that_is_not_finite_is_a_failed_run_that_names_its_pixel() {
     let said = place.mistake(&[&render[..], &size].concat(), 1);
     has(&said, &["pixels are not finite; the first, (", "inf", "help:", "scene.png"]);
 }
+
+#[test]
+fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("out")).expect("a folder");
+    let record = serde_json::to_string(&raycl::record::Record { key: "a".into(), ..Default::default() })
+        .expect("JSON");
+    let text = format!("{record}\nrubbish \u{1b}]0;x\u{7}\n{record}\n");
+    std::fs::write(place.path("out/records.jsonl"), &text).expect("a journal");
+    place.raycl(&["report", "out"]).assert().success();
+    has(&place.text("out/summary.md"), &["1 damaged line of records.jsonl, the first line 2, left out"]);
+    has(
+        &place.output(&["repair", "out"]),
+        &["records.jsonl: 1 damaged taken out, 2 kept", "records.jsonl.damaged-1"],
+    );
+    assert_eq!(place.text("out/records.jsonl"), format!("{record}\n{record}\n"));
+    assert_eq!(place.text("out/records.jsonl.damaged-1"), text);
+    has(&place.output(&["repair", "out"]), &["no line is damaged"]);
+    has(&place.mistake(&["repair", "nowhere"], 2), &["nowhere holds no results", "help:"]);
+}
+
+#[test]
+fn nothing_of_a_name_steers_a_terminal() {
+    let hostile = "\u{1b}]0;title\u{7}\u{9b}2J";
+    let name = format!("{hostile}.toml");
+    let steers = |text: &str| text.contains(|c: char| c.is_control() && c != '\n');
+    let place = Place::with(&[
+        (&name, "name = "),
+        (
+            "a.toml",
+            &object(
+                &format!("{hostile}.obj")
+                    .escape_default()
+                    .to_string()
+                    .replace("\\u{1b}", "\\u001b")
+                    .replace("\\u{7}", "\\u0007")
+                    .replace("\\u{9b}", "\\u009b"),
+            ),
+        ),
+        ("named.toml", &TRIANGLE.replace("little", "\\u001b]0;title\\u0007")),
+    ]);
+    for file in [&name, "a.toml", &format!("{hostile}.obj"), &format!("{hostile}.png")] {
+        for command in ["render", "run", "report", "repair"] {
+            let said = place.mistake(&[command, file], 2);
+            assert!(!steers(&said), "{said:?}");
+        }
+    }
+    let device = crate::binary::device();
+    let said =
+        place.output(&["render", "named.toml", "--width", "16", "--height", "10", "--device", &device]);
+    assert!(!steers(&said) && said.contains("\\u001b]0;title\\u0007"), "{said:?}");
+}

@@ -40,6 +40,7 @@ intersector = "baldwin-weber"
 records = "once"
 
 [timing]
+launches = 1
 warmup = 0
 min_samples = 5
 max_samples = 5

@@ -21,6 +21,7 @@ local_sizes = [4]
 strategies = ["deferred"]
 
 [timing]
+launches = 1
 warmup = 0
 min_samples = 1
 max_samples = 1

@@ -14,6 +14,7 @@ strategies = ["naive", "watertight", "bvh"]
 baselines = ["serial"]
 
 [timing]
+launches = 1
 warmup = 1
 min_samples = 5
 max_samples = 5
@@ -98,5 +99,5 @@ fn an_old_spelling_is_answered_with_the_new_one() {
     let place = Place::with(&[("test.toml", CONFIG), ("old.toml", &format!("{CONFIG}[limits]\n"))]);
     has(&place.mistake(&["limits"], 2), &["did you mean `raycl peak`?"]);
     has(&place.mistake(&["run", "test.toml", "--limits=peak.json"], 2), &["did you mean `--peak`?"]);
-    has(&place.mistake(&["run", "old.toml"], 2), &["old.toml:14", "did you mean 'emulate'?"]);
+    has(&place.mistake(&["run", "old.toml"], 2), &["old.toml:15", "did you mean 'emulate'?"]);
 }

@@ -3,7 +3,7 @@
 use crate::binary::{Place, device, has};
 
 /// A point a config.
-const SMALL: [&str; 7] = [
+const SMALL: [&str; 8] = [
     "image_sizes=[[16, 10]]",
     "scenes=['../scenes/triangle.toml']",
     "local_sizes=[4]",
@@ -11,6 +11,7 @@ const SMALL: [&str; 7] = [
     "strategy=[]",
     "baselines=[]",
     "timing.time_limit_ms=1",
+    "timing.launches=1",
 ];
 
 /// What it says on standard output and on standard error.

@@ -14,6 +14,7 @@ strategies = ["naive", "local-vectors"]
 baselines = ["serial"]
 
 [timing]
+launches = 1
 warmup = 0
 min_samples = 5
 max_samples = 5
@@ -33,7 +34,7 @@ const FIELDS: [&str; 21] = [
     "median_ms",
     "q1_ms",
     "q3_ms",
-    "ci95_ms",
+    "interval_ms",
     "samples_ms",
     "stop_reason",
     "rays_per_s",
@@ -114,6 +115,48 @@ fn the_folder_has_all_that_is_promised() {
     let csv = place.text("out/summary.csv");
     assert_eq!(csv.lines().count(), 6);
     assert!(csv.starts_with("key,scene,device,") && csv.contains("shadow_rays,"), "{csv}");
+}
+
+#[test]
+fn launches_are_in_the_journals_and_one_is_called_a_look() {
+    let place = place();
+    let records = records(&place, &["--set", "timing.launches=2"], 0);
+    let samples = place.json_lines("out/samples.jsonl");
+    assert_eq!(samples.len(), 2 * 25, "five samples of each point in each launch");
+    assert!(samples[..25].iter().all(|sample| sample["launch"] == 0), "no launch is mixed with another");
+    assert!(samples[25..].iter().all(|sample| sample["launch"] == 1), "no launch is mixed with another");
+    for record in &records {
+        assert_eq!(record["sample_launches"], serde_json::json!([0, 0, 0, 0, 0, 1, 1, 1, 1, 1]));
+        let [low, median, high] =
+            [&record["interval_ms"][0], &record["median_ms"], &record["interval_ms"][1]]
+                .map(|value| value.as_f64().expect("a number"));
+        assert!(low <= median && median <= high, "{record}");
+    }
+    let summary = place.text("out/summary.md");
+    has(&summary, &["cannot be told apart here", "| 10 in 2 |"]);
+    assert!(!summary.contains("A look"), "{summary}");
+    let again = ["--set", "timing.launches=1", "--resume"];
+    place.raycl(&arguments(&device(), &again)).assert().success();
+    has(&place.text("out/summary.md"), &["A look: measured in one launch"]);
+    has(&place.text("out/report.html"), &["A look: measured in one launch"]);
+}
+
+#[test]
+fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
+    let place = place();
+    let new = place.kernels("cast/vectors/local.cl", "//", "// Edited.\n//");
+    let (old, new) = (repository("cl"), new.to_str().expect("UTF-8").to_owned());
+    let both = ["--cl-dir", old.to_str().expect("UTF-8"), "--cl-dir", &new, "--fail-on-regression", "9999"];
+    let device = device();
+    let said = place.output(&arguments(&device, &both));
+    has(&said, &["local-vectors (cl) 4x4", "verdict"]);
+    let records = place.json_lines("out/records.jsonl");
+    let of = |kernels: Value| records.iter().filter(move |record| record["kernels_of"] == kernels).count();
+    // What both compile to the same is measured once.
+    assert_eq!([of("cl".into()), of("kernels".into()), of(Value::Null)], [4, 2, 1]);
+    assert!(records.iter().all(|record| record["sample_launches"] == serde_json::json!([0, 0, 0, 0, 0])));
+    let message = place.mistake(&[&arguments(&device, &both)[..], &["--cl-dir", "third"]].concat(), 2);
+    has(&message, &["3 folders of kernels", "once, or twice"]);
 }
 
 #[test]

@@ -71,6 +71,7 @@ strategies = ["deferred", "naive-scratch"]
 baselines = ["serial"]
 
 [timing]
+launches = 1
 warmup = 1
 min_samples = 5
 max_samples = 5

@@ -24,10 +24,11 @@ scenes = ["scenes/triangle.toml"]
 image_sizes = [[40, 25], [8, 5]]
 local_sizes = [1, 2, 4]
 strategies = ["naive", "deferred"]
-timing = { warmup = 0, min_samples = 4, max_samples = 4, time_limit_ms = 1000 }
+timing = { launches = 1, warmup = 0, min_samples = 4, max_samples = 4, time_limit_ms = 1000 }
 "#;
 /// Two image sizes, three local sizes, two strategies.
 const POINTS: usize = 12;
+const GROUPS: usize = 2;
 static CASTS: AtomicUsize = AtomicUsize::new(0);
 
 fn experiment(text: &str) -> Experiment {
@@ -122,7 +123,7 @@ impl Worker for MockWorker {
         let mut counts = self.counts.borrow_mut();
         counts.requests += 1;
         let answer = match request {
-            Request::Check { point, key } => {
+            Request::Check { point, key, .. } => {
                 *counts.checks.entry(*point).or_default() += 1;
                 let record = Record { key: key.clone(), build_ms: Some(1.0), ..Record::default() };
                 Reply::Checked { record: Box::new(record), ready: true }
@@ -157,20 +158,24 @@ fn execute(
     spawner: &mut impl Spawner,
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
+    let mut results = Results::resume(folder, &Environment::default())?;
+    with_run(text, folder, |run| run.execute(&mut results, &mut (), spawner, interrupted))
+}
+
+fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) -> T {
     let (experiment, device) = (experiment(text), device());
     let locks = Locks::in_folder(&folder.join("locks"), true);
-    let run = Run {
+    then(&Run {
         experiment: &experiment,
         overrides: &[],
         devices: &[&device],
         sources: &Sources::Embedded,
+        other_sources: None,
         limit: Duration::from_millis(30),
         retry_failed: false,
         locks: &locks,
         spread: false,
-    };
-    let mut results = Results::resume(folder, &Environment::default())?;
-    run.execute(&mut results, &mut (), spawner, interrupted)
+    })
 }
 
 /// A folder in memory, where there is such a thing: these tests write much and often.
@@ -197,7 +202,7 @@ fn point_of(request: &Request) -> usize {
     }
 }
 
-/// No point has two records, and none two samples of one round.
+/// No point has two records, and none two samples of one round of a launch.
 fn nothing_twice(folder: &Path) {
     let distinct = |mut names: Vec<String>| {
         let count = names.len();
@@ -208,15 +213,20 @@ fn nothing_twice(folder: &Path) {
     let records = read_lines::<Record>(&folder.join("records.jsonl")).expect("records").lines;
     let samples = read_lines::<Sample>(&folder.join("samples.jsonl")).expect("samples").lines;
     distinct(records.into_iter().map(|record| record.key).collect());
-    distinct(samples.into_iter().map(|sample| format!("{} {}", sample.key, sample.round)).collect());
+    distinct(
+        samples
+            .into_iter()
+            .map(|sample| format!("{} {} {}", sample.key, sample.launch, sample.round))
+            .collect(),
+    );
 }
 
 #[test]
-fn without_faults_every_point_is_measured_by_one_worker() {
+fn without_faults_a_fresh_worker_measures_each_group() {
     let (records, counts) = once(CONFIG, |_| Act::Answer);
     assert_eq!(count(&records, Outcome::Measured), POINTS);
     assert!(records.iter().all(|record| record.samples_ms.len() == 4));
-    assert_eq!((counts.borrow().workers, counts.borrow().checks.len()), (1, POINTS));
+    assert_eq!((counts.borrow().workers, counts.borrow().checks.len()), (GROUPS, POINTS));
 }
 
 #[test]
@@ -231,7 +241,7 @@ fn a_point_that_kills_its_worker_costs_itself_and_nothing_else() {
         let lost = records.iter().find(|record| record.outcome == Outcome::Crashed).expect("a crash");
         let reason = lost.reason.as_deref().unwrap_or_default();
         assert!(reason.contains("SIGSEGV") && reason.contains("twice") && reason.contains("oh"), "{reason}");
-        assert_eq!(counts.borrow().workers, 3, "two deaths, two fresh workers");
+        assert_eq!(counts.borrow().workers, GROUPS + 2, "two deaths, two fresh workers");
         assert!(records.iter().filter(|r| r.outcome == Outcome::Measured).all(|r| r.samples_ms.len() == 4));
     }
 }
@@ -247,7 +257,7 @@ fn a_hang_is_ended_and_not_tried_again() {
     let hangs = |scene: &Scene<'_>| if point_of(scene.request) == 2 { Act::Hang } else { Act::Answer };
     let (records, counts) = once(CONFIG, hangs);
     assert_eq!((count(&records, Outcome::Measured), count(&records, Outcome::TimedOut)), (POINTS - 1, 1));
-    assert_eq!((counts.borrow().workers, counts.borrow().checks[&2]), (2, 1));
+    assert_eq!((counts.borrow().workers, counts.borrow().checks[&2]), (GROUPS + 1, 1));
 }
 
 #[test]
@@ -294,9 +304,9 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let records = loop {
         sessions += 1;
         interrupted.store(false, Ordering::Relaxed);
-        // Every session gets a little further: checks are made anew, samples are kept.
+        // Every session gets a little further. Checks are made anew, as is a launch that did not come to its end.
         let mut mock = Mock::new(move |scene| {
-            interrupted.store(scene.requests >= 9, Ordering::Relaxed);
+            interrupted.store(scene.requests >= 9 * sessions, Ordering::Relaxed);
             Act::Answer
         });
         match execute(CONFIG, folder.path(), &mut mock, interrupted) {
@@ -306,11 +316,9 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
         }
         nothing_twice(folder.path());
     };
-    assert!((5..40).contains(&sessions), "{sessions}");
+    assert!((5..20).contains(&sessions), "{sessions}");
     assert_eq!(count(&records, Outcome::Measured), POINTS);
     assert!(records.iter().all(|record| record.samples_ms.len() == 4));
-    let samples = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
-    assert_eq!(samples.len(), 4 * POINTS, "every sample taken once");
     nothing_twice(folder.path());
 }
 
@@ -339,7 +347,7 @@ scenes = ["scenes/triangle.toml"]
 image_sizes = [[8, 5]]
 local_sizes = [1]
 strategies = ["naive", "deferred"]
-timing = { warmup = 0, min_samples = 2, max_samples = 2, time_limit_ms = 1000 }
+timing = { launches = 1, warmup = 0, min_samples = 2, max_samples = 2, time_limit_ms = 1000 }
 "#;
 
 /// Resumes with a file cut at every byte: nothing is lost that was whole, and only what is missing is asked for.
@@ -400,7 +408,11 @@ fn samples_torn_before_any_record_are_completed() {
         let mut mock = Mock::new(|_| Act::Answer);
         let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2);
-        assert_eq!(mock.counts.borrow().casts.values().sum::<usize>(), 4 - kept, "cut at {cut}");
+        // Half a launch is repeated whole, and what was measured of it stays.
+        assert_eq!(mock.counts.borrow().casts.values().sum::<usize>(), 4, "cut at {cut}");
+        let lines = read_lines::<Sample>(&torn.path().join("samples.jsonl")).expect("samples").lines;
+        assert_eq!(lines.len(), kept + 4);
+        nothing_twice(torn.path());
     }
 }
 
@@ -421,4 +433,104 @@ fn changed_timing_is_measured_again_and_unchanged_is_not() {
     let other = CONFIG.replace("max_samples = 4", "max_samples = 5");
     assert_eq!(checks(&other), (POINTS, POINTS));
     assert_eq!(checks(CONFIG), (POINTS, 0), "the first results are still there");
+}
+
+const LAUNCHES: &str = r#"
+question = "?"
+expectation = "!"
+scenes = ["scenes/triangle.toml"]
+image_sizes = [[8, 5], [16, 10]]
+local_sizes = [1]
+strategies = ["naive", "deferred"]
+baselines = ["serial"]
+timing = { launches = 3, warmup = 0, min_samples = 15, max_samples = 15 }
+"#;
+
+#[test]
+fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
+    let folder = folder();
+    let mut mock = Mock::new(|_| Act::Answer);
+    let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it runs");
+    assert_eq!(mock.counts.borrow().workers, 3 * GROUPS);
+    assert!(mock.counts.borrow().checks.values().all(|checks| *checks == 3), "each launch checks its points");
+    for record in &records {
+        assert_eq!((record.samples_ms.len(), record.samples_at_ms.len()), (15, 15));
+        let mut launches = record.sample_launches.clone();
+        launches.dedup();
+        assert_eq!(launches.len(), 3, "{launches:?}");
+        assert!(launches.windows(2).all(|pair| pair[0] < pair[1]) && launches != [0, 1, 2], "{launches:?}");
+        assert!(record.interval_ms.is_some());
+    }
+    // The baseline is measured in the rounds of its kernels.
+    let samples = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
+    for round in samples.chunks(3) {
+        assert!(round.iter().all(|one| (one.launch, one.round) == (round[0].launch, round[0].round)));
+        let keys: std::collections::HashSet<_> = round.iter().map(|sample| &sample.key).collect();
+        assert_eq!(keys.len(), 3);
+    }
+}
+
+#[test]
+fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
+    let folder = folder();
+    let interrupted: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
+    // Both groups have had a launch (36 requests), and the first of them begins its second.
+    let mut mock = Mock::new(|scene| {
+        interrupted.store(scene.requests >= 46, Ordering::Relaxed);
+        Act::Answer
+    });
+    execute(LAUNCHES, folder.path(), &mut mock, interrupted).expect_err("it is interrupted");
+    let before = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
+    let half = before.last().expect("samples").launch;
+    let mut mock = Mock::new(|_| Act::Answer);
+    let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it resumes");
+    assert_eq!(mock.counts.borrow().workers, 2 * GROUPS, "one launch of each was whole");
+    assert_eq!(count(&records, Outcome::Measured), 2 * 3);
+    for record in &records {
+        assert!(!record.sample_launches.contains(&half) && record.samples_ms.len() == 15);
+    }
+    let after = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
+    assert!(after.starts_with(&before), "nothing measured is lost");
+    nothing_twice(folder.path());
+}
+
+#[test]
+fn a_launch_that_loses_its_worker_is_repeated_whole() {
+    let (records, counts) = once(LAUNCHES, |scene| if scene.requests == 10 { Act::Die } else { Act::Answer });
+    assert_eq!(count(&records, Outcome::Measured), 2 * 3);
+    assert_eq!(counts.borrow().workers, 3 * GROUPS + 1);
+    assert!(
+        records.iter().all(|record| record.samples_ms.len() == 15 && !record.sample_launches.contains(&0)
+            || record.image_size == [16, 10])
+    );
+}
+
+#[test]
+fn how_long_a_run_takes_is_told_by_earlier_times() {
+    let folder = folder();
+    let expected = |earlier: &[Record], done: &[String]| {
+        with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, done)).expect("it is foreseen")
+    };
+    let unknown = expected(&[], &[]).to_string();
+    assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
+    // The mock's records know neither times nor sizes.
+    let timed = |(place, record): (usize, &Record)| Record {
+        host_median_ms: Some(1000.0),
+        image_size: if place < 3 { [8, 5] } else { [16, 10] },
+        local_size: (!record.is_baseline()).then_some([1, 1]),
+        ..record.clone()
+    };
+    let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
+    let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
+    let known = expected(&records, &[]);
+    // A second for each of 15 samples and of 2 checks of each point, and half a second for each worker; the mock's first checks
+    // take no time.
+    assert_eq!(known.points, [6, 6]);
+    assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
+    // Two strategies at one size tell of the other, too, which has four times the pixels.
+    let some = expected(&records[..2], &[]);
+    assert_eq!(some.points, [6, 4]);
+    assert!(some.to_string().contains("for 4 of them, by earlier times"), "{some}");
+    let keys: Vec<String> = records.iter().map(|record| record.key.clone()).collect();
+    assert_eq!(expected(&records, &keys[1..]).points, [1, 1]);
 }

@@ -18,7 +18,7 @@ expectation = "No."
 scenes = ["scenes/triangle.toml"]
 image_sizes = [[8, 5], [16, 10], [24, 15]]
 baselines = ["serial", "parallel"]
-timing = { warmup = 0, min_samples = 20, max_samples = 20, time_limit_ms = 1e8 }
+timing = { launches = 1, warmup = 0, min_samples = 20, max_samples = 20, time_limit_ms = 1e8 }
 "#;
 const GROUPS: usize = 3;
 const CASTS_OF_A_GROUP: usize = 2 * 20;
@@ -68,6 +68,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
         overrides: &[],
         devices: &[],
         sources: &Sources::Embedded,
+        other_sources: None,
         limit: Duration::from_secs(120),
         retry_failed: false,
         locks,

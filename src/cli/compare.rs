@@ -18,9 +18,12 @@ pub struct Args {
     before: PathBuf,
     /// The folder that is judged
     after: PathBuf,
-    /// Medians closer than this are the same
+    /// Changes that are surely smaller than this are the same
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
+    /// Compare the times themselves instead of their ratios to what was measured with them
+    #[arg(long)]
+    times: bool,
     /// Exit with 1 where a point is surely slower by more than this, or failed that ran before
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
@@ -41,7 +44,8 @@ pub struct Args {
     quiet: bool,
 }
 
-fn percent(text: &str) -> std::result::Result<f64, String> {
+/// A percentage.
+pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
     let number: Option<f64> = text.trim_end_matches('%').parse().ok();
     let fine = number.filter(|percent| percent.is_finite() && *percent >= 0.0);
     fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number such as 5"))
@@ -53,7 +57,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
     out.iter().try_for_each(|out| out.check(report::COMPARISON))?;
     let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);
-    let comparison = Comparison::of(&before, &after, args.threshold / 100.0);
+    let comparison = Comparison::of(&before, &after, args.threshold / 100.0, args.times);
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
@@ -83,13 +87,13 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Every point that is not the same, then the counts.
-fn print_table(comparison: &Comparison) -> Result<()> {
+pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let [a, b] = &comparison.labels;
     let mut table =
         super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
     // Without a change comes last.
-    let change = |pair: &report::Pair| pair.change_percent.unwrap_or(f64::NEG_INFINITY);
+    let change = |pair: &report::Pair| pair.change_percent().unwrap_or(f64::NEG_INFINITY);
     changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
     let several = comparison.has_several_devices();
     for pair in &changed {

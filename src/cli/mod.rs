@@ -7,12 +7,14 @@ pub mod compile;
 pub mod completions;
 pub mod devices;
 pub mod kernel;
+pub mod noise;
 pub mod occupancy;
 mod output;
 pub mod peak;
 mod progress;
 mod renamed;
 pub mod render;
+pub mod repair;
 pub mod report;
 pub mod reproduce;
 pub mod run;
@@ -56,6 +58,8 @@ enum Command {
     Reproduce(reproduce::Args),
     /// Compare two folders of results: faster, slower, same, unclear
     Compare(compare::Args),
+    /// Take damaged lines out of a folder's journals, keeping a copy
+    Repair(repair::Args),
     /// Compare two pictures
     CompareImages(compare_images::Args),
     /// List OpenCL platforms and devices, and what each can hold
@@ -78,6 +82,8 @@ enum Command {
     Compile(compile::Args),
     /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
     Peak(peak::Args),
+    /// Measure what differences runs on this machine can tell apart, and what stands in the way
+    Noise(noise::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Print completions for a shell
@@ -98,6 +104,7 @@ impl Cli {
             Command::Report(args) => report::run(args),
             Command::Reproduce(args) => reproduce::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Repair(args) => repair::run(args),
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
@@ -110,6 +117,7 @@ impl Cli {
             Command::Kernel(args) => kernel::run(args),
             Command::Compile(args) => compile::run(args),
             Command::Peak(args) => peak::run(args),
+            Command::Noise(args) => noise::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Completions(args) => completions::run(args),
         }

@@ -25,14 +25,18 @@ fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
 }
 
 impl Observer for Bar {
-    fn begins(&mut self, points: usize) {
-        self.bar.set_length(points as u64);
+    fn begins(&mut self, _points: usize, steps: usize) {
+        self.bar.set_length(steps as u64);
         self.bar.enable_steady_tick(Duration::from_millis(100));
     }
 
-    fn resumes(&mut self, done: usize) {
-        self.bar.set_position(done as u64);
+    fn resumes(&mut self, _points: usize, steps: usize) {
+        self.bar.set_position(steps as u64);
         self.bar.reset_eta();
+    }
+
+    fn advances(&mut self, steps: usize) {
+        self.bar.inc(steps as u64);
     }
 
     fn works_on(&mut self, what: &str) {
@@ -47,7 +51,6 @@ impl Observer for Bar {
         if !record.outcome.is_fine() {
             self.bar.println(printer::plain(&line(record)));
         }
-        self.bar.inc(1);
     }
 
     fn ends(&mut self) {
@@ -60,15 +63,18 @@ impl Observer for Bar {
 pub struct Lines {
     points: usize,
     done: usize,
-    /// When the first of this run's points was begun, and how many were done by then.
+    /// Steps of all points, and those done.
+    steps: usize,
+    taken: usize,
+    /// When the first of this run's points was begun, and how many steps were done by then.
     since: Option<(Instant, usize)>,
 }
 
 impl Lines {
-    /// ", about 12 minutes left": by the points done since it began.
+    /// ", about 12 minutes left": by the steps done since it began.
     fn left(&self) -> String {
         let Some((begun, before)) = self.since else { return String::new() };
-        let (now_done, missing) = (self.done.saturating_sub(before), self.points.saturating_sub(self.done));
+        let (now_done, missing) = (self.taken.saturating_sub(before), self.steps.saturating_sub(self.taken));
         if now_done == 0 || missing == 0 {
             return String::new();
         }
@@ -82,20 +88,24 @@ impl Observer for Lines {
         tell(stage);
     }
 
-    fn begins(&mut self, points: usize) {
-        self.points = points;
+    fn begins(&mut self, points: usize, steps: usize) {
+        (self.points, self.steps) = (points, steps);
     }
 
-    fn resumes(&mut self, done: usize) {
-        self.done = done;
+    fn resumes(&mut self, done: usize, steps: usize) {
+        (self.done, self.taken) = (done, steps);
         self.since = None;
         if done > 0 {
             tell(format!("{done} of {} points are done already", self.points));
         }
     }
 
+    fn advances(&mut self, steps: usize) {
+        self.taken += steps;
+    }
+
     fn works_on(&mut self, _what: &str) {
-        self.since.get_or_insert((Instant::now(), self.done));
+        self.since.get_or_insert((Instant::now(), self.taken));
     }
 
     fn finished(&mut self, record: &Record) {
@@ -109,16 +119,18 @@ impl Observer for Lines {
 /// Several runs as one: each counts on where the one before it ended.
 pub struct Stages {
     inner: Box<dyn Observer>,
-    points: usize,
+    /// Points and steps of all runs.
+    all: [usize; 2],
     done: usize,
+    taken: usize,
     stage: String,
     begun: bool,
 }
 
 impl Stages {
-    /// Runs of so many points together, told to `inner`.
-    pub fn of(points: usize, inner: Box<dyn Observer>) -> Self {
-        Self { inner, points, done: 0, stage: String::new(), begun: false }
+    /// Runs of so many points and steps together, told to `inner`.
+    pub fn of(all: [usize; 2], inner: Box<dyn Observer>) -> Self {
+        Self { inner, all, done: 0, taken: 0, stage: String::new(), begun: false }
     }
 
     /// The next run's name.
@@ -139,17 +151,22 @@ impl Stages {
 }
 
 impl Observer for Stages {
-    fn begins(&mut self, _points: usize) {
+    fn begins(&mut self, _points: usize, _steps: usize) {
         if !std::mem::replace(&mut self.begun, true) {
-            self.inner.begins(self.points);
+            self.inner.begins(self.all[0], self.all[1]);
         }
     }
 
-    fn resumes(&mut self, done: usize) {
-        self.done += done;
+    fn resumes(&mut self, done: usize, steps: usize) {
+        (self.done, self.taken) = (self.done + done, self.taken + steps);
         if done > 0 {
-            self.inner.resumes(self.done);
+            self.inner.resumes(self.done, self.taken);
         }
+    }
+
+    fn advances(&mut self, steps: usize) {
+        self.taken += steps;
+        self.inner.advances(steps);
     }
 
     fn works_on(&mut self, what: &str) {
@@ -210,10 +227,10 @@ mod tests {
     struct Heard(Arc<Mutex<Vec<String>>>);
 
     impl Observer for Heard {
-        fn begins(&mut self, points: usize) {
+        fn begins(&mut self, points: usize, _: usize) {
             self.0.lock().expect("no test panicked").push(format!("begins {points}"));
         }
-        fn resumes(&mut self, done: usize) {
+        fn resumes(&mut self, done: usize, _: usize) {
             self.0.lock().expect("no test panicked").push(format!("resumes {done}"));
         }
         fn works_on(&mut self, what: &str) {
@@ -230,11 +247,11 @@ mod tests {
     #[test]
     fn several_runs_count_as_one() {
         let heard = Heard::default();
-        let mut stages = Stages::of(5, Box::new(heard.clone()));
+        let mut stages = Stages::of([5, 5], Box::new(heard.clone()));
         for (name, done) in [("a", 0), ("b", 1)] {
             stages.enter(name.to_owned());
-            stages.begins(2);
-            stages.resumes(done);
+            stages.begins(2, 2);
+            stages.resumes(done, done);
             stages.works_on("timing");
             stages.finished(&Record::default());
             stages.ends();
@@ -248,12 +265,12 @@ mod tests {
     #[test]
     fn what_is_left_is_told_from_what_is_done_since_the_begin() {
         let mut lines = Lines::default();
-        lines.begins(10);
+        lines.begins(10, 30);
         assert_eq!(lines.left(), "");
-        lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 2));
-        lines.done = 4;
+        lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 6));
+        lines.taken = 12;
         assert_eq!(lines.left(), ", about 3m left");
-        lines.done = 10;
+        lines.taken = 30;
         assert_eq!(lines.left(), "");
     }
 }

@@ -72,8 +72,8 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     let devices = find_devices(None)?;
     let runs = CONFIGS.map(|(name, _)| (name, arguments(args, name)));
     let counts = runs.iter().map(|(_, run)| run::count(run, &devices)).collect::<Result<Vec<_>>>()?;
-    let total = counts.iter().sum();
-    let mut stages = Stages::of(total, observer(args.quiet, args.verbose));
+    let [total, steps] = [0, 1].map(|place| counts.iter().map(|count| count[place]).sum::<usize>());
+    let mut stages = Stages::of([total, steps], observer(args.quiet, args.verbose));
     let mut failed = Vec::new();
     for (place, (name, run)) in runs.iter().enumerate() {
         stages.enter(format!("{name} ({} of {})", place + 1, runs.len()));

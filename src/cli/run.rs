@@ -1,7 +1,9 @@
 //! `raycl run`: an experiment, from its TOML to a folder of results.
 
+mod earlier;
 mod environment;
 mod forecast;
+mod two_kernels;
 
 use super::choice::parse_assignment;
 use super::progress::observer;
@@ -14,6 +16,7 @@ use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Folder, Record, summary_terminal};
 use crate::report::quote;
+use earlier::foreseen;
 use environment::environment;
 use forecast::forecast;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -36,6 +39,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/figure-8.toml --dry-run
   raycl run configs/figure-8.toml --device nvidia --out results/figure-8-h200
   raycl run configs/figure-6.toml --device pocl --device nvidia
+  raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
 Exit code: 0 when every point was measured or cannot fit the device, 1 when one failed, 2 for a mistake in what was given.")]
@@ -84,9 +88,13 @@ pub struct Args {
     /// A line for every point as it stops, instead of a bar
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
-    /// Use the kernels of this folder instead of those built in
+    /// Use the kernels of this folder instead of those built in; given twice, the second is compared with the first, in the
+    /// same rounds
     #[arg(long, value_name = "DIR")]
-    cl_dir: Option<PathBuf>,
+    cl_dir: Vec<PathBuf>,
+    /// With two folders of kernels: exit with 1 where the second is surely slower by more than this
+    #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
+    fail_on_regression: Option<f64>,
     /// For tests: let a worker process fail, such as segv@cast:3
     #[arg(long, hide = true)]
     fault: Option<Fault>,
@@ -118,15 +126,16 @@ impl Args {
             json: false,
             quiet: true,
             verbose: false,
-            cl_dir: None,
+            cl_dir: Vec::new(),
+            fail_on_regression: None,
             fault: None,
         }
     }
 }
 
 /// Refuses paths that are no text: workers, records and pages name them in JSON and HTML.
-fn named_in_text(paths: [Option<&PathBuf>; 3]) -> Result<()> {
-    match paths.into_iter().flatten().find(|path| path.to_str().is_none()) {
+fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
+    match paths.find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
             .with_help("rename it, or give it by a link whose name is")),
         None => Ok(()),
@@ -135,7 +144,7 @@ fn named_in_text(paths: [Option<&PathBuf>; 3]) -> Result<()> {
 
 /// Runs an experiment.
 pub fn run(args: Args) -> Result<()> {
-    named_in_text([Some(&args.config), args.out.as_ref(), args.cl_dir.as_ref()])?;
+    named_in_text(std::iter::once(&args.config).chain(&args.out).chain(&args.cl_dir))?;
     if args.dry_run {
         return foresee(&args);
     }
@@ -148,7 +157,7 @@ fn run_of<'a>(
     args: &'a Args,
     experiment: &'a Experiment,
     devices: &'a [&'a DeviceInfo],
-    sources: &'a Sources,
+    sources: &'a [Sources],
     locks: &'a Locks,
 ) -> Result<Run<'a>> {
     if args.spread {
@@ -158,7 +167,8 @@ fn run_of<'a>(
         experiment,
         overrides: &args.set,
         devices,
-        sources,
+        sources: &sources[0],
+        other_sources: sources.get(1),
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
         locks,
@@ -168,13 +178,13 @@ fn run_of<'a>(
 
 /// Measures what is missing; the folder of results, and the records of all points.
 pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
-    let sources = Sources::of(args.cl_dir.clone())?;
+    let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_other_folders(&out, choice(args), false)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
     let interrupted = interrupt_flag()?;
-    let devices = find_devices(args.cl_dir.as_deref())?;
+    let devices = find_devices(args.cl_dir.first().map(PathBuf::as_path))?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
@@ -184,11 +194,14 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
         let wanted = super::peak::Wanted {
             given,
             patterns: patterns(args, &experiment),
-            cl_dir: args.cl_dir.as_deref(),
+            cl_dir: args.cl_dir.first().map(PathBuf::as_path),
             no_wait: args.no_wait,
         };
         results
             .keep_peak(wanted.for_run(&interrupted).map_err(|error| say_how_to_resume(error, args, &out))?)?;
+    }
+    if !args.quiet {
+        observer.says(&foreseen(&run, &out, &results.past().records)?.to_string());
     }
     let workers = || Processes::new(run.jobs(&out, args.fault));
     let measured = if args.spread {
@@ -208,11 +221,12 @@ fn choice(args: &Args) -> Choice {
     Choice { force: args.force, elsewhere: "--out DIR" }
 }
 
-/// How many points a run has.
-pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<usize> {
+/// How many points a run has, and steps: a launch of a point each.
+pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
     let experiment = config::load(&args.config, &args.set)?;
     let infos = chosen(args, &experiment, devices)?;
-    Ok(Plan::new(&experiment, infos.len()).points.len())
+    let points = Plan::new(&experiment, infos.len()).points.len();
+    Ok([points, points * experiment.timing.launches as usize])
 }
 
 /// The devices that the arguments name, or else the config.
@@ -230,13 +244,15 @@ fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
 
 /// Prints what the run would do.
 fn foresee(args: &Args) -> Result<()> {
-    let sources = Sources::of(args.cl_dir.clone())?;
+    let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
-    let devices = find_devices(args.cl_dir.as_deref())?;
+    let devices = find_devices(args.cl_dir.first().map(PathBuf::as_path))?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
-    forecast(&dry_run(&run)?, args.json)
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    let expected = foreseen(&run, &out, &[])?;
+    forecast(&dry_run(&run)?, &expected, args.json)
 }
 
 /// A positive number of seconds.
@@ -325,6 +341,9 @@ fn report(args: &Args, out: &Path) -> Result<()> {
             out.join("summary.csv").display(),
             out.join("records.jsonl").display()
         ))?;
+    }
+    if args.cl_dir.len() == 2 {
+        two_kernels::compare(&folder, args.fail_on_regression, args.quiet || args.json)?;
     }
     let failed = records.iter().filter(|record| !record.outcome.is_fine()).count();
     if failed == 0 {

@@ -21,6 +21,8 @@ pub struct Experiment {
     pub expectation: String,
     /// Scenes; each one's file was there when the config was read.
     pub scenes: Vec<SceneChoice>,
+    /// Whether scenes are compared with each other, and so measured in the same rounds.
+    pub compare_scenes: bool,
     /// Words that devices are chosen by; "all" is every usable one.
     pub devices: Vec<String>,
     /// Pixels across and down.
@@ -155,15 +157,17 @@ impl fmt::Display for Emulate {
 pub struct Timing {
     /// Frames cast before the first sample.
     pub warmup: u32,
-    /// Samples taken before stopping is considered, unless the time is up.
+    /// Worker processes that a group is measured in, one after another; they share the samples. One is a look.
+    pub launches: u32,
+    /// Samples of a point before stopping is considered, unless the time is up.
     pub min_samples: u32,
-    /// Samples after which a point stops in any case.
+    /// Samples of a point after which its group stops in any case.
     pub max_samples: u32,
-    /// Time a point may spend on its samples.
+    /// Time a point may spend on its samples, in the mean of its group.
     pub time_limit_ms: f64,
-    /// The seed of the order of rounds.
+    /// The seed of the order of launches and rounds.
     pub seed: u64,
-    /// A point stops when the standard deviation over the mean is below this.
+    /// A group stops when the standard deviation over the mean is below this for each of its points.
     pub relative_sigma: f64,
 }
 
@@ -171,6 +175,7 @@ impl Default for Timing {
     fn default() -> Self {
         Self {
             warmup: 2,
+            launches: 3,
             min_samples: 10,
             max_samples: 100,
             time_limit_ms: 5000.0,
@@ -183,10 +188,10 @@ impl Default for Timing {
 impl fmt::Display for Timing {
     /// For keys: every setting, `name=value`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { warmup, min_samples, max_samples, time_limit_ms, seed, relative_sigma } = self;
+        let Self { warmup, launches, min_samples, max_samples, time_limit_ms, seed, relative_sigma } = self;
         write!(
             f,
-            "warmup={warmup} min_samples={min_samples} max_samples={max_samples} \
+            "warmup={warmup} launches={launches} min_samples={min_samples} max_samples={max_samples} \
              time_limit_ms={time_limit_ms} seed={seed} relative_sigma={relative_sigma}"
         )
     }

@@ -13,6 +13,8 @@ use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::error::{Result, nearest};
 
+/// Launches a group may take.
+const MOST_LAUNCHES: i64 = 100;
 /// Samples a point may take.
 const MOST_SAMPLES: i64 = 1_000_000;
 
@@ -32,6 +34,7 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         question: sentence(document, &wire.question, "question")?,
         expectation: sentence(document, &wire.expectation, "expectation")?,
         scenes,
+        compare_scenes: wire.compare_scenes,
         devices: devices(document, wire.devices)?,
         image_sizes: image_sizes(document, &wire.image_sizes)?,
         strategies,
@@ -104,6 +107,7 @@ fn timing(document: &Document, wire: &wire::Timing) -> Result<Timing> {
     let min_samples = count(&wire.min_samples, "min_samples", 1..=most, least)?;
     Ok(Timing {
         warmup: count(&wire.warmup, "warmup", 0..=1000, default.warmup)?,
+        launches: count(&wire.launches, "launches", 1..=MOST_LAUNCHES, default.launches)?,
         min_samples,
         max_samples: max_samples.max(min_samples),
         time_limit_ms: real(

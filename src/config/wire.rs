@@ -20,6 +20,8 @@ pub struct Experiment {
     pub scenes: Vec<Spanned<String>>,
     #[serde(default)]
     pub scene: Vec<SceneEntry>,
+    #[serde(default)]
+    pub compare_scenes: bool,
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     pub image_sizes: Spanned<Vec<Spanned<Size>>>,
     #[serde(default)]
@@ -64,6 +66,7 @@ pub struct Emulate {
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     pub warmup: Option<Spanned<i64>>,
+    pub launches: Option<Spanned<i64>>,
     pub min_samples: Option<Spanned<i64>>,
     pub max_samples: Option<Spanned<i64>>,
     pub time_limit_ms: Option<Spanned<f64>>,

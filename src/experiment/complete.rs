@@ -5,20 +5,33 @@ use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
 use crate::sensor::Sensed;
 
-/// Writes what a point's frames amount to into its record.
-pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) {
+/// A timed frame: in which launch it was taken, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Taken {
+    /// The launch's number in the folder of results.
+    pub launch: u32,
+    /// Since the launch's rounds began.
+    pub at_ms: f64,
+    /// What it took.
+    pub times: FrameTimes,
+}
+
+/// Writes what a point's samples amount to into its record. An interval needs the points that were measured with it.
+pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
+    let frames: Vec<FrameTimes> = taken.iter().map(|taken| taken.times).collect();
+    record.sample_launches = taken.iter().map(|taken| taken.launch).collect();
+    record.samples_at_ms = taken.iter().map(|taken| taken.at_ms).collect();
     let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
         let times: Vec<f64> = frames.iter().filter_map(time).collect();
         Summary::of(&times).map(|summary| summary.median_ms)
     };
     record.outcome = Outcome::Measured;
-    record.stop_reason = Some(reason.name().to_owned());
+    record.stop_reason = reason.map(|reason| reason.name().to_owned());
     record.samples_ms = frames.iter().map(|frame| frame.frame_ms).collect();
     if let Some(summary) = Summary::of(&record.samples_ms) {
         record.median_ms = Some(summary.median_ms);
         record.q1_ms = Some(summary.q1_ms);
         record.q3_ms = Some(summary.q3_ms);
-        record.ci95_ms = summary.ci95_ms;
     }
     record.host_median_ms = median(&|frame| Some(frame.host_ms));
     record.primary_ms = median(&|frame| frame.primary_ms);
@@ -29,7 +42,7 @@ pub fn complete(record: &mut Record, frames: &[FrameTimes], reason: StopReason) 
     let throttled = |frame: &&FrameTimes| frame.sensed.is_some_and(|sensed| sensed.throttled);
     record.throttled_samples = record.sensed.map(|_| frames.iter().filter(throttled).count() as u32);
     rates(record);
-    record.warning = warning(record, frames);
+    record.warning = warning(record, &frames);
 }
 
 /// What to mind in reading its times.
@@ -76,10 +89,14 @@ fn rates(record: &mut Record) {
 mod tests {
     use super::*;
 
+    fn taken(times: FrameTimes) -> Taken {
+        Taken { launch: 0, at_ms: 0.0, times }
+    }
+
     fn completed(frame_ms: f64, host_ms: f64, batch: Option<u32>) -> Record {
-        let frames = vec![FrameTimes { batch, ..FrameTimes::whole(frame_ms, host_ms) }; 5];
+        let frame = FrameTimes { batch, ..FrameTimes::whole(frame_ms, host_ms) };
         let mut record = Record { device: "gpu".into(), image_size: [8, 5], ..Record::default() };
-        complete(&mut record, &frames, StopReason::Precise);
+        complete(&mut record, &[taken(frame); 5], Some(StopReason::Precise));
         record
     }
 
@@ -99,7 +116,8 @@ mod tests {
         let frame =
             |throttled, clock| FrameTimes { sensed: sensed(throttled, clock), ..FrameTimes::whole(5.0, 5.1) };
         let mut record = Record { device: "gpu".into(), ..Record::default() };
-        complete(&mut record, &[frame(true, 1000.0), frame(false, 2000.0)], StopReason::Precise);
+        let samples = [frame(true, 1000.0), frame(false, 2000.0)].map(taken);
+        complete(&mut record, &samples, Some(StopReason::Precise));
         let mean = record.sensed.expect("sensors");
         assert_eq!((mean.clock_mhz, mean.throttled, record.throttled_samples), (Some(1500.0), true, Some(1)));
         assert!(record.warning.expect("a warning").contains("1 of 2 samples"));

@@ -52,12 +52,12 @@ impl<'a> Hands<'a> {
     /// Does what a request asks.
     pub fn answer(&mut self, request: &Request) -> Result<Reply> {
         match request {
-            Request::Check { point, key } => self.check(*point, key),
+            Request::Check { point, key, verified } => self.check(*point, key, verified.as_deref()),
             Request::Cast { point } => self.cast(*point),
         }
     }
 
-    fn check(&mut self, number: usize, key: &str) -> Result<Reply> {
+    fn check(&mut self, number: usize, key: &str, verified: Option<&str>) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
         self.turn_to(point)?;
         let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
@@ -68,7 +68,7 @@ impl<'a> Hands<'a> {
         if record.key != key {
             return Err(changed(device));
         }
-        let ready = match self.checker.check(&point, &at.scene, &mut record)? {
+        let ready = match self.checker.check(&point, &at.scene, verified, &mut record)? {
             Ok(ready) => self.entries.insert(number, Entry { ready, batch: None }).is_none(),
             Err(refusal) => {
                 record = refusal.write_into(record);
@@ -80,7 +80,7 @@ impl<'a> Hands<'a> {
 
     /// Drops what belongs to another group, and loads the scene of a point where another is at hand.
     fn turn_to(&mut self, point: Point) -> Result<()> {
-        if self.group.is_none_or(|group| !group.compares_with(&point)) {
+        if self.group.is_none_or(|group| !group.is_beside(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }
@@ -105,9 +105,11 @@ impl<'a> Hands<'a> {
         let batch = match entry.batch {
             Some(batch) => batch,
             None => {
-                let shortest_ms = warm_up(|| frame(1), timing.warmup, timing.time_limit_ms);
                 let timer_ns =
                     self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
+                // By a coarse timer a sample may be a batch of frames: one has to be known to tell of how many.
+                let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
+                let shortest_ms = warm_up(|| frame(1), frames, timing.time_limit_ms);
                 batch_size(shortest_ms, timer_ns)
             }
         };

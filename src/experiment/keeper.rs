@@ -1,10 +1,10 @@
 //! Where what is found goes: the results' folder, the observer, the caller.
 
+use super::complete::Taken;
 use super::{Observer, Results};
 use crate::error::Result;
-use crate::launch::FrameTimes;
 use crate::peak::Peak;
-use crate::record::{Record, Sample};
+use crate::record::{Record, RoundLoad, Sample};
 
 /// What measuring points hands its findings to.
 pub trait Keep {
@@ -15,9 +15,15 @@ pub trait Keep {
     /// Completes a record.
     fn keep(&mut self, record: Record) -> Result<()>;
     /// Keeps a sample of a point.
-    fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()>;
-    /// An earlier session's samples of a point, and the round after their last.
-    fn past(&self, key: &str) -> (Vec<FrameTimes>, u32);
+    fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()>;
+    /// Keeps what else the machine did while rounds were timed.
+    fn load(&mut self, load: &RoundLoad) -> Result<()>;
+    /// The number of a launch that begins: one that no other of the folder has.
+    fn next_launch(&mut self) -> u32;
+    /// So many launches of points are done, or will not be.
+    fn advances(&mut self, steps: usize);
+    /// An earlier session's samples of a point.
+    fn past(&self, key: &str) -> Vec<Taken>;
 }
 
 /// Keeps what a run finds as soon as it is found.
@@ -39,7 +45,19 @@ impl Keep for Keeper<'_> {
         self.observer.says(line);
     }
 
-    fn past(&self, key: &str) -> (Vec<FrameTimes>, u32) {
+    fn load(&mut self, load: &RoundLoad) -> Result<()> {
+        self.results.load(load)
+    }
+
+    fn next_launch(&mut self) -> u32 {
+        self.results.next_launch()
+    }
+
+    fn advances(&mut self, steps: usize) {
+        self.observer.advances(steps);
+    }
+
+    fn past(&self, key: &str) -> Vec<Taken> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
@@ -53,10 +71,13 @@ impl Keep for Keeper<'_> {
         Ok(())
     }
 
-    fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()> {
+    fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()> {
+        let times = &taken.times;
         self.results.sample(&Sample {
             key: key.to_owned(),
+            launch: taken.launch,
             round,
+            at_ms: Some(taken.at_ms),
             ms: times.frame_ms,
             primary_ms: times.primary_ms,
             shadow_ms: times.shadow_ms,

@@ -7,10 +7,12 @@ use std::io::Write as _;
 pub trait Observer: Send {
     /// Of several runs, this one is next.
     fn enters(&mut self, _stage: &str) {}
-    /// The run begins: it has this many points.
-    fn begins(&mut self, points: usize);
-    /// An earlier run has finished this many of them.
-    fn resumes(&mut self, _done: usize) {}
+    /// The run begins: it has this many points, which take so many steps, a launch of a point each.
+    fn begins(&mut self, points: usize, steps: usize);
+    /// An earlier run has finished this many points, and so many steps.
+    fn resumes(&mut self, _points: usize, _steps: usize) {}
+    /// So many steps are done.
+    fn advances(&mut self, _steps: usize) {}
     /// What is being done now, in a few words.
     fn works_on(&mut self, what: &str);
     /// Something to say at once, progress or not: the run waits for another process.
@@ -18,15 +20,15 @@ pub trait Observer: Send {
         // A log that cannot be written is no reason to stop measuring.
         let _ = writeln!(std::io::stderr(), "{line}");
     }
-    /// A point has stopped.
+    /// A point is finished.
     fn finished(&mut self, record: &Record);
-    /// All points have stopped.
+    /// All points are finished.
     fn ends(&mut self);
 }
 
 /// Hears nothing.
 impl Observer for () {
-    fn begins(&mut self, _points: usize) {}
+    fn begins(&mut self, _points: usize, _steps: usize) {}
     fn works_on(&mut self, _what: &str) {}
     fn finished(&mut self, _record: &Record) {}
     fn ends(&mut self) {}

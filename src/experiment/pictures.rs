@@ -21,6 +21,11 @@ impl Pictures {
         Self { folder: folder.to_owned(), saved: HashMap::new() }
     }
 
+    /// What tells a picture from any other, to the last bit.
+    pub fn hash(image: &Radiance) -> String {
+        hash(image).to_hex()[..32].to_owned()
+    }
+
     /// Saves a picture under the first of `names` that no other picture has, else under its hash, and returns
     /// its path relative to the folder.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {

@@ -7,8 +7,10 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// Points of the same scene, image size and device are neighbours.
+    /// Points that are compared with each other are neighbours, among them those of a scene, among these those of a device.
     pub points: Vec<Point>,
+    /// Whether scenes are compared with each other.
+    pub compare_scenes: bool,
 }
 
 /// One thing to measure; its numbers are places in the experiment's lists.
@@ -45,25 +47,43 @@ impl Plan {
         let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
         let kernels = kernels(experiment);
         let mut points = Vec::new();
-        for scene in 0..experiment.scenes.len() {
-            for &image_size in &experiment.image_sizes {
-                let mut add = |device, works: &[Work]| {
-                    points.extend(works.iter().map(|&work| Point { scene, device, work, image_size }));
-                };
-                add(None, &host);
-                for device in 0..device_count {
-                    add(Some(device), &kernels);
-                }
+        for (scene, image_size) in cases(experiment) {
+            let mut add = |device, works: &[Work]| {
+                points.extend(works.iter().map(|&work| Point { scene, device, work, image_size }));
+            };
+            add(None, &host);
+            for device in 0..device_count {
+                add(Some(device), &kernels);
             }
         }
-        Self { points }
+        Self { points, compare_scenes: experiment.compare_scenes }
     }
 
-    /// Points that are compared with each other and measured in interleaved rounds: those of one
-    /// scene, image size and device.
+    /// Points that are compared with each other and measured in interleaved rounds: those of one image size and, unless scenes
+    /// are compared, of one scene; casters on the host and all devices are among them.
     pub fn groups(&self) -> impl Iterator<Item = &[Point]> {
-        self.points.chunk_by(|one, other| one.compares_with(other))
+        self.points.chunk_by(|one, other| self.compares(one, other))
     }
+
+    /// The same where groups are spread over devices: casters on the host are groups of their own.
+    pub fn groups_by_device(&self) -> impl Iterator<Item = &[Point]> {
+        self.points.chunk_by(|one, other| self.compares(one, other) && one.device == other.device)
+    }
+
+    fn compares(&self, one: &Point, other: &Point) -> bool {
+        one.image_size == other.image_size && (self.compare_scenes || one.scene == other.scene)
+    }
+}
+
+/// Every scene at every image size, what is compared side by side.
+fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
+    let scenes = 0..experiment.scenes.len();
+    let mut cases: Vec<_> =
+        scenes.flat_map(|scene| experiment.image_sizes.iter().map(move |size| (scene, *size))).collect();
+    if experiment.compare_scenes {
+        cases.sort_by_key(|(_, size)| experiment.image_sizes.iter().position(|known| known == size));
+    }
+    cases
 }
 
 /// Every strategy at each of its local sizes.
@@ -81,13 +101,9 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 }
 
 impl Point {
-    /// Whether both are measured in the same rounds.
-    pub fn compares_with(&self, other: &Self) -> bool {
-        self.group() == other.group()
-    }
-
-    fn group(&self) -> (usize, [u32; 2], Option<usize>) {
-        (self.scene, self.image_size, self.device)
+    /// Whether both are of one scene and image size.
+    pub fn is_beside(&self, other: &Self) -> bool {
+        (self.scene, self.image_size) == (other.scene, other.image_size)
     }
 
     /// For progress and logs: "teapot 800x500 naive 16x16".
@@ -131,6 +147,7 @@ mod tests {
             question: "?".into(),
             expectation: "!".into(),
             scenes: (0..scenes).map(|scene| SceneChoice::file(format!("scenes/s{scene}.toml"))).collect(),
+            compare_scenes: false,
             devices: vec!["all".into()],
             image_sizes: (1..=images).map(|side| [side * 8, 5]).collect(),
             strategies: PRESETS[..strategies].iter().map(strategy).collect(),
@@ -156,8 +173,18 @@ mod tests {
             prop_assert_eq!(distinct.len(), expected);
             let hosts = if baselines > 0 { cases } else { 0 };
             let kernels = if strategies > 0 { cases * devices } else { 0 };
-            prop_assert_eq!(plan.groups().count(), hosts + kernels);
+            prop_assert_eq!(plan.groups_by_device().count(), hosts + kernels);
+            prop_assert_eq!(plan.groups().count(), if hosts + kernels > 0 { cases } else { 0 });
         }
+    }
+
+    #[test]
+    fn scenes_that_are_compared_are_one_group_of_each_size() {
+        let experiment = Experiment { compare_scenes: true, ..experiment(3, 2, 2, 1, 1) };
+        let plan = Plan::new(&experiment, 1);
+        let groups: Vec<_> = plan.groups().collect();
+        assert_eq!(groups.iter().map(|group| group.len()).collect::<Vec<_>>(), [9, 9]);
+        assert!(groups.iter().all(|group| group.iter().all(|point| point.image_size == group[0].image_size)));
     }
 
     #[test]

@@ -58,6 +58,8 @@ pub enum Request {
         point: usize,
         /// The key it must have.
         key: String,
+        /// The hash of its picture, where an earlier launch compared that with the reference: the same needs no comparing.
+        verified: Option<String>,
     },
     /// Cast one frame of a point that passed; the first time after its warm-up.
     Cast {
@@ -125,7 +127,7 @@ mod tests {
             assert!(!line.contains('\n'));
             assert_eq!(serde_json::from_str::<Reply>(&line).unwrap(), reply);
         }
-        let request = Request::Check { point: 7, key: "k".into() };
+        let request = Request::Check { point: 7, key: "k".into(), verified: Some("h".into()) };
         let line = serde_json::to_string(&request).unwrap();
         assert_eq!(serde_json::from_str::<Request>(&line).unwrap(), request);
     }

@@ -1,23 +1,26 @@
 //! The folder a run writes its results to.
 
+use super::complete::Taken;
 use super::lock::Lock;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
+use crate::printer;
 use crate::record::{
-    CurrentPlan, Environment, Folder, JsonLines, Record, Sample, TEMPORARY_PREFIX, own_folder, read_lines,
-    sync_folder,
+    CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX, own_folder,
+    read_lines, sync_folder,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `images/`, `environment.json`, and at the end
+/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `rounds.jsonl`, `images/`, `environment.json`, and at the end
 /// `summary.md` and `summary.csv`. docs/format.md documents each.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,
     samples: JsonLines<Sample>,
+    rounds: JsonLines<RoundLoad>,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
@@ -28,8 +31,18 @@ pub struct Results {
 pub struct Past {
     /// Finished points, in the order of their last records.
     pub records: Vec<Record>,
-    /// The samples of every point, in the order taken, by key, and the round after the last.
-    pub samples: HashMap<String, (Vec<FrameTimes>, u32)>,
+    /// The samples of every point, in the order taken, by key.
+    pub samples: HashMap<String, Vec<Taken>>,
+    /// The number of the next launch.
+    pub next_launch: u32,
+}
+
+/// What journals hold. Their damaged lines are told: their points are measured again.
+fn past(records: &Path, samples: &Path) -> Result<Past> {
+    let (records, samples) = (read_lines(records)?, read_lines(samples)?);
+    let damage = [records.damage("records.jsonl"), samples.damage("samples.jsonl")];
+    damage.into_iter().flatten().for_each(printer::tell);
+    Ok(Past::of(records.lines, samples.lines))
 }
 
 fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
@@ -59,15 +72,17 @@ impl Results {
         own_folder(&images)
             .map_err(|error| cannot_make(if folder.is_dir() { &images } else { folder }, &error))?;
         let lock = Lock::take(folder)?;
-        let [records, samples] = ["records.jsonl", "samples.jsonl"].map(|name| folder.join(name));
+        let [records, samples, rounds] =
+            ["records.jsonl", "samples.jsonl", "rounds.jsonl"].map(|name| folder.join(name));
         remove_left_overs(folder);
         keep_environment(folder, environment)?;
         let results = Self {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
+            rounds: JsonLines::append_to(&rounds)?,
             peak: Peak::kept_in(folder)?,
-            past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
+            past: past(&records, &samples)?,
             _lock: lock,
         };
         sync_folder(folder).map_err(|error| cannot_make(folder, &error))?;
@@ -96,9 +111,20 @@ impl Results {
         self.records.append(record)
     }
 
+    /// The number of a launch that begins: no other of the folder has it.
+    pub fn next_launch(&mut self) -> u32 {
+        self.past.next_launch += 1;
+        self.past.next_launch - 1
+    }
+
     /// Keeps a sample.
     pub fn sample(&mut self, sample: &Sample) -> Result<()> {
         self.samples.append(sample)
+    }
+
+    /// Keeps what else the machine did while rounds were timed.
+    pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
+        self.rounds.append(load)
     }
 
     /// Says which points are the current run's.
@@ -135,9 +161,11 @@ impl Past {
                 batch: sample.batch,
                 sensed: sample.sensed,
             };
-            let (frames, round) = past.samples.entry(sample.key).or_default();
-            frames.push(times);
-            *round = (*round).max(sample.round.saturating_add(1));
+            past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
+            let taken = past.samples.entry(sample.key).or_default();
+            // Files of earlier versions tell the round only.
+            let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
+            taken.push(Taken { launch: sample.launch, at_ms, times });
         }
         past
     }
@@ -199,8 +227,8 @@ mod tests {
         let past = second.past();
         let found: Vec<_> = past.records.iter().map(|r| (r.key.as_str(), r.outcome)).collect();
         assert_eq!(found, [("b", Outcome::Measured), ("a", Outcome::Measured)]);
-        let (frames, next_round) = &past.samples["c"];
-        assert_eq!((frames.len(), *next_round, frames[0].host_ms), (2, 2, 1.5));
+        let taken = &past.samples["c"];
+        assert_eq!((taken.len(), past.next_launch, taken[0].times.host_ms), (2, 1, 1.5));
         assert!(folder.path().join("environment-1.json").exists());
         assert!(!folder.path().join("images/.raycl-abc").exists());
     }

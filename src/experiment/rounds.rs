@@ -1,76 +1,67 @@
-//! Timing points in interleaved rounds: every round takes one sample of each point that has not stopped, in a
-//! seeded random order, so that a drift of the machine is not read as a difference between points.
+//! Timing points in interleaved rounds: every round takes one sample of each point, in a seeded random order, so that a
+//! drift of the machine is not read as a difference between points. All points stop together.
 
 use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, StoppingRule, round_order};
 
-/// Times points while [`measure`] decides which and how often.
+/// Times points while [`measure`] decides in which order and how often.
 pub trait Rounds {
-    /// Casts one frame of a point; none when the point failed, which is then not cast again.
+    /// Casts one frame of a point; none when the point failed, which is then not cast again, or its process was lost.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
     /// A sample was taken.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()>;
-    /// A point has all its samples, in the order taken.
-    fn stopped(&mut self, point: usize, frames: Vec<FrameTimes>, reason: StopReason) -> Result<()>;
-}
-
-/// Where measuring starts: at nothing, or where an earlier run left off.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Start {
-    /// The samples that each point has already.
-    pub frames: Vec<Vec<FrameTimes>>,
-    /// The first round.
-    pub round: u32,
-}
-
-/// Times points until each has stopped or failed.
-pub fn measure(start: Start, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<()> {
-    let mut frames = Vec::with_capacity(start.frames.len());
-    for (point, before) in start.frames.into_iter().enumerate() {
-        frames.push(judge(point, before, rule, rounds)?);
+    /// Every point that did not fail has its sample of a round.
+    fn ended(&mut self, _round: u32) -> Result<()> {
+        Ok(())
     }
-    for round in start.round.. {
-        let active: Vec<usize> = (0..frames.len()).filter(|&point| frames[point].is_some()).collect();
-        if active.is_empty() {
-            break;
-        }
+    /// Whether what was sampled cannot count: its process was lost.
+    fn is_broken(&self) -> bool {
+        false
+    }
+}
+
+/// How the rounds of a launch ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Every point that did not fail has been sampled enough.
+    Enough(StopReason),
+    /// Every point failed.
+    AllFailed,
+    /// The process was lost: the launch is to be repeated.
+    Broken,
+}
+
+/// Takes rounds of `points` points until there are enough.
+pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
+    let mut samples_ms: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points];
+    let mut elapsed_ms = 0.0;
+    for round in 0.. {
+        let active: Vec<usize> = (0..points).filter(|&point| samples_ms[point].is_some()).collect();
         for place in round_order(active.len(), u64::from(round), seed) {
             let point = active[place];
-            let before = frames[point].take().unwrap_or_default();
-            frames[point] = sample(point, round, before, rule, rounds)?;
+            let times = rounds.cast(point)?;
+            if rounds.is_broken() {
+                return Ok(End::Broken);
+            }
+            let (Some(times), Some(samples)) = (times, &mut samples_ms[point]) else {
+                samples_ms[point] = None;
+                continue;
+            };
+            rounds.sampled(point, round, &times)?;
+            samples.push(times.frame_ms);
+            elapsed_ms += times.elapsed_ms();
+        }
+        rounds.ended(round)?;
+        let left: Vec<Vec<f64>> = samples_ms.iter().flatten().cloned().collect();
+        if left.is_empty() {
+            break;
+        }
+        if let Some(reason) = rule.stop(&left, elapsed_ms) {
+            return Ok(End::Enough(reason));
         }
     }
-    Ok(())
-}
-
-/// Takes one sample of a point; none when it was the last.
-fn sample(
-    point: usize,
-    round: u32,
-    mut frames: Vec<FrameTimes>,
-    rule: &StoppingRule,
-    rounds: &mut impl Rounds,
-) -> Result<Option<Vec<FrameTimes>>> {
-    let Some(times) = rounds.cast(point)? else { return Ok(None) };
-    rounds.sampled(point, round, &times)?;
-    frames.push(times);
-    judge(point, frames, rule, rounds)
-}
-
-/// Whether a point has been sampled enough; if so there is nothing left of it.
-fn judge(
-    point: usize,
-    frames: Vec<FrameTimes>,
-    rule: &StoppingRule,
-    rounds: &mut impl Rounds,
-) -> Result<Option<Vec<FrameTimes>>> {
-    let samples_ms: Vec<f64> = frames.iter().map(|frame| frame.frame_ms).collect();
-    let elapsed_ms = frames.iter().map(FrameTimes::elapsed_ms).sum();
-    match rule.stop(&samples_ms, elapsed_ms).filter(|_| !frames.is_empty()) {
-        None => Ok(Some(frames)),
-        Some(reason) => rounds.stopped(point, frames, reason).map(|()| None),
-    }
+    Ok(End::AllFailed)
 }
 
 #[cfg(test)]
@@ -81,8 +72,8 @@ mod tests {
     #[derive(Default)]
     struct Fake {
         order: Vec<usize>,
-        stopped: Vec<(usize, usize)>,
         failing: Option<usize>,
+        breaks_after: Option<usize>,
     }
 
     impl Rounds for Fake {
@@ -98,53 +89,43 @@ mod tests {
         fn sampled(&mut self, _point: usize, _round: u32, _times: &FrameTimes) -> Result<()> {
             Ok(())
         }
-        fn stopped(&mut self, point: usize, frames: Vec<FrameTimes>, _reason: StopReason) -> Result<()> {
-            self.stopped.push((point, frames.len()));
-            Ok(())
+        fn is_broken(&self) -> bool {
+            self.breaks_after.is_some_and(|casts| self.order.len() > casts)
         }
     }
 
     const RULE: StoppingRule =
-        StoppingRule { min_samples: 4, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
-
-    fn fresh(points: usize) -> Start {
-        Start { frames: vec![Vec::new(); points], round: 0 }
-    }
-
-    #[test]
-    fn an_earlier_runs_samples_count() -> Result<()> {
-        let times = FrameTimes::whole(1.0, 1.0);
-        let before =
-            |samples: usize| (0..samples).map(|i| FrameTimes { frame_ms: i as f64 + 1.0, ..times }).collect();
-        let mut fake = Fake::default();
-        measure(Start { frames: vec![before(7), before(2), before(0)], round: 2 }, &RULE, 1, &mut fake)?;
-        assert_eq!(fake.stopped[0], (0, 7), "it had all its samples");
-        let casts = |point| fake.order.iter().filter(|&&cast| cast == point).count();
-        assert_eq!([casts(0), casts(1), casts(2)], [0, 5, 7]);
-        Ok(())
-    }
+        StoppingRule { min_samples: 5, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
 
     #[test]
     fn each_round_takes_one_sample_of_every_point() -> Result<()> {
         let mut fake = Fake::default();
-        measure(fresh(3), &RULE, 1, &mut fake)?;
+        assert_eq!(measure(3, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+        assert_eq!(fake.order.len(), 3 * 7);
         for round in fake.order.chunks(3) {
             let mut points = round.to_vec();
             points.sort_unstable();
             assert_eq!(points, [0, 1, 2]);
         }
         assert!(fake.order.chunks(3).any(|round| round != [0, 1, 2]), "never shuffled");
-        assert_eq!(fake.stopped.len(), 3);
-        assert!(fake.stopped.iter().all(|(_, n)| *n == 7));
         Ok(())
     }
 
     #[test]
     fn a_failing_point_is_not_cast_again_and_costs_the_others_nothing() -> Result<()> {
         let mut fake = Fake { failing: Some(1), ..Fake::default() };
-        measure(fresh(3), &RULE, 1, &mut fake)?;
-        assert_eq!(fake.order.iter().filter(|&&point| point == 1).count(), 3);
-        assert_eq!(fake.stopped.len(), 2);
+        assert_eq!(measure(3, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+        let casts = |point| fake.order.iter().filter(|&&cast| cast == point).count();
+        assert_eq!([casts(0), casts(1), casts(2)], [7, 3, 7]);
+        let mut alone = Fake { failing: Some(0), ..Fake::default() };
+        assert_eq!(measure(1, &RULE, 1, &mut alone)?, End::AllFailed);
+        Ok(())
+    }
+
+    #[test]
+    fn a_lost_process_ends_the_launch() -> Result<()> {
+        let mut fake = Fake { breaks_after: Some(4), ..Fake::default() };
+        assert_eq!((measure(3, &RULE, 1, &mut fake)?, fake.order.len()), (End::Broken, 5));
         Ok(())
     }
 }

@@ -1,52 +1,42 @@
 //! A run on several devices of one kind: each group of points on whichever is free, one worker a device.
 
 use super::Run;
-use super::group::{Open, measure_group};
+use super::complete::Taken;
+use super::group::OpenGroup;
 use super::keeper::{Keep, Keeper};
+use super::launches::{Waiting, serve};
 use super::supervisor::{Spawner, Supervisor};
 use crate::error::Result;
-use crate::launch::FrameTimes;
-use crate::record::Record;
-use std::collections::VecDeque;
+use crate::record::{Record, RoundLoad};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Groups still to be measured.
-type Waiting = Mutex<VecDeque<Vec<Open>>>;
-
-/// Measures groups on all devices at once, `spawners[i]` starting the workers of device `i`. Groups on the host go
-/// first and alone. The first error ends the run once the groups under way have ended.
+/// Measures groups on all devices at once, `spawners[i]` starting the workers of device `i`; each group stays on the device
+/// that it began on. Groups on the host go first and alone. The first error ends the run once the groups under way have ended.
 pub fn measure_spread(
     run: &Run<'_>,
-    groups: Vec<Vec<Open>>,
+    groups: Vec<OpenGroup>,
     keeper: &mut Keeper<'_>,
     spawners: Vec<Box<dyn Spawner + Send>>,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let on_host = |group: &Vec<Open>| group.iter().any(|open| open.record.is_baseline());
-    let (host, kernels): (Vec<_>, Vec<_>) = groups.into_iter().partition(on_host);
-    let waiting = Mutex::new(VecDeque::from(host));
+    let (host, kernels): (Vec<_>, Vec<_>) = groups.into_iter().partition(OpenGroup::is_on_host);
+    let seed = run.experiment.timing.seed;
+    let (host, kernels) = (Waiting::new(host, seed), Waiting::new(kernels, seed));
     let mut spawners = spawners.into_iter().enumerate().collect::<Vec<_>>();
     let shared = Mutex::new(keeper);
-    let serve = |device: usize, spawner: &mut dyn Spawner| {
+    let work = |waiting: &Waiting, device: usize, spawner: &mut dyn Spawner| {
         let mut supervisor = Supervisor::new(spawner, interrupted, run.limit);
-        while let Some(mut group) = next(&waiting) {
-            group.iter_mut().for_each(|open| open.device = device);
-            let kept = measure_group(group, run, &mut supervisor, &mut Shared(&shared));
-            // Nobody takes another group after an error.
-            kept.inspect_err(|_| locked(&waiting).clear())?;
-        }
-        Ok(())
+        serve(run, waiting, Some(device), &mut supervisor, &mut Shared(&shared))
     };
     if let Some((device, spawner)) = spawners.first_mut() {
-        serve(*device, spawner.as_mut())?;
+        work(&host, *device, spawner.as_mut())?;
     }
-    locked(&waiting).extend(kernels);
     std::thread::scope(|scope| {
-        let serve = &serve;
+        let (work, kernels) = (&work, &kernels);
         let threads: Vec<_> = spawners
             .into_iter()
-            .map(|(device, mut spawner)| scope.spawn(move || serve(device, spawner.as_mut())))
+            .map(|(device, mut spawner)| scope.spawn(move || work(kernels, device, spawner.as_mut())))
             .collect();
         let ended = threads.into_iter().map(|thread| match thread.join() {
             Ok(end) => end,
@@ -55,10 +45,6 @@ pub fn measure_spread(
         // All are waited for, whichever failed.
         ended.collect::<Vec<Result<()>>>().into_iter().collect()
     })
-}
-
-fn next(waiting: &Waiting) -> Option<Vec<Open>> {
-    locked(waiting).pop_front()
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -81,11 +67,23 @@ impl Keep for Shared<'_, '_, '_> {
         locked(self.0).keep(record)
     }
 
-    fn sample(&mut self, key: &str, round: u32, times: &FrameTimes) -> Result<()> {
-        locked(self.0).sample(key, round, times)
+    fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()> {
+        locked(self.0).sample(key, round, taken)
     }
 
-    fn past(&self, key: &str) -> (Vec<FrameTimes>, u32) {
+    fn load(&mut self, load: &RoundLoad) -> Result<()> {
+        locked(self.0).load(load)
+    }
+
+    fn next_launch(&mut self) -> u32 {
+        locked(self.0).next_launch()
+    }
+
+    fn advances(&mut self, steps: usize) {
+        locked(self.0).advances(steps);
+    }
+
+    fn past(&self, key: &str) -> Vec<Taken> {
         locked(self.0).past(key)
     }
 }

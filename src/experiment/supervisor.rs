@@ -64,8 +64,19 @@ pub struct Task<'a> {
     pub point: usize,
     /// The device whose worker runs it.
     pub device: usize,
+    /// Its scene: a worker holds one at a time.
+    pub scene: usize,
     /// Its key.
     pub key: &'a str,
+    /// The hash of its picture, once that was compared with the reference.
+    pub verified: Option<&'a str>,
+}
+
+impl Task<'_> {
+    /// Which worker it is for.
+    fn post(&self) -> (usize, usize) {
+        (self.device, self.scene)
+    }
 }
 
 /// A living worker, and the points it can cast.
@@ -83,15 +94,25 @@ pub struct Supervisor<'a> {
     interrupted: &'a AtomicBool,
     /// The longest that one step of a point may take.
     limit: Duration,
-    posts: HashMap<usize, Post>,
+    /// By device and scene.
+    posts: HashMap<(usize, usize), Post>,
     deaths: HashMap<usize, u32>,
     given_up: usize,
+    losses: usize,
 }
 
 impl<'a> Supervisor<'a> {
     /// A supervisor without workers yet.
     pub fn new(spawner: &'a mut dyn Spawner, interrupted: &'a AtomicBool, limit: Duration) -> Self {
-        Self { spawner, interrupted, limit, posts: HashMap::new(), deaths: HashMap::new(), given_up: 0 }
+        Self {
+            spawner,
+            interrupted,
+            limit,
+            posts: HashMap::new(),
+            deaths: HashMap::new(),
+            given_up: 0,
+            losses: 0,
+        }
     }
 
     /// Set when the user wants an end.
@@ -99,13 +120,24 @@ impl<'a> Supervisor<'a> {
         self.interrupted
     }
 
+    /// Lets the workers go: what comes next is done by fresh ones.
+    pub fn retire(&mut self) {
+        self.posts.clear();
+    }
+
+    /// How many workers were lost so far.
+    pub fn losses(&self) -> usize {
+        self.losses
+    }
+
     /// Casts a point once and compares its image with the reference.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, Refusal>> {
-        let request = Request::Check { point: task.point, key: task.key.to_owned() };
+        let verified = task.verified.map(str::to_owned);
+        let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };
         loop {
-            match self.ask(task.device, &request)? {
+            match self.ask(task, &request)? {
                 Ok(Reply::Checked { record, ready }) => {
-                    if let Some(post) = self.posts.get_mut(&task.device).filter(|_| ready) {
+                    if let Some(post) = self.posts.get_mut(&task.post()).filter(|_| ready) {
                         post.ready.insert(task.point);
                     }
                     return Ok(Ok((record, ready)));
@@ -120,44 +152,40 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Casts one frame of a point that passed its check; a fresh worker checks it again first.
-    pub fn cast(&mut self, task: Task<'_>) -> Result<std::result::Result<FrameTimes, Refusal>> {
-        loop {
-            if !self.posts.get(&task.device).is_some_and(|post| post.ready.contains(&task.point)) {
-                match self.check(task)? {
-                    Ok((_, true)) => {}
-                    Ok((record, false)) => {
-                        return Ok(Err(Refusal::new(record.outcome, record.reason.unwrap_or_default())));
-                    }
-                    Err(refusal) => return Ok(Err(refusal)),
+    /// Casts one frame of a point that passed its check. None where its worker was lost and the point may be tried again: what a
+    /// fresh one casts is another launch's.
+    pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, Refusal>>> {
+        if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
+            match self.check(task)? {
+                Ok((_, true)) => {}
+                Ok((record, false)) => {
+                    let reason = record.reason.unwrap_or_default();
+                    return Ok(Some(Err(Refusal::new(record.outcome, reason))));
                 }
+                Err(refusal) => return Ok(Some(Err(refusal))),
             }
-            match self.ask(task.device, &Request::Cast { point: task.point })? {
-                Ok(Reply::Sample(times)) => return Ok(Ok(times)),
-                Ok(Reply::Refused(refusal)) => return Ok(Err(refusal)),
-                Ok(reply) => return Err(unexpected(reply)),
-                Err(loss) => {
-                    if let Some(refusal) = self.refusal(task.point, loss) {
-                        return Ok(Err(refusal));
-                    }
-                }
-            }
+        }
+        match self.ask(task, &Request::Cast { point: task.point })? {
+            Ok(Reply::Sample(times)) => Ok(Some(Ok(times))),
+            Ok(Reply::Refused(refusal)) => Ok(Some(Err(refusal))),
+            Ok(reply) => Err(unexpected(reply)),
+            Err(loss) => Ok(self.refusal(task.point, loss).map(Err)),
         }
     }
 
-    /// Asks a device's worker, starting it if need be. A worker that gave no reply is gone.
-    fn ask(&mut self, device: usize, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
+    /// Asks a point's worker, starting it if need be. A worker that gave no reply is gone.
+    fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
-        let mut post = match self.posts.remove(&device) {
+        let mut post = match self.posts.remove(&task.post()) {
             Some(post) => post,
-            None => self.start(device)?,
+            None => self.start(task.device)?,
         };
         post.worker.send(request);
         // A sample is worth waiting for; a check is done again.
         let patient = matches!(request, Request::Cast { .. });
         let answer = self.wait(post.worker.as_mut(), patient)?;
         if answer.is_ok() {
-            self.posts.insert(device, post);
+            self.posts.insert(task.post(), post);
         }
         Ok(answer)
     }
@@ -197,6 +225,7 @@ impl<'a> Supervisor<'a> {
 
     /// What a loss means for the point: none to try again.
     fn refusal(&mut self, point: usize, loss: Loss) -> Option<Refusal> {
+        self.losses += 1;
         let death = match loss {
             Loss::HungFor(limit) => {
                 let reason =

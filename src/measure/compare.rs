@@ -1,7 +1,6 @@
 //! How a result stands to an earlier one.
 
-use super::ranking::overlap;
-use super::{MIN_SAMPLES, Summary};
+use super::Interval;
 
 /// How a result stands to an earlier one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -10,17 +9,20 @@ pub enum Verdict {
     Faster,
     /// Surely slower, by more than the threshold.
     Slower,
-    /// The medians differ by no more than the threshold.
+    /// Surely no farther apart than the threshold.
     Same,
-    /// The medians differ by more, but the samples overlap.
+    /// The interval leaves it open.
     Unclear,
+    /// There is nothing that it could be measured against.
+    CannotTell,
     /// One of them has too few samples to say.
     NotEnough,
 }
 
 impl Verdict {
     /// Every verdict.
-    pub const ALL: [Self; 5] = [Self::Faster, Self::Slower, Self::Same, Self::Unclear, Self::NotEnough];
+    pub const ALL: [Self; 6] =
+        [Self::Faster, Self::Slower, Self::Same, Self::Unclear, Self::CannotTell, Self::NotEnough];
 
     /// Its name in reports.
     pub fn name(self) -> &'static str {
@@ -29,73 +31,37 @@ impl Verdict {
             Self::Slower => "slower",
             Self::Same => "same",
             Self::Unclear => "unclear",
+            Self::CannotTell => "cannot tell",
             Self::NotEnough => "not enough samples",
         }
     }
-}
 
-/// How `after` stands to `before`. Medians within `threshold` of each other (0.02 is 2% of
-/// `before`'s) are the same; beyond it the intervals [min, Q3] must be disjoint to be sure. Fewer than
-/// [`MIN_SAMPLES`] of either are not enough.
-pub fn compare(before: &Summary, after: &Summary, threshold: f64) -> Verdict {
-    let gap = after.median_ms - before.median_ms;
-    let body = |summary: &Summary| [summary.min_ms, summary.q3_ms];
-    if before.n.min(after.n) < MIN_SAMPLES {
-        Verdict::NotEnough
-    } else if gap.abs() <= threshold * before.median_ms {
-        Verdict::Same
-    } else if overlap(body(before), body(after)) {
-        Verdict::Unclear
-    } else if gap < 0.0 {
-        Verdict::Faster
-    } else {
-        Verdict::Slower
+    /// Of how many times as long it takes, with its interval. Changes within `threshold` (0.02 is 2%) are the same.
+    pub fn of(change: Interval, threshold: f64) -> Self {
+        let (least, most) = (1.0 / (1.0 + threshold), 1.0 + threshold);
+        if change.low > most {
+            Self::Slower
+        } else if change.high < least {
+            Self::Faster
+        } else if change.low >= least && change.high <= most {
+            Self::Same
+        } else {
+            Self::Unclear
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
 
-    fn steady(ms: f64) -> Summary {
-        Summary::of(&[0.99 * ms, 0.995 * ms, ms, 1.005 * ms, 1.01 * ms]).unwrap()
-    }
-
-    fn spread(ms: f64) -> Summary {
-        Summary::of(&[0.7 * ms, 0.85 * ms, ms, 1.15 * ms, 1.3 * ms]).unwrap()
-    }
-
     #[test]
-    fn verdicts_of_enough_samples() {
-        let base = steady(1.0);
-        assert_eq!(compare(&base, &steady(0.8), 0.02), Verdict::Faster);
-        assert_eq!(compare(&base, &steady(1.2), 0.02), Verdict::Slower);
-        assert_eq!(compare(&base, &steady(1.01), 0.02), Verdict::Same);
-        assert_eq!(compare(&base, &spread(1.1), 0.02), Verdict::Unclear);
-    }
-
-    #[test]
-    fn a_sure_difference_below_the_threshold_is_the_same() {
-        assert_eq!(compare(&steady(1.0), &steady(1.05), 0.1), Verdict::Same);
-    }
-
-    #[test]
-    fn four_samples_are_not_enough_however_far_apart() {
-        let few = Summary::of(&[9.0; 4]).unwrap();
-        assert_eq!(compare(&steady(1.0), &few, 0.02), Verdict::NotEnough);
-        assert_eq!(compare(&few, &steady(1.0), 0.02), Verdict::NotEnough);
-        assert_eq!(compare(&few, &few, 0.02), Verdict::NotEnough);
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(32))]
-
-        #[test]
-        fn nothing_differs_from_itself(samples in prop::collection::vec(0.1..10.0_f64, 5..20)) {
-            let summary = Summary::of(&samples).unwrap();
-            prop_assert_eq!(compare(&summary, &summary, 0.0), Verdict::Same);
-        }
+    fn only_what_the_interval_leaves_no_doubt_of_is_said() {
+        let of = |low: f64, high: f64| Verdict::of(Interval { middle: (low * high).sqrt(), low, high }, 0.02);
+        assert_eq!(of(1.05, 1.2), Verdict::Slower);
+        assert_eq!(of(0.7, 0.9), Verdict::Faster);
+        assert_eq!(of(0.99, 1.01), Verdict::Same);
+        assert_eq!(of(1.01, 1.2), Verdict::Unclear);
+        assert_eq!(of(0.5, 2.0), Verdict::Unclear);
     }
 }

@@ -5,16 +5,19 @@
 
 mod batch;
 mod compare;
-mod estimate;
+mod enough;
 mod order;
+mod paired;
 mod ranking;
 mod stopping;
+mod student;
 mod summary;
 
 pub use batch::batch_size;
-pub use compare::{Verdict, compare};
-pub use estimate::{Estimate, MIN_SAMPLES, not_enough};
+pub use compare::Verdict;
+pub use enough::{MIN_SAMPLES, not_enough};
 pub use order::round_order;
+pub use paired::{Interval, Paired, PairedSample, Standing};
 pub use ranking::Ranking;
 pub use stopping::{StopReason, StoppingRule};
 pub use summary::Summary;

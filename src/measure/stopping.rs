@@ -1,39 +1,35 @@
-//! When a point has been sampled enough.
+//! When a group of points has been sampled enough.
+
+use super::MIN_SAMPLES;
 
 /// Noise values that must have settled.
 const SETTLING: usize = 16;
 /// How much they may vary, relative to their mean.
 const SETTLED: f64 = 0.05;
 
-/// When a point has been sampled enough.
+/// When a group of points has been sampled enough in a launch. All its points stop together: each has a sample of every round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoppingRule {
-    /// Samples before precision is judged.
+    /// Rounds before precision is judged.
     pub min_samples: usize,
-    /// Samples never exceeded.
+    /// Rounds never exceeded.
     pub max_samples: usize,
     /// Precise is when sigma / mean is below this.
     pub relative_sigma: f64,
-    /// The time a point may take, which may cut it before `min_samples`.
+    /// The time a point may take, in the mean of the group. It never cuts below [`MIN_SAMPLES`] rounds.
     pub time_limit_ms: f64,
-}
-
-impl Default for StoppingRule {
-    fn default() -> Self {
-        Self { min_samples: 10, max_samples: 1000, relative_sigma: 0.005, time_limit_ms: 10_000.0 }
-    }
 }
 
 /// Why sampling stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StopReason {
-    /// The samples agree: sigma / mean is small.
+    /// The samples of each point agree: sigma / mean is small.
     Precise,
     /// They do not, but more of them would not change by how much.
     NoiseSettled,
-    /// The point's time was up.
+    /// The group's time was up.
     TimeLimit,
-    /// The point has as many samples as it may.
+    /// The points have as many samples as they may.
     MaxSamples,
 }
 
@@ -50,21 +46,45 @@ impl StopReason {
 }
 
 impl StoppingRule {
-    /// Why to stop after these samples, which took `elapsed_ms` in all; none to go on.
-    pub fn stop(&self, samples_ms: &[f64], elapsed_ms: f64) -> Option<StopReason> {
-        if samples_ms.len() >= self.min_samples.max(2) {
-            let noise = running_noise(samples_ms);
-            if noise.last().is_some_and(|&last| last < self.relative_sigma) {
-                return Some(StopReason::Precise);
-            }
-            if settled(&noise) {
-                return Some(StopReason::NoiseSettled);
-            }
+    /// The rule of one of `launches` launches that share samples and time. Each has the fewest samples that a verdict rests on,
+    /// unless there may not be as many in all.
+    pub fn shared_by(self, launches: usize) -> Self {
+        let least = MIN_SAMPLES.min(self.max_samples);
+        Self {
+            min_samples: self.min_samples.div_ceil(launches).max(least),
+            max_samples: self.max_samples.div_ceil(launches).max(least),
+            time_limit_ms: self.time_limit_ms / launches as f64,
+            ..self
         }
-        if elapsed_ms >= self.time_limit_ms {
+    }
+
+    /// The fewest rounds of a launch that counts.
+    pub fn least(&self) -> usize {
+        MIN_SAMPLES.min(self.max_samples)
+    }
+
+    /// Why to stop after a round, by the samples of each point, which took `elapsed_ms` in all; none to go on.
+    pub fn stop(&self, points_ms: &[Vec<f64>], elapsed_ms: f64) -> Option<StopReason> {
+        let rounds = points_ms.iter().map(Vec::len).min().unwrap_or(0);
+        if rounds >= self.min_samples.max(2)
+            && let Some(reason) = self.known(points_ms)
+        {
+            return Some(reason);
+        }
+        if rounds >= self.least() && elapsed_ms >= self.time_limit_ms * points_ms.len() as f64 {
             return Some(StopReason::TimeLimit);
         }
-        (samples_ms.len() >= self.max_samples).then_some(StopReason::MaxSamples)
+        (rounds >= self.max_samples).then_some(StopReason::MaxSamples)
+    }
+
+    /// Whether more samples of any point would tell no more.
+    fn known(&self, points_ms: &[Vec<f64>]) -> Option<StopReason> {
+        let noise: Vec<_> = points_ms.iter().map(|samples| running_noise(samples)).collect();
+        let precise = |noise: &Vec<f64>| noise.last().is_some_and(|&last| last < self.relative_sigma);
+        if noise.iter().all(precise) {
+            return Some(StopReason::Precise);
+        }
+        noise.iter().all(|noise| precise(noise) || settled(noise)).then_some(StopReason::NoiseSettled)
     }
 }
 
@@ -102,17 +122,28 @@ mod tests {
     const RULE: StoppingRule =
         StoppingRule { min_samples: 10, max_samples: 500, relative_sigma: 0.005, time_limit_ms: 1000.0 };
 
+    fn stop(samples: &[f64], elapsed_ms: f64) -> Option<StopReason> {
+        RULE.stop(&[samples.to_vec()], elapsed_ms)
+    }
+
     #[test]
     fn ten_equal_samples_are_precise_and_nine_are_not_enough() {
-        assert_eq!(RULE.stop(&[1.0; 9], 9.0), None);
-        assert_eq!(RULE.stop(&[1.0; 10], 10.0), Some(StopReason::Precise));
-        assert_eq!(RULE.stop(&[0.0; 10], 10.0), Some(StopReason::Precise));
+        assert_eq!(stop(&[1.0; 9], 9.0), None);
+        assert_eq!(stop(&[1.0; 10], 10.0), Some(StopReason::Precise));
+        assert_eq!(stop(&[0.0; 10], 10.0), Some(StopReason::Precise));
+    }
+
+    #[test]
+    fn one_noisy_point_keeps_its_group_going() {
+        let noisy: Vec<f64> = (0..12).map(|i| 1.0 + 0.01 * f64::from(i)).collect();
+        assert_eq!(RULE.stop(&[vec![1.0; 12], noisy], 12.0), None);
+        assert_eq!(RULE.stop(&[vec![1.0; 12], vec![2.0; 12]], 12.0), Some(StopReason::Precise));
     }
 
     #[test]
     fn steady_noise_settles() {
         let noisy: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { 1.1 }).collect();
-        let stopped = (1..=100).find_map(|n| RULE.stop(&noisy[..n], 0.0).map(|reason| (n, reason)));
+        let stopped = (1..=100).find_map(|n| stop(&noisy[..n], 0.0).map(|reason| (n, reason)));
         let Some((n, StopReason::NoiseSettled)) = stopped else { panic!("{stopped:?}") };
         assert!((17..60).contains(&n), "{n}");
     }
@@ -120,14 +151,28 @@ mod tests {
     #[test]
     fn growing_noise_does_not_settle() {
         let worse: Vec<f64> = (0..24).map(|i| 1.0 + 0.001 * f64::from(i).powi(3)).collect();
-        assert_eq!(RULE.stop(&worse, 0.0), None);
+        assert_eq!(stop(&worse, 0.0), None);
     }
 
     #[test]
-    fn time_cuts_before_ten_samples_and_the_cap_comes_last() {
-        assert_eq!(RULE.stop(&[700.0, 900.0], 1600.0), Some(StopReason::TimeLimit));
+    fn time_cuts_no_launch_below_five_rounds_and_is_the_groups() {
+        assert_eq!(stop(&[700.0; 4], 2800.0), None);
+        assert_eq!(stop(&[700.0, 900.0, 700.0, 900.0, 800.0], 4000.0), Some(StopReason::TimeLimit));
+        let two = [vec![1.0, 2.0, 1.0, 2.0, 1.0], vec![300.0, 200.0, 300.0, 200.0, 300.0]];
+        assert_eq!(RULE.stop(&two, 1307.0), None, "a point has 1000 ms, two have 2000");
         let rule = StoppingRule { max_samples: 3, ..RULE };
-        assert_eq!(rule.stop(&[1.0, 2.0, 9.0], 12.0), Some(StopReason::MaxSamples));
+        assert_eq!(rule.stop(&[vec![1.0, 2.0, 9.0]], 12.0), Some(StopReason::MaxSamples));
+    }
+
+    #[test]
+    fn launches_share_samples_and_time_and_have_five_rounds_each() {
+        let each = RULE.shared_by(3);
+        assert_eq!((each.min_samples, each.max_samples, each.least()), (5, 167, 5));
+        assert!((each.time_limit_ms - 1000.0 / 3.0).abs() < 1e-9);
+        let look = StoppingRule { min_samples: 1, max_samples: 2, ..RULE }.shared_by(1);
+        assert_eq!((look.min_samples, look.max_samples, look.least()), (2, 2, 2));
+        let few = StoppingRule { min_samples: 5, max_samples: 10, ..RULE }.shared_by(3);
+        assert_eq!((few.min_samples, few.max_samples), (5, 5));
     }
 
     #[test]
@@ -142,8 +187,8 @@ mod tests {
     proptest! {
         #[test]
         fn it_always_stops_in_time(samples in prop::collection::vec(0.0..1e3_f64, 0..40), elapsed in 0.0..2e3_f64) {
-            let reason = RULE.stop(&samples, elapsed);
-            prop_assert!(elapsed < RULE.time_limit_ms || reason.is_some());
+            let reason = stop(&samples, elapsed);
+            prop_assert!(samples.len() < 5 || elapsed < RULE.time_limit_ms || reason.is_some());
             prop_assert!(samples.len() >= RULE.min_samples || elapsed >= RULE.time_limit_ms || reason.is_none());
         }
     }

@@ -1,7 +1,9 @@
 //! The one door to a folder of results: what is read through it is the current plan's, and everything shown is read through it.
 
 use super::plan::CurrentPlan;
+use super::rounds::{RoundLoad, disturbance};
 use super::scenes::tell_scenes_apart;
+use super::together::{how_sure, judge};
 use super::types::Record;
 use super::{DIRTY, is_dirty, ordinary, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
@@ -24,6 +26,8 @@ pub struct Folder {
     pub records: Vec<Record>,
     /// `environment.json` as it is, so that what a newer raycl wrote is shown too; null where there is none.
     pub environment: Value,
+    /// What else the machine did while rounds were timed.
+    pub rounds: Vec<RoundLoad>,
     /// What is to be said wherever its figures are shown, such as records that are not among them.
     pub notes: Vec<String>,
 }
@@ -40,8 +44,19 @@ impl Folder {
             return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
         }
         let lines = read_lines::<Record>(&journal)?;
+        let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
-        let Shown { records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
+        let Shown { mut records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
+        judge(&mut records);
+        let rounds = folder.join("rounds.jsonl");
+        // Folders of earlier versions have none.
+        let rounds = if rounds.is_file() { Some(read_lines(&rounds)?) } else { None };
+        let damage =
+            lines_damage.into_iter().chain(rounds.as_ref().and_then(|rounds| rounds.damage("rounds.jsonl")));
+        let damage: Vec<_> = damage.collect();
+        let rounds = rounds.map(|rounds| rounds.lines).unwrap_or_default();
+        let mut sure = how_sure(&records);
+        sure.extend(disturbance(&rounds, &records));
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
         let dirty = dirty(&records, environment["git_revision"].as_str());
         Ok(Self {
@@ -49,7 +64,15 @@ impl Folder {
             label: label(folder),
             records,
             environment,
-            notes: notes.into_iter().chain(dirty).chain(torn).chain(unknown).collect(),
+            rounds,
+            notes: sure
+                .into_iter()
+                .chain(notes)
+                .chain(dirty)
+                .chain(torn)
+                .chain(damage)
+                .chain(unknown)
+                .collect(),
         })
     }
 

@@ -122,10 +122,8 @@ mod tests {
             record.strategy = format!("vectors=local width=4 name={}", record.name);
             record
         };
-        let records = [
-            named(measured("gpu", "naive", 8, [1.0, 3.0])),
-            named(infeasible("gpu", "wide", 32, "too large")),
-        ];
+        let records =
+            [named(measured("gpu", "naive", 8, 2.0)), named(infeasible("gpu", "wide", 32, "too large"))];
         let caches = kernel_tuner_caches(&records);
         let [(name, text)] = caches.as_slice() else { panic!("{caches:?}") };
         assert_eq!(name, "teapot-800x500-gpu");

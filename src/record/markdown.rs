@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::numbers::{align_points, by, duration, ms, significant};
-use super::summary::{Group, few_names, groups, interval, median, not_enough, quartiles, scene_notes};
+use super::summary::{Group, few_names, groups, median, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
+use super::together::{interval, launches, ratio, resolution};
 use super::types::{HOST, Record};
 
 /// Columns of a table.
@@ -50,8 +51,9 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     }
     text.push_str(
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
-         quartiles. The interval is a 95% bootstrap interval of the median; records whose intervals overlap \
-         the best one's are a tie. Fewer than five samples have neither interval nor rank. Rays are primary rays; tests are primary rays x triangles over the time of the \
+         quartiles. The interval is that of the median, 95%, by how far launches lie apart; ratios are of samples taken close in time, with their \
+         own intervals. Those that do not surely take more than a hundredth longer than the fastest are a tie. Fewer than five samples in a launch have neither interval nor rank. \
+         Where a driver keeps compiled programs all launches run the same one. Rays are primary rays; tests are primary rays x triangles over the time of the \
          primary pass, or of the frame where passes are fused. \"of peak\" is their arithmetic as a part of the multiply-adds that \
          the device was measured to do.\n",
     );
@@ -73,7 +75,14 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
         several => format!("Fastest, a tie: **{}**", several.join("**, **")),
     };
     let _ = write!(text, " at {}.", duration(median(best).unwrap_or_default()));
-    text + &speed_ups(group, groups, best) + &unranked(&ranking.unranked) + "\n"
+    text + &speed_ups(group, groups, best) + &unranked(&ranking.unranked) + &told_apart(group) + "\n"
+}
+
+/// What differences this group can tell.
+fn told_apart(group: &Group<'_>) -> String {
+    resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
+        format!(" Differences below {} cannot be told apart here.", percent(part))
+    })
 }
 
 /// How many times as fast the best is as the host's baselines and as the best naive.
@@ -84,11 +93,11 @@ fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let baselines = host.map(|host| host.ranking().all()).unwrap_or_default();
     let naive = group.best_where(|record| record.preset.as_deref() == Some("naive"));
     let others = baselines.into_iter().chain(naive.filter(|naive| naive.key != best.key));
-    let than = |other: &Record| match not_enough(other) {
-        Some(why) => format!(" Against {}: {why}.", title(other)),
-        None => {
-            let factor = median(other).unwrap_or_default() / median(best).unwrap_or_default();
-            format!(" {} times as fast as {}.", significant(factor, 3), title(other))
+    let than = |other: &Record| match ratio(other, best) {
+        None => format!(" Against {}: {}.", title(other), not_enough(other).unwrap_or_default()),
+        Some(ratio) => {
+            let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
+            format!(" {middle} times ({low} to {high}) as fast as {}.", title(other))
         }
     };
     others.map(than).collect()
@@ -139,12 +148,20 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
         number(time, ms),
         number(quartiles(record).map(|[q1, q3]| q3 - q1), |iqr| significant(iqr, 2)),
         interval.or(not_enough(record)).unwrap_or("-".into()),
-        record.samples_ms.len().to_string(),
+        samples(record),
         number(record.rays_per_s, |rays| significant(rays / 1e6, 3)),
         number(record.tests_per_s, |tests| significant(tests / 1e9, 3)),
         number(record.limit_fraction, percent),
         record.outcome.name().into(),
     ]
+}
+
+/// "10", "15 in 3".
+fn samples(record: &Record) -> String {
+    match (record.samples_ms.len(), launches(record)) {
+        (n, 0 | 1) => n.to_string(),
+        (n, launches) => format!("{n} in {launches}"),
+    }
 }
 
 /// A Markdown table whose source is aligned as well.
@@ -194,25 +211,25 @@ fn failures(group: &Group<'_>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{few, infeasible, measured};
+    use super::super::summary::tests::{few, infeasible, judged, measured};
     use super::*;
 
     #[test]
     fn a_summary_says_question_winner_speed_up_and_reasons() {
-        let records = [
-            measured("host", "serial-f32", 0, [410.0, 430.0]),
-            measured("pocl", "naive", 8, [83.0, 85.0]),
-            measured("pocl", "wide", 1, [9.9, 10.1]),
-            measured("pocl", "wide", 2, [10.0, 10.2]),
+        let records = judged([
+            measured("host", "serial-f32", 0, 420.0),
+            measured("pocl", "naive", 8, 84.0),
+            measured("pocl", "wide", 1, 10.0),
+            measured("pocl", "wide", 2, 10.05),
             infeasible("pocl", "local-vectors", 32, "__local: 108 B x 32 x 32 = 110592 B > 49152 B"),
-        ];
+        ]);
         let text = summary_markdown(&records, &["1 point.".to_owned()], "Which is best?", "Wide is.");
         assert!(text.starts_with("# Which is best?\n\nExpected: Wide is.\n\nNote: 1 point.\n"), "{text}");
         for expected in [
             "## teapot, 800 x 500, pocl",
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
-            "42.0 times as fast as serial-f32.",
-            "8.40 times as fast as naive at 8 x 8.",
+            "42.0 times (42.0 to 42.0) as fast as serial-f32.",
+            "8.40 times (8.40 to 8.40) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: __local: 108 B x 32 x 32 = 110592 B > 49152 B",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
@@ -225,11 +242,11 @@ mod tests {
 
     #[test]
     fn few_samples_have_no_interval_and_no_say() {
-        let records = [
+        let records = judged([
             few("host", "serial-f32", 0, 1798.0, 1),
             few("pocl", "naive", 8, 5.0, 3),
-            measured("pocl", "wide", 1, [9.9, 10.1]),
-        ];
+            measured("pocl", "wide", 1, 10.0),
+        ]);
         let text = summary_markdown(&records, &[], "Which is best?", "Wide is.");
         for expected in [
             "Fastest: **wide at 1 x 1** at 10.00 ms. Against serial-f32: not enough samples (n = 1). Against naive at 8 x 8: \

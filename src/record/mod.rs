@@ -8,15 +8,19 @@ mod git;
 mod journal;
 mod kernel_tuner;
 mod markdown;
+mod noise;
 mod numbers;
 mod parameters;
 mod plan;
+mod repair;
 mod revision;
+mod rounds;
 mod scenes;
 mod spreadsheet;
 mod summary;
 mod t4;
 mod terminal;
+mod together;
 mod types;
 mod whole;
 
@@ -27,17 +31,22 @@ pub use git::git_state;
 pub use journal::{JsonLines, Lines, read_lines};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
+pub use noise::{Causes, Noise};
 pub(crate) use numbers::{by, duration, ms, significant};
 pub use plan::{CurrentPlan, PlannedPoint};
+pub use repair::{Repaired, repair};
 pub use revision::{DIRTY, dirty_program, is_dirty};
+pub use rounds::RoundLoad;
 pub use spreadsheet::summary_csv;
 #[cfg(test)]
 pub(crate) use summary::tests as fixtures;
 pub use summary::{Group, groups, scene_notes};
-pub(crate) use summary::{estimate, few_names, interval, median, not_enough, quartiles, ranking};
+pub(crate) use summary::{few_names, median, not_enough, quartiles};
 pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};
+pub use together::{Place, judge};
+pub(crate) use together::{are_together, fewest, interval, launches, ranking, ratio, ratio_to_mean};
 pub use types::{HOST, Outcome, Record, Sample};
 pub use whole::{
     TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_page, write_whole,

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::summary::{interval, quartiles};
+use super::summary::quartiles;
+use super::together::{interval, launches};
 use super::types::Record;
 use crate::error::{Error, Result};
 
@@ -29,6 +30,7 @@ struct Row<'a> {
     ci95_low_ms: Option<f64>,
     ci95_high_ms: Option<f64>,
     samples: usize,
+    launches: usize,
     stop_reason: Option<&'a str>,
     primary_ms: Option<f64>,
     shadow_ms: Option<f64>,
@@ -79,6 +81,7 @@ impl<'a> Row<'a> {
             ci95_low_ms: interval(record).map(|ends| ends[0]),
             ci95_high_ms: interval(record).map(|ends| ends[1]),
             samples: record.samples_ms.len(),
+            launches: launches(record),
             stop_reason: record.stop_reason.as_deref(),
             primary_ms: record.primary_ms,
             shadow_ms: record.shadow_ms,
@@ -126,7 +129,7 @@ mod tests {
     #[test]
     fn rows_have_a_header_and_quote_what_needs_it() {
         let records =
-            [measured("pocl", "naive", 8, [1.0, 2.0]), infeasible("pocl", "wide", 1, "too \"big\", really")];
+            [measured("pocl", "naive", 8, 1.5), infeasible("pocl", "wide", 1, "too \"big\", really")];
         let bytes = summary_csv(&records).unwrap();
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
         let header = reader.headers().unwrap().clone();

@@ -1,7 +1,8 @@
 //! What records say when they are put side by side: groups, winners, speed-ups.
 
+use super::together::{fewest, interval, ranking};
 use super::types::{Outcome, Record};
-use crate::measure::{Estimate, Ranking};
+use crate::measure::{Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
 
 /// Records that are compared: those of one scene, image size and device.
@@ -82,46 +83,32 @@ pub fn median(record: &Record) -> Option<f64> {
     record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
 
-/// The measured ones of some records by their medians: the rule of [`Ranking`].
-pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
-    Ranking::of(records.into_iter().filter_map(|record| Some((record, estimate(record)?))))
-}
-
-/// What may be said of a measured record. Records of earlier versions have intervals of too few samples, which do not count.
-pub(crate) fn estimate(record: &Record) -> Option<Estimate> {
-    Some(Estimate::new(median(record)?, record.samples_ms.len(), record.ci95_ms))
-}
-
-/// The median's 95% interval; none of too few samples.
-pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
-    estimate(record)?.interval_ms()
-}
-
 /// First and third quartile; none of too few samples.
 pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     interval(record)?;
     Some([record.q1_ms?, record.q3_ms?])
 }
 
-/// "not enough samples (n = 3)", where a measured record has no interval.
+/// "not enough samples (n = 3)", where a measured record has too few in a launch.
 pub(crate) fn not_enough(record: &Record) -> Option<String> {
-    estimate(record)?.not_enough()
+    median(record)?;
+    record.place.is_none().then(|| not_enough_samples(fewest(record)))
 }
 
 /// The names of points that are not ranked: "naive at 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
-    let name = |record: &&Record| format!("{} (n = {})", title(record), record.samples_ms.len());
+    let name = |record: &&Record| format!("{} (n = {})", title(record), fewest(record));
     let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     records.iter().take(4).map(name).chain(more).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
 pub mod tests {
+    use super::super::together::judge;
     use super::*;
 
-    /// A measured record for tests.
-    pub fn measured(device: &str, name: &str, side: u32, ci95_ms: [f64; 2]) -> Record {
-        let median = (ci95_ms[0] + ci95_ms[1]) / 2.0;
+    /// A measured record for tests: ten equal samples, five in each of two launches.
+    pub fn measured(device: &str, name: &str, side: u32, median: f64) -> Record {
         let preset = PRESETS.iter().find(|preset| preset.name == name).map(|preset| preset.name.to_string());
         Record {
             key: format!("{device} {name} {side}"),
@@ -134,10 +121,11 @@ pub mod tests {
             image_size: [800, 500],
             outcome: Outcome::Measured,
             median_ms: Some(median),
-            q1_ms: Some(ci95_ms[0]),
-            q3_ms: Some(ci95_ms[1]),
-            ci95_ms: Some(ci95_ms),
+            q1_ms: Some(0.99 * median),
+            q3_ms: Some(1.01 * median),
             samples_ms: vec![median; 10],
+            sample_launches: [[0; 5], [1; 5]].concat(),
+            samples_at_ms: (0..10).map(f64::from).collect(),
             rays_per_s: Some(4e8 / median),
             tests_per_s: Some(4e11 / median),
             ..Record::default()
@@ -150,35 +138,54 @@ pub mod tests {
             outcome: Outcome::Infeasible,
             reason: Some(reason.into()),
             median_ms: None,
-            ci95_ms: None,
             samples_ms: Vec::new(),
+            sample_launches: Vec::new(),
             rays_per_s: None,
             tests_per_s: None,
-            ..measured(device, name, side, [1.0, 1.0])
+            ..measured(device, name, side, 1.0)
         }
     }
 
-    /// A measured record of so few samples, with the interval that earlier versions gave it.
+    /// A measured record of so few samples, of one launch.
     pub fn few(device: &str, name: &str, side: u32, ms: f64, n: usize) -> Record {
-        Record { samples_ms: vec![ms; n], ..measured(device, name, side, [ms, ms]) }
+        Record { samples_ms: vec![ms; n], sample_launches: vec![0; n], ..measured(device, name, side, ms) }
+    }
+
+    /// A measured record of samples, each with the number of its launch.
+    pub fn sampled(name: &str, samples: impl Iterator<Item = (u32, f64)> + Clone) -> Record {
+        let times: Vec<f64> = samples.clone().map(|(_, ms)| ms).collect();
+        let middle = crate::measure::Summary::of(&times).expect("samples").median_ms;
+        Record {
+            sample_launches: samples.map(|(launch, _)| launch).collect(),
+            samples_at_ms: (0..times.len()).map(|place| place as f64).collect(),
+            samples_ms: times,
+            ..measured("gpu", name, 8, middle)
+        }
+    }
+
+    /// Records as a folder shows them: each knows where it stands.
+    pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
+        let mut records = records.into();
+        judge(&mut records);
+        records
     }
 
     #[test]
-    fn an_interval_of_few_samples_in_a_file_does_not_count() {
-        let of = |n| few("gpu", "naive", 8, 1798.0, n);
+    fn four_samples_have_no_interval_and_five_do() {
+        let of = |n| judged([few("gpu", "naive", 8, 1798.0, n)]).remove(0);
         assert_eq!((interval(&of(4)), quartiles(&of(4))), (None, None));
-        assert_eq!((interval(&of(5)), quartiles(&of(5))), (Some([1798.0; 2]), Some([1798.0; 2])));
+        assert!(interval(&of(5)).is_some() && quartiles(&of(5)).is_some());
         assert_eq!(not_enough(&of(1)).as_deref(), Some("not enough samples (n = 1)"));
         assert_eq!(not_enough(&infeasible("gpu", "naive", 8, "no")), None);
     }
 
     #[test]
     fn the_best_of_some_has_few_samples_only_where_all_have() {
-        let records = [
+        let records = judged([
             few("gpu", "naive", 4, 1.0, 1),
-            measured("gpu", "naive", 8, [2.0, 2.1]),
+            measured("gpu", "naive", 8, 2.05),
             few("gpu", "wide", 1, 0.1, 2),
-        ];
+        ]);
         let groups = groups(&records);
         let best = |name: &str| groups[0].best_where(|record| record.name == name).and_then(median);
         assert_eq!((best("naive"), best("wide")), (Some(2.05), Some(0.1)));
@@ -187,10 +194,9 @@ pub mod tests {
 
     #[test]
     fn a_wrong_image_never_wins_and_a_later_record_replaces_an_earlier() {
-        let mut wrong = measured("gpu", "wide", 1, [0.1, 0.2]);
+        let mut wrong = measured("gpu", "wide", 1, 0.1);
         wrong.outcome = Outcome::WrongImage;
-        let records =
-            [measured("gpu", "naive", 8, [10.0, 12.0]), wrong, measured("gpu", "naive", 8, [20.0, 22.0])];
+        let records = judged([measured("gpu", "naive", 8, 11.0), wrong, measured("gpu", "naive", 8, 21.0)]);
         let groups = groups(&records);
         assert_eq!(groups[0].records.len(), 2);
         assert_eq!(groups[0].ranking().winners[0].median_ms, Some(21.0));
@@ -200,9 +206,9 @@ pub mod tests {
     #[test]
     fn records_stand_in_the_order_of_presets_and_sizes() {
         let records = [
-            measured("gpu", "wide", 1, [1.0, 1.0]),
-            measured("gpu", "naive", 16, [1.0, 1.0]),
-            measured("gpu", "naive", 2, [1.0, 1.0]),
+            measured("gpu", "wide", 1, 1.0),
+            measured("gpu", "naive", 16, 1.0),
+            measured("gpu", "naive", 2, 1.0),
         ];
         let groups = groups(&records);
         let keys: Vec<_> = groups[0].records.iter().map(|record| record.key.as_str()).collect();

@@ -80,8 +80,8 @@ mod tests {
     #[test]
     fn outcomes_become_the_schemas_words() {
         let records = [
-            measured("host", "serial-f32", 0, [1.0, 2.0]),
-            measured("gpu", "naive", 8, [1.0, 3.0]),
+            measured("host", "serial-f32", 0, 1.5),
+            measured("gpu", "naive", 8, 2.0),
             infeasible("gpu", "local-vectors", 32, "__local: 110592 B > 49152 B"),
         ];
         let document: Value = serde_json::from_str(&t4_results(&records)).expect("JSON");

@@ -4,6 +4,7 @@ use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
 use super::numbers::{by, duration, ms, significant};
 use super::summary::{Group, groups, median, not_enough, scene_notes};
+use super::together::fewest;
 use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
 
@@ -106,7 +107,7 @@ fn cell(record: &Record, wins: bool) -> Cell {
 
 /// Marks a time of too few samples: " n=3".
 fn few(record: &Record) -> String {
-    not_enough(record).map_or(String::new(), |_| format!(" n={}", record.samples_ms.len()))
+    not_enough(record).map_or(String::new(), |_| format!(" n={}", fewest(record)))
 }
 
 /// Marks a time that comes with a warning.
@@ -134,10 +135,12 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several: their 95% intervals overlap, which is a tie\n");
+        text.push_str("* fastest; several: none surely takes more than a hundredth longer, which is a tie\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
-        text.push_str("n=... not enough samples: fewer than five have no rank, however fast they look\n");
+        text.push_str(
+            "n=... not enough samples: fewer than five in a launch have no rank, however fast they look\n",
+        );
     }
     let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, one.warning.as_ref()?)));
     if let Some((record, warning)) = warned.clone().next() {
@@ -179,18 +182,18 @@ fn meaning(outcome: Outcome) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{few, infeasible, measured};
+    use super::super::summary::tests::{few, infeasible, judged, measured};
     use super::*;
 
     #[test]
     fn the_matrix_stars_winners_and_says_why_cells_are_empty() {
-        let records = [
-            measured("host", "serial-f32", 0, [410.0, 430.0]),
-            measured("pocl", "naive", 8, [83.0, 85.0]),
-            measured("pocl", "naive", 16, [80.0, 81.0]),
-            measured("pocl", "local-vectors", 8, [79.0, 82.0]),
+        let records = judged([
+            measured("host", "serial-f32", 0, 420.0),
+            measured("pocl", "naive", 8, 84.0),
+            measured("pocl", "naive", 16, 80.5),
+            measured("pocl", "local-vectors", 8, 80.5),
             infeasible("pocl", "local-vectors", 32, "__local memory: 108 B x 32 x 32 = 110592 B > 49152 B"),
-        ];
+        ]);
         let text = summary_terminal(&records, false).replace('│', " ");
         let line =
             |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default();
@@ -205,11 +208,11 @@ mod tests {
 
     #[test]
     fn few_samples_are_said_and_never_starred() {
-        let records = [
+        let records = judged([
             few("host", "serial-f32", 0, 1798.0, 1),
             few("pocl", "naive", 8, 5.0, 3),
-            measured("pocl", "wide", 1, [9.9, 10.1]),
-        ];
+            measured("pocl", "wide", 1, 10.0),
+        ]);
         let text = summary_terminal(&records, false);
         for expected in ["not enough samples (n = 1)", "5.000 n=3", "*10.00", "n=... not enough samples"] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
@@ -220,7 +223,7 @@ mod tests {
 
     #[test]
     fn colours_are_there_only_where_they_are_wanted() {
-        let records = [measured("pocl", "naive", 8, [83.0, 85.0])];
+        let records = judged([measured("pocl", "naive", 8, 84.0)]);
         assert!(!summary_terminal(&records, false).contains('\u{1b}'));
         assert!(summary_terminal(&records, true).contains("\u{1b}["));
     }

@@ -1,5 +1,6 @@
 //! One point's record and one sample's line. `docs/format.md` documents every field.
 
+use super::together::Place;
 use crate::manifest;
 use crate::program::MadeKernel;
 use crate::sensor::Sensed;
@@ -76,6 +77,9 @@ pub struct Record {
     pub name: String,
     /// The preset it is, if it is one.
     pub preset: Option<String>,
+    /// Which of two folders of kernels it was made of, where they are compared.
+    #[serde(default)]
+    pub kernels_of: Option<String>,
     /// The axes spelled out; for a baseline "serial-f32", "serial-f64" or "parallel-f32".
     pub strategy: String,
     /// Work-items of a work-group across and down; none for a baseline.
@@ -101,11 +105,21 @@ pub struct Record {
     pub q1_ms: Option<f64>,
     /// Their third quartile.
     pub q3_ms: Option<f64>,
-    /// The 95% bootstrap interval of the median: low, high. Files of earlier versions have one of few samples too.
-    pub ci95_ms: Option<[f64; 2]>,
+    /// The 95% interval of the median, by how far launches and what is in them lie apart: low, high.
+    #[serde(default)]
+    pub interval_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order taken.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
+    /// The launch that each of them was taken in, by its number in the folder; empty in files of earlier versions: one launch.
+    #[serde(default)]
+    pub sample_launches: Vec<u32>,
+    /// When each of them was taken, since the rounds of its launch began.
+    #[serde(default)]
+    pub samples_at_ms: Vec<f64>,
+    /// Where it stands among what was measured with it. Found when a folder is read, and in no file.
+    #[serde(skip)]
+    pub place: Option<Place>,
     /// Which rule ended the sampling.
     pub stop_reason: Option<String>,
     /// The median of the primary pass, where passes are separate.
@@ -119,6 +133,9 @@ pub struct Record {
     pub host_median_ms: Option<f64>,
     /// Assembling and compiling the program.
     pub build_ms: Option<f64>,
+    /// Checking it in its first launch: build, first frame, comparing with the reference.
+    #[serde(default)]
+    pub check_ms: Option<f64>,
     /// Device time of preparing records of triangles, where that is done once a scene; part of no frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
@@ -148,6 +165,9 @@ pub struct Record {
     pub private_bytes: Option<u64>,
     /// The picture, relative to the results' folder.
     pub image: Option<String>,
+    /// The hash of its values, to the last bit: later launches have to cast the same.
+    #[serde(default)]
+    pub image_hash: Option<String>,
     /// The picture of its differences from the reference.
     pub difference_image: Option<String>,
     /// The reference's picture.
@@ -235,8 +255,14 @@ pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
 pub struct Sample {
     /// The point's key.
     pub key: String,
-    /// The round it was taken in, from 0.
+    /// The launch it was taken in, by its number in the folder; files of earlier versions are one launch.
+    #[serde(default)]
+    pub launch: u32,
+    /// The launch's round, from 0.
     pub round: u32,
+    /// When it was taken, since the launch's rounds began.
+    #[serde(default)]
+    pub at_ms: Option<f64>,
     /// The frame's device time.
     pub ms: f64,
     /// Its primary pass, where passes are separate.

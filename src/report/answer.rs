@@ -3,7 +3,8 @@
 use super::words::{first_line, interval_text, series_name, title};
 use crate::measure::Ranking;
 use crate::record::{
-    Group, HOST, Record, duration, estimate, few_names, interval, median, not_enough, significant, word,
+    Group, HOST, Record, duration, few_names, interval, launches, median, not_enough, ratio, significant,
+    word,
 };
 
 /// What was found in one group: a scene at a size on a device.
@@ -120,18 +121,16 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
 fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
     let over =
         if other.is_baseline() { other.strategy.clone() } else { format!("the best {}", series_name(other)) };
-    let Some([low, high]) = estimate(other)?.ratio_interval(&estimate(best)?) else {
+    let Some(ratio) = ratio(other, best) else {
         return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
     };
-    let ratio = median(other)? / median(best)?;
-    let range = format!("{} to {}", significant(low, 3), significant(high, 3));
-    Some(Speedup { over, ratio: Some(ratio), factor: format!("{}×", significant(ratio, 3)), range })
+    let range = format!("{} to {}", significant(ratio.low, 3), significant(ratio.high, 3));
+    let factor = format!("{}×", significant(ratio.middle, 3));
+    Some(Speedup { over, ratio: Some(ratio.middle), factor, range })
 }
 
 /// What is said where there is no time at all.
 const NOTHING: &str = "nothing measured";
-/// Fewer samples than these say little.
-const FEW: usize = 10;
 
 fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let unranked = match ranking.unranked.is_empty() {
@@ -145,20 +144,28 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let n = best.samples_ms.len();
     let beaten = |record: &&&Record| !ranking.winners.iter().any(|winner| winner.key == record.key);
     let next = ranking.ranked.iter().find(beaten);
-    let gap = next.and_then(|next| Some((next, median(next)? / median(best)?)));
-    let behind = gap.map_or(String::new(), |(next, factor)| {
-        format!(" The next, {}, takes {} times as long.", title(next), significant(factor, 3))
+    let gap = next.and_then(|next| Some((next, ratio(next, best)?)));
+    let behind = gap.map_or(String::new(), |(next, ratio)| {
+        let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
+        format!(" The next, {}, takes {middle} times ({low} to {high}) as long.", title(next))
     });
-    let few = if n < FEW { format!(" Only {n} samples: look, do not conclude.") } else { String::new() };
+    let rests = format!("n = {n} in {}", counted(launches(best)));
+    let look = if launches(best) < 2 { " One launch: look, do not conclude." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
-        1 if n < FEW => ("unsure", format!("Its interval touches no other, but n = {n}.")),
+        1 if launches(best) < 2 => ("unsure", format!("It beats all others; {rests}.{look}")),
         1 if may_be_faster(ranking) => ("unsure", "A point of too few samples may be as fast.".to_owned()),
-        1 => ("clear", format!("Its 95% interval touches no other; n = {n}.")),
-        several => {
-            ("tie", format!("A tie of {several}: their 95% intervals overlap the fastest one's.{few}"))
-        }
+        1 => ("clear", format!("All others surely take longer; {rests}.")),
+        several => (
+            "tie",
+            format!("A tie of {several}: none surely takes more than a hundredth longer; {rests}.{look}"),
+        ),
     };
     (sureness, format!("{said}{behind}{unranked}"))
+}
+
+/// "1 launch", "3 launches".
+fn counted(launches: usize) -> String {
+    format!("{launches} {}", if launches == 1 { "launch" } else { "launches" })
 }
 
 /// Whether a point that is not ranked has a median that is not above the best one's interval.
@@ -238,25 +245,25 @@ fn who_wins(answers: &[Answer]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{few, infeasible, measured};
+    use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::groups;
 
     #[test]
     fn a_tie_is_a_tie_and_speedups_carry_their_range() {
-        let records = [
-            measured("host", "serial-f32", 0, [400.0, 420.0]),
-            measured("gpu", "naive", 8, [40.0, 42.0]),
-            measured("gpu", "wide", 4, [10.0, 12.0]),
-            measured("gpu", "deferred", 8, [11.0, 13.0]),
+        let records = judged([
+            measured("host", "serial-f32", 0, 410.0),
+            measured("gpu", "naive", 8, 41.0),
+            measured("gpu", "wide", 4, 11.0),
+            measured("gpu", "deferred", 8, 11.1),
             infeasible("gpu", "local-vectors", 32, "__local memory: 110592 B > 49152 B"),
-        ];
+        ]);
         let groups = groups(&records);
         let answers = answers(&groups);
         let [one] = answers.as_slice() else { panic!("{answers:?}") };
         assert_eq!(one.sureness, "tie");
         assert_eq!(one.winners.iter().map(|w| w.name.as_str()).collect::<Vec<_>>(), ["wide", "deferred"]);
         assert_eq!(one.speedups[0].factor, "37.3×");
-        assert_eq!(one.speedups[0].range, "33.3 to 42.0");
+        assert_eq!(one.speedups[0].range, "37.3 to 37.3");
         assert_eq!((one.refused[0].word.as_str(), one.refused[0].count), ("local", 1));
         assert!(headline(&answers).contains("tie"), "{}", headline(&answers));
     }
@@ -265,8 +272,8 @@ mod tests {
     fn few_samples_are_no_speed_up_no_winner_and_leave_the_best_unsure() {
         let slow = few("gpu", "naive", 8, 20.0, 3);
         let records =
-            [few("host", "serial-f32", 0, 1798.0, 1), slow.clone(), measured("gpu", "wide", 4, [10.0, 12.0])];
-        let of = |records: &[Record]| answers(&groups(records)).remove(0);
+            [few("host", "serial-f32", 0, 1798.0, 1), slow.clone(), measured("gpu", "wide", 4, 11.0)];
+        let of = |records: &[Record]| answers(&groups(&judged(records))).remove(0);
         let one = of(&records);
         assert_eq!(one.sureness, "clear");
         assert!(one.sure.ends_with("Not enough samples to rank: naive at 8 x 8 (n = 3)."), "{}", one.sure);

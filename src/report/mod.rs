@@ -17,7 +17,7 @@ mod view;
 mod words;
 
 pub use claims::OTHER_CONTRADICTIONS;
-pub use compare::{Comparison, Pair};
+pub use compare::{Against, Comparison, Pair};
 pub use environment::quote;
 pub use page::Page;
 pub use reproduction::Reproduction;

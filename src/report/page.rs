@@ -6,11 +6,12 @@ use super::gallery::{self, Pictures};
 use super::merged::{labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
-use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name, times};
+use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name};
 use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
 use crate::record::{
-    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, not_enough, percent, significant,
+    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, not_enough, percent, ratio,
+    significant,
 };
 use askama::Template;
 
@@ -213,7 +214,7 @@ fn one_view(
     let capability = compute_capability(folders, group.device);
     others.extend(occupancy::plot(group, looks, capability.as_deref(), &file("occupancy")));
     let ranking = group.ranking();
-    let best = ranking.winners.first().and_then(|record| median(record));
+    let best = ranking.winners.first().copied();
     let failed = group.failures().into_iter().map(|(record, _)| record);
     let kernels = ranking.all().into_iter().chain(failed);
     let wins = |record: &Record| ranking.winners.iter().any(|winner| winner.key == record.key);
@@ -256,7 +257,7 @@ pub fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
-fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
+fn row(record: &Record, best: Option<&Record>, wins: bool) -> Row {
     let time = median(record);
     let number = |value: Option<f64>, text: &dyn Fn(f64) -> String| {
         value.filter(|_| time.is_some()).map_or(String::new(), text)
@@ -269,10 +270,9 @@ fn row(record: &Record, best: Option<f64>, wins: bool) -> Row {
         median: number(time, &ms),
         interval: interval(record).map(interval_text).or(not_enough(record)).unwrap_or_default(),
         n: record.samples_ms.len(),
-        slower: time
-            .filter(|_| interval(record).is_some())
-            .zip(best)
-            .map_or(String::new(), |(time, best)| times(time, best)),
+        slower: best
+            .and_then(|best| ratio(record, best))
+            .map_or(String::new(), |ratio| format!("{}×", significant(ratio.middle, 3))),
         rays: number(record.rays_per_s, &|rays| significant(rays / 1e6, 3)),
         tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
         outcome: record.outcome.name(),

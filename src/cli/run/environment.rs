@@ -6,7 +6,7 @@ use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Source, git_state};
 
 /// The machine, the devices, the program and the files of a run that begins now.
-pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &Sources) -> Environment {
+pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[Sources]) -> Environment {
     Environment {
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
         git_revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
@@ -22,7 +22,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &S
         config: experiment.source.clone(),
         config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
         overrides: experiment.overrides.clone(),
-        sources: files(experiment).chain([of_kernels(kernels)]).collect(),
+        sources: files(experiment).chain(kernels.iter().map(of_kernels)).collect(),
     }
 }
 

@@ -2,11 +2,11 @@
 
 use crate::cli::{print, print_json, table};
 use crate::error::Result;
-use crate::experiment::Forecast;
+use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
 
-/// Prints every point, what it needs and whether it fits.
-pub fn forecast(points: &[Forecast], json: bool) -> Result<()> {
+/// Prints every point, what it needs and whether it fits; and how long they will take.
+pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<()> {
     if json {
         return points.iter().try_for_each(print_json);
     }
@@ -31,7 +31,7 @@ pub fn forecast(points: &[Forecast], json: bool) -> Result<()> {
     notes.into_iter().try_for_each(|note| print(format!("note: {note}")))?;
     let refused = points.iter().filter(|point| point.refused.is_some()).count();
     print(format!(
-        "{} points, {refused} of which do not fit. Nothing was compiled or measured.",
+        "{} points, {refused} of which do not fit. Nothing was compiled or measured.\n{expected}.",
         points.len()
     ))
 }

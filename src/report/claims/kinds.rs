@@ -52,7 +52,14 @@ fn passes(found: &Found<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f6
         Err(line) => return line,
     };
     let samples = found.samples(record);
-    let ratios: Vec<f64> = samples.iter().filter_map(|one| Some(ms(one, of)? / ms(one, to)?)).collect();
+    // Of the record's own launches; half of one counts nowhere.
+    let own =
+        |one: &&Sample| record.sample_launches.is_empty() || record.sample_launches.contains(&one.launch);
+    let ratios: Vec<(u32, f64)> = samples
+        .iter()
+        .filter(own)
+        .filter_map(|one| Some((one.launch, ms(one, of)? / ms(one, to)?)))
+        .collect();
     let Some(ratio) = Ratio::of_parts(&ratios, record.median_ms.unwrap_or(0.0)) else {
         let text = format!("no sample of {point} that tells its passes apart");
         return Line::cannot(text, "samples.jsonl beside the records".to_owned());

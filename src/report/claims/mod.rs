@@ -157,7 +157,7 @@ pub const OTHER_CONTRADICTIONS: [&str; 4] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{few, infeasible, measured};
+    use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::{Folder, Record, groups};
 
     /// What a test of one claim says of the records of some runs.
@@ -166,6 +166,7 @@ mod tests {
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
         let rows = table::read("t", &text).expect("it reads");
         let folder = Folder::default();
+        let records: Vec<Vec<Record>> = records.iter().map(|records| judged(*records)).collect();
         let runs: Vec<Run<'_>> =
             records.iter().flat_map(|records| Run::of(&folder, groups(records))).collect();
         claims(rows, &runs, "gpu").remove(0)
@@ -180,11 +181,14 @@ mod tests {
 
     #[test]
     fn a_claim_can_hold_or_not_or_stay_open() {
-        let of = |ends| [measured("gpu", "naive", 1, ends), measured("gpu", "naive", 4, [9.0, 11.0])];
-        assert_eq!(verdict(FALLS, &of([99.0, 101.0])), Verdict::Held);
-        assert_eq!(verdict(FALLS, &of([1.0, 1.1])), Verdict::NotHeld);
-        assert_eq!(verdict(FALLS, &of([49.0, 51.0])), Verdict::Unclear);
-        let open = claim(FALLS, &[&of([9.0, 9.1])[1..]]);
+        let of = |ms| [measured("gpu", "naive", 1, ms), measured("gpu", "naive", 4, 10.0)];
+        assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
+        assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
+        let mut near = of(50.0);
+        // Launches that lie on both sides of the bound.
+        near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
+        assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
+        let open = claim(FALLS, &[&of(9.05)[1..]]);
         assert_eq!(open.verdict, Verdict::Cannot);
         assert_eq!(open.lines[0].text, "no record of naive at 1 x 1 on teapot");
         assert_eq!(open.decides(), ["its record: `raycl run configs/figure-6.toml`"]);
@@ -192,8 +196,7 @@ mod tests {
 
     #[test]
     fn times_of_two_runs_are_not_compared() {
-        let [slow, fast] =
-            [measured("gpu", "naive", 1, [99.0, 101.0]), measured("gpu", "naive", 4, [9.0, 11.0])];
+        let [slow, fast] = [measured("gpu", "naive", 1, 100.0), measured("gpu", "naive", 4, 10.0)];
         let told = |runs: &[&[Record]]| claim(FALLS, runs).verdict;
         assert_eq!(told(&[std::slice::from_ref(&slow), std::slice::from_ref(&fast)]), Verdict::Cannot);
         assert_eq!(told(&[&[], &[slow.clone(), fast.clone()]]), Verdict::Held);
@@ -205,8 +208,8 @@ mod tests {
     fn few_samples_are_no_verdict() {
         let records = [
             few("gpu", "naive", 1, 100.0, 4),
-            measured("gpu", "naive", 4, [9.0, 11.0]),
-            measured("gpu", "naive", 8, [5.0, 6.0]),
+            measured("gpu", "naive", 4, 10.0),
+            measured("gpu", "naive", 8, 5.5),
         ];
         let fastest = "kind = 'fastest', of = ['naive square on teapot'], is = 'naive 8x8 on teapot'";
         assert_eq!(verdict(fastest, &records), Verdict::Unclear);
@@ -221,8 +224,7 @@ mod tests {
 
     #[test]
     fn a_tie_is_no_fastest() {
-        let tie = [(4, [9.0, 11.0]), (8, [9.5, 11.5]), (16, [19.5, 21.5])]
-            .map(|(side, ends)| measured("gpu", "naive", side, ends));
+        let tie = [(4, 10.0), (8, 10.05), (16, 20.5)].map(|(side, ms)| measured("gpu", "naive", side, ms));
         let fastest = |size: &str| {
             format!("kind = 'fastest', of = ['naive square on teapot'], is = 'naive {size} on teapot'")
         };

@@ -1,11 +1,14 @@
 //! Two folders of results, point by point: faster, slower, same or unclear.
 
+mod change;
 mod page;
+#[cfg(test)]
+mod tests;
 
 use super::merged::{labels, merged};
 use super::words::{size_name, title};
-use crate::measure::{Summary, Verdict, compare};
-use crate::record::{Folder, HOST, Outcome, Record, by, median, significant};
+use crate::measure::{Interval, Verdict};
+use crate::record::{Folder, HOST, Outcome, Record, by, fewest, median, ratio, significant};
 use serde::Serialize;
 use std::collections::HashMap;
 
@@ -18,8 +21,22 @@ pub struct Pair {
     pub after: Record,
     /// How the second stands to the first.
     pub verdict: Verdict,
-    /// The second's time as a percentage of the first's, less 100: positive is slower. None where there are not enough samples.
-    pub change_percent: Option<f64>,
+    /// How many times as long the second takes as the first, and against what. None where that cannot be told.
+    pub change: Option<(Interval, Against)>,
+}
+
+/// What a change is measured against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Against {
+    /// Casters on the host in the same rounds, which are the same program in both folders.
+    Baselines,
+    /// Points of the same rounds that changed alike: what all of them share cannot be told.
+    PointsInCommon,
+    /// Nothing: the times themselves.
+    BareTimes,
+    /// The same rounds: both were measured in one run.
+    SameRounds,
 }
 
 /// A pair as `--json` prints it.
@@ -32,6 +49,8 @@ pub struct PairLine<'a> {
     local_size: Option<[u32; 2]>,
     median_ms: [Option<f64>; 2],
     change_percent: Option<f64>,
+    interval_percent: Option<[f64; 2]>,
+    against: Option<Against>,
     verdict: &'static str,
 }
 
@@ -51,15 +70,27 @@ pub struct Comparison {
 }
 
 impl Pair {
-    /// "+12.3%"; "496× as long" from tenfold on, where per cent say little; "n = 10 and 3" where there are not enough samples.
+    /// The change as a percentage of the first's time: positive is slower.
+    pub fn change_percent(&self) -> Option<f64> {
+        self.change.map(|(change, _)| percent(change.middle))
+    }
+
+    /// "+12.3% (+10.1 to +14.2)"; "496× as long" from tenfold on, where per cent say little; "n = 10 and 3" where there are
+    /// not enough samples.
     pub fn change(&self) -> String {
-        let Some(percent) = self.change_percent else {
-            return format!("n = {} and {}", self.before.samples_ms.len(), self.after.samples_ms.len());
+        let Some((change, _)) = self.change else {
+            return match self.verdict {
+                Verdict::CannotTell => "?".to_owned(),
+                _ => format!("n = {} and {}", fewest(&self.before), fewest(&self.after)),
+            };
         };
-        match 1.0 + percent / 100.0 {
+        match change.middle {
             ratio if ratio >= 10.0 => format!("{}× as long", significant(ratio, 3)),
-            ratio if ratio > 0.0 && ratio <= 0.1 => format!("{}× as fast", significant(1.0 / ratio, 3)),
-            _ => format!("{percent:+.1}%"),
+            ratio if ratio <= 0.1 => format!("{}× as fast", significant(1.0 / ratio, 3)),
+            ratio => {
+                let [middle, low, high] = [ratio, change.low, change.high].map(percent);
+                format!("{middle:+.1}% ({low:+.1} to {high:+.1})")
+            }
         }
     }
 
@@ -82,12 +113,12 @@ impl Comparison {
         devices.any(|record| Some(&record.device) != first)
     }
 
-    /// Compares two folders. `threshold` is a part: 0.02 is 2%.
+    /// Compares two folders. `threshold` is a part: 0.02 is 2%; `bare` compares the times themselves.
     ///
     /// Points correspond where scene, image size, strategy and local size are equal. Devices correspond by name, or,
     /// where each folder has but one, to each other: another machine's results can be compared. Scenes correspond by content where both
     /// folders have recorded it, else by name.
-    pub fn of(before: &Folder, after: &Folder, threshold: f64) -> Self {
+    pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
         let by_content = [before, after].iter().all(|folder| has_content(folder));
         let point = |record: &Record| {
@@ -107,6 +138,38 @@ impl Comparison {
         }
         only[1].extend(after_records.iter().filter(|record| found.contains_key(&point(record))).cloned());
         comparison.say_what_only_one_has(&only);
+        comparison.judge(bare);
+        comparison
+    }
+
+    /// Compares the two folders of kernels that one run was made of. Points that both compile to the same are left out.
+    pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
+        let mut comparison = Self::without_points([folder, folder], threshold);
+        comparison.notes.clone_from(&folder.notes);
+        let mut labels: Vec<&String> =
+            folder.records.iter().filter_map(|record| record.kernels_of.as_ref()).collect();
+        labels.dedup();
+        let [Some(first), Some(second)] = [0, 1].map(|place| labels.get(place).map(|label| (*label).clone()))
+        else {
+            comparison.notes.push("The two folders compile to the same programs.".to_owned());
+            return comparison;
+        };
+        let of = |record: &&Record, label: &str| record.kernels_of.as_deref() == Some(label);
+        for before in folder.records.iter().filter(|record| of(record, &first)) {
+            let twin = |after: &&Record| {
+                let names = |one: &Record| (one.scene.clone(), one.device.clone(), one.strategy.clone());
+                let sizes = |one: &Record| (one.image_size, one.local_size);
+                names(after) == names(before) && sizes(after) == sizes(before)
+            };
+            let after = folder.records.iter().filter(|record| of(record, &second)).find(twin);
+            after.into_iter().for_each(|after| comparison.add(before.clone(), after));
+        }
+        comparison.labels = [first, second];
+        for pair in &mut comparison.pairs {
+            let ratio = ratio(&pair.after, &pair.before);
+            pair.change = ratio.map(|ratio| (ratio, Against::SameRounds));
+            pair.verdict = ratio.map_or(Verdict::NotEnough, |ratio| Verdict::of(ratio, threshold));
+        }
         comparison
     }
 
@@ -140,16 +203,45 @@ impl Comparison {
     }
 
     fn add(&mut self, before: Record, after: &Record) {
-        let summaries =
-            [&before, after].map(|record| median(record).and_then(|_| Summary::of(&record.samples_ms)));
-        if let [Some(a), Some(b)] = summaries {
-            let verdict = compare(&a, &b, self.threshold);
-            let change = 100.0 * (b.median_ms / a.median_ms - 1.0);
-            let change_percent = (verdict != Verdict::NotEnough).then_some(change);
-            self.pairs.push(Pair { before, after: after.clone(), verdict, change_percent });
+        if let (Some(_), Some(_)) = (median(&before), median(after)) {
+            // What becomes of it is known when all points are there.
+            self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
             self.others.push(format!("{}: was {a}, is {b}", name(&before)));
+        }
+    }
+
+    /// Finds every point's change.
+    fn judge(&mut self, bare: bool) {
+        let all: Vec<_> = self.pairs.iter().map(Pair::both).collect();
+        let changes: Vec<_> = all
+            .iter()
+            .map(|pair| if bare { change::bare(*pair) } else { change::change(*pair, &all) })
+            .collect();
+        for (pair, change) in self.pairs.iter_mut().zip(changes) {
+            let enough = pair.before.place.is_some() && pair.after.place.is_some();
+            pair.change = change.filter(|_| enough);
+            pair.verdict = match pair.change {
+                Some((change, _)) => Verdict::of(change, self.threshold),
+                None if enough => Verdict::CannotTell,
+                None => Verdict::NotEnough,
+            };
+        }
+        let of =
+            |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
+        if of(Against::PointsInCommon) {
+            self.notes.push(
+                "No baseline was measured in the rounds of both: changes are against the points that changed alike, and \
+                 whether all changed together cannot be told."
+                    .to_owned(),
+            );
+        }
+        if of(Against::BareTimes) {
+            self.notes.push(
+                "Bare times: whatever else changed between the runs, load and clocks among it, is in them."
+                    .to_owned(),
+            );
         }
     }
 
@@ -158,22 +250,24 @@ impl Comparison {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// The points that are surely slower by more than `percent`, and those that ran before and fail now.
-    pub fn regressions(&self, percent: f64) -> Vec<String> {
+    /// The points that are surely slower by more than `limit_percent`, and those that ran before and fail now.
+    pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         let several = self.has_several_devices();
-        let slower = self.pairs.iter().filter(|pair| pair.verdict == Verdict::Slower);
-        let slower = slower.filter_map(|pair| {
-            let change = pair.change_percent.filter(|change| *change > percent)?;
-            Some(format!("{} is {change:.1}% slower", pair.point(several)))
+        let slower = self.pairs.iter().filter_map(|pair| {
+            let (change, _) = pair.change.filter(|(change, _)| change.low > 1.0 + limit_percent / 100.0)?;
+            let [middle, low] = [change.middle, change.low].map(percent);
+            Some(format!("{} is {middle:.1}% slower (surely {low:.1}%)", pair.point(several)))
         });
         let broken = self.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
         slower.chain(broken).collect()
     }
 
-    /// "12 faster, 3 slower, 40 same, 5 unclear", and, where there are such, "2 not enough samples".
+    /// "12 faster, 3 slower, 40 same, 5 unclear", and, where there are such, "1 cannot tell, 2 not enough samples".
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
-        let shown = counts.iter().filter(|(verdict, count)| *verdict != Verdict::NotEnough || *count > 0);
+        let shown = counts.iter().filter(|(verdict, count)| {
+            !matches!(verdict, Verdict::NotEnough | Verdict::CannotTell) || *count > 0
+        });
         shown.map(|(verdict, count)| format!("{count} {}", verdict.name())).collect::<Vec<_>>().join(", ")
     }
 
@@ -191,9 +285,16 @@ fn line(pair: &Pair) -> PairLine<'_> {
         name: &pair.before.name,
         local_size: pair.before.local_size,
         median_ms: [median(&pair.before), median(&pair.after)],
-        change_percent: pair.change_percent,
+        change_percent: pair.change_percent(),
+        interval_percent: pair.change.map(|(change, _)| [change.low, change.high].map(percent)),
+        against: pair.change.map(|(_, against)| against),
         verdict: pair.verdict.name(),
     }
+}
+
+/// A ratio as a percentage more than one.
+fn percent(ratio: f64) -> f64 {
+    100.0 * (ratio - 1.0)
 }
 
 fn name(record: &Record) -> String {
@@ -214,76 +315,4 @@ fn devices(folder: &Folder) -> Vec<&str> {
 /// Whether all its records say what their scenes hold.
 fn has_content(folder: &Folder) -> bool {
     folder.records.iter().all(|record| record.scene_hash.is_some())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::record::fixtures::{few, infeasible, measured};
-
-    fn folder(label: &str, records: Vec<Record>) -> Folder {
-        Folder { label: label.into(), records, ..Folder::default() }
-    }
-
-    fn timed(device: &str, name: &str, around: f64) -> Record {
-        let mut record = measured(device, name, 8, [around * 0.99, around * 1.01]);
-        record.samples_ms = (0..10).map(|n| around * (0.99 + 0.002 * f64::from(n))).collect();
-        record
-    }
-
-    #[test]
-    fn another_machines_results_are_compared_point_by_point() {
-        let before = folder(
-            "old",
-            vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0), timed("a", "private", 5.0)],
-        );
-        let after = folder(
-            "new",
-            vec![
-                timed("b", "naive", 20.0),
-                timed("b", "wide", 0.5),
-                infeasible("b", "private", 8, "no"),
-                timed("b", "raster", 1.0),
-            ],
-        );
-        let comparison = Comparison::of(&before, &after, 0.02);
-        assert_eq!(comparison.summary(), "1 faster, 1 slower, 0 same, 0 unclear");
-        let regressions = comparison.regressions(5.0);
-        assert_eq!(regressions.len(), 2, "{regressions:?}");
-        assert!(comparison.regressions(150.0)[0].contains("was measured, is infeasible"));
-        assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
-        assert!(comparison.markdown().contains("| +100.0% | slower |"), "{}", comparison.markdown());
-    }
-
-    #[test]
-    fn a_scene_that_was_edited_is_another() {
-        let of = |hash: &str, name: &str| Record { scene_hash: Some(hash.into()), ..timed("a", name, 10.0) };
-        let before = folder("old", vec![of("1", "naive"), of("1", "wide")]);
-        let after = folder("new", vec![of("2", "naive"), of("2", "wide")]);
-        let comparison = Comparison::of(&before, &after, 0.02);
-        assert!(comparison.pairs.is_empty());
-        assert_eq!(comparison.others, ["teapot: another scene in each, by its content"]);
-    }
-
-    #[test]
-    fn few_samples_of_either_are_no_verdict() {
-        let before = folder("old", vec![timed("a", "naive", 10.0), few("a", "wide", 8, 1.0, 3)]);
-        let after = folder("new", vec![few("a", "naive", 8, 99.0, 4), timed("a", "wide", 99.0)]);
-        let comparison = Comparison::of(&before, &after, 0.02);
-        assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 not enough samples");
-        assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
-        let markdown = comparison.markdown();
-        assert!(markdown.contains("| n = 10 and 4 | not enough samples |"), "{markdown}");
-        assert!(!markdown.contains("as long"), "{markdown}");
-        let html = comparison.html().expect("it renders");
-        assert!(html.contains("not enough samples (n = 4)") && !html.contains("99.00 to 99.00"), "{html}");
-    }
-
-    #[test]
-    fn a_folder_is_the_same_as_itself() {
-        let one = folder("one", vec![timed("a", "naive", 10.0)]);
-        let comparison = Comparison::of(&one, &one, 0.02);
-        assert_eq!(comparison.summary(), "0 faster, 0 slower, 1 same, 0 unclear");
-        assert!(comparison.html().expect("it renders").contains("class=\"mark\""));
-    }
 }

@@ -34,13 +34,19 @@ impl Comparison {
                 let _ = writeln!(text, "- {line}");
             });
         }
-        let _ = writeln!(
-            text,
-            "\nSame: medians within {}%. Faster and slower: farther apart than that, and the intervals from the least sample to \
-             the third quartile do not touch; else unclear. Fewer than five samples are not enough.",
-            self.threshold_percent()
-        );
+        let _ = writeln!(text, "\n{}", self.rule());
         text
+    }
+
+    /// How verdicts are found.
+    fn rule(&self) -> String {
+        format!(
+            "Changes are ratios of ratios: of a point to the baselines that were measured in its rounds, or without any to the \
+             points that changed alike, in each folder. Faster and slower: the 95% interval lies beyond {0}%; same: it lies \
+             within {0}%; else unclear. So a verdict is wrong in at most one of 40 points. Fewer than five samples in a launch \
+             are not enough.",
+            self.threshold_percent()
+        )
     }
 
     /// "2", "0.5": without the noise of a product in binary.
@@ -52,7 +58,7 @@ impl Comparison {
     fn rows(&self) -> Vec<Row> {
         let several = self.has_several_devices();
         let mut pairs: Vec<_> = self.pairs.iter().collect();
-        let size = |pair: &Pair| pair.change_percent.map_or(-1.0, f64::abs);
+        let size = |pair: &Pair| pair.change_percent().map_or(-1.0, f64::abs);
         pairs.sort_by(|a, b| size(b).total_cmp(&size(a)));
         let row = |pair: &&Pair| Row {
             point: pair.point(several),
@@ -85,8 +91,8 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green, vermilion, blue, grey and another, as the words in the table.
-            let look = Look::of([2, 1, 0, 6, 5][place]);
+            // Green, vermilion, blue, grey and two others, as the words in the table.
+            let look = Look::of([2, 1, 0, 6, 4, 5][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
         });
@@ -119,7 +125,7 @@ impl Comparison {
             rows: self.rows(),
             others: &self.others,
             notes: &self.notes,
-            threshold: self.threshold_percent(),
+            rule: self.rule(),
         };
         page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
     }
@@ -138,7 +144,7 @@ struct Page<'a> {
     rows: Vec<Row>,
     others: &'a [String],
     notes: &'a [String],
-    threshold: String,
+    rule: String,
 }
 
 /// A row of the table.

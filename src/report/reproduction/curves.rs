@@ -1,6 +1,6 @@
 //! The paper's curves over block sizes, Figures 6 to 8, beside ours.
 
-use crate::record::{Group, Record, duration, interval, median, not_enough};
+use crate::record::{Group, Record, duration, interval, median, not_enough, ratio};
 use crate::report::claims::Run;
 use crate::report::paper::{self, CURVES};
 use crate::report::plot::Plot;
@@ -98,14 +98,18 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
     // A shape is made of ratios, which few samples have no part in.
     let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
-    let own = least(&mut ours().filter_map(median));
+    let fastest =
+        ours().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
     let published = curve.published.iter().filter_map(|(block, ms)| {
         let tip = format!("{} at {block} x {block}\npublished {}", curve.name, duration(*ms));
         Some(Mark { x: place(*block)?, y: ms / theirs, interval: None, tip })
     });
     let ours = ours().filter_map(|record| {
-        let interval = interval(record).map(|ends| ends.map(|end| end / own));
-        Some(Mark { x: place(record.local_size?[0])?, y: median(record)? / own, interval, tip: tip(record) })
+        let (y, interval) = match as_shapes {
+            true => ratio(record, fastest?).map(|ratio| (ratio.middle, Some([ratio.low, ratio.high])))?,
+            false => (median(record)?, interval(record)),
+        };
+        Some(Mark { x: place(record.local_size?[0])?, y, interval, tip: tip(record) })
     });
     let series = |name: String, dashed, marks| Series {
         name,

@@ -106,6 +106,7 @@ fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
         return Err(source.error(Mistake::new(text.len(), what)));
     }
     faces::note_partial_normals(&faces, &source, &mut notes);
+    faces::note_odd_faces(&faces, &source, &mut notes);
     faces::note_unknown_materials(&faces, quotes, &mut notes);
     notes::of_statements(&points, &mesh, quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);

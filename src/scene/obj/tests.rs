@@ -33,8 +33,9 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         ),
         (format!("{CORNERS}f -4 -2 -1\n"), "expected -3 to -1"),
         (format!("{CORNERS}f 1 2 99999999999999999999999\n"), "expected 1 to 3"),
-        (format!("{CORNERS}f 1//1 2//2 3//3\n"), "the file has no normal at all"),
-        (format!("{CORNERS}f 1 2\n"), "test.obj:4: a face of 2 corners; expected three or more"),
+        (format!("{CORNERS}f 1//0 2//0 3//0\n"), "the file has no normal at all"),
+        (format!("{CORNERS}f 1 2\n"), "test.obj:5: no triangles: 3 vertices"),
+        (format!("{CORNERS}f 1 4\nf 1 2 3\n"), "test.obj:4: vertex index `4`"),
         (format!("{CORNERS}f 1 2 3.5\n"), "`3.5` in `3.5` is not an index"),
         (format!("{CORNERS}f / / /\n"), "is not an index"),
         (format!("{CORNERS}f 1/1/1/1 2 3\n"), "test.obj:4:"),
@@ -64,6 +65,27 @@ fn odd_but_clear_files_are_read() {
 #[test]
 fn a_mistake_after_continued_lines_has_its_own_line() {
     assert!(message("v 0 0 \\\n\\\n0\nv 1 0 x\n").contains("test.obj:4: `x`"));
+}
+
+#[test]
+fn normals_that_the_file_lacks_are_made_and_told() {
+    for face in ["f 1//1 2//2 3//3", "f 1//1 2//1 3//-1", "f 1//2 2 3"] {
+        let file = read(&format!("{CORNERS}{face}\n{face}\nf 1 2 3\n")).unwrap();
+        assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
+        let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
+        assert!(note.starts_with("line 4: 2 faces name normals (vn) that the file lacks"), "{note}");
+    }
+    let some = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2//1 3//1\nf 1//1 2//1 3//2\n")).unwrap();
+    assert_eq!(some.mesh.corner_normals(&some.mesh.triangles[0]), [glam::Vec3::X; 3]);
+    assert_eq!(some.mesh.corner_normals(&some.mesh.triangles[1]), [glam::Vec3::Z; 3]);
+    assert!(some.notes[0].starts_with("line 6: 1 face names normals"), "{:?}", some.notes);
+}
+
+#[test]
+fn faces_of_fewer_than_three_corners_are_left_out_and_told() {
+    let file = read(&format!("{CORNERS}f 1 2\nf 1 2 3\nf 3\nf\n")).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 1);
+    assert_eq!(file.notes, ["line 4: 3 faces of fewer than three corners are left out"]);
 }
 
 #[test]

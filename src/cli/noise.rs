@@ -1,0 +1,98 @@
+//! `raycl noise`: what differences runs on this machine can tell apart.
+
+use super::choice::parse_assignment;
+use super::progress::observer;
+use super::run;
+use crate::error::{Error, Result};
+use crate::record::{Folder, Noise, percent, significant};
+use std::path::Path;
+
+/// Arguments of `raycl noise`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl noise
+  raycl noise --device nvidia
+  raycl noise --device cpu --set timing.time_limit_ms=2000 --json")]
+pub struct Args {
+    /// A word of a device's name, platform or vendor, or cpu, gpu or all [default: all]
+    #[arg(long, value_name = "NAME")]
+    device: Vec<String>,
+    /// Change a value of the config that it runs
+    #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
+    set: Vec<(String, String)>,
+    /// Where another process measures on the device, end at once instead of waiting for it
+    #[arg(long)]
+    no_wait: bool,
+    /// Print one JSON object a device
+    #[arg(long)]
+    json: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// What is measured; it is part of the program, so it runs anywhere.
+const FILES: [(&str, &str); 2] = [
+    ("configs/noise.toml", include_str!("../../configs/noise.toml")),
+    ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
+];
+
+/// Measures in a folder of its own, which is gone afterwards.
+pub fn run(args: Args) -> Result<()> {
+    let failed = |error: std::io::Error| Error::run(format!("cannot make a temporary folder: {error}"));
+    let folder = tempfile::tempdir().map_err(failed)?;
+    unpack(folder.path()).map_err(failed)?;
+    let (config, out) = (folder.path().join(FILES[0].0), folder.path().join("out"));
+    let mut run = run::Args::of(config, &out, &args.device, &args.set, [false, false]);
+    run.no_wait = args.no_wait;
+    run::measure(&run, observer(args.quiet, false).as_mut())?;
+    let noise = Noise::of(&Folder::read(&out)?);
+    if noise.iter().all(|one| one.samples == 0) {
+        return Err(
+            Error::run("nothing could be measured").with_help("`raycl run configs/noise.toml` tells why")
+        );
+    }
+    match args.json {
+        true => noise.iter().try_for_each(super::print_json),
+        false => noise.iter().try_for_each(|one| super::print(text(one))),
+    }
+}
+
+fn unpack(folder: &Path) -> std::io::Result<()> {
+    for (name, text) in FILES {
+        let path = folder.join(name);
+        path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+        std::fs::write(path, text)?;
+    }
+    Ok(())
+}
+
+fn text(noise: &Noise) -> String {
+    let part = |part: Option<f64>| part.map_or("not enough samples".to_owned(), percent);
+    let causes = &noise.causes;
+    let mut lines = vec![
+        format!("{}, {} samples in {} launches", noise.device, noise.samples, noise.launches),
+        format!("  within a launch, points are told apart that differ by    {}", part(noise.within_launch)),
+        format!(
+            "  of all launches, points are told apart that differ by    {}",
+            part(noise.between_launches)
+        ),
+        format!("  a point's own time is known to within                    {}", part(noise.own_time)),
+    ];
+    let number = |value: f64| significant(value, 2);
+    if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {
+        let words = [others, stolen].map(number);
+        lines.push(format!(
+            "  others kept {} of {all} processors busy; {} went to other guests of the hardware",
+            words[0], words[1]
+        ));
+    }
+    if let Some([least, most]) = causes.clocks_mhz {
+        let governor = causes.governor.as_ref().map_or(String::new(), |name| format!(", governor {name}"));
+        lines.push(format!("  processors ran at {least:.0} to {most:.0} MHz{governor}"));
+    }
+    lines.extend(causes.device_clock_mhz.map(|mhz| format!("  the device ran at {mhz:.0} MHz")));
+    lines.extend(causes.throttled_samples.map(|count| format!("  it throttled in {count} samples")));
+    lines.extend(causes.threads.map(|threads| format!("  it cast with {threads} threads")));
+    lines.join("\n")
+}

@@ -1,0 +1,26 @@
+//! How long a run will take, by the records of earlier ones.
+
+use crate::error::Result;
+use crate::experiment::{Expected, Run};
+use crate::record::{Record, read_lines};
+use std::path::{Path, PathBuf};
+
+/// How long the run will take, by the times of earlier runs of its config. `done` are records that stay.
+pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> {
+    let done: Vec<String> = done
+        .iter()
+        .filter(|record| !run.retry_failed || record.outcome.is_fine())
+        .map(|record| record.key.clone())
+        .collect();
+    run.expected(&earlier(out), &done)
+}
+
+/// Records of a folder of results and of those beside it, the latest last. What cannot be read tells nothing.
+fn earlier(out: &Path) -> Vec<Record> {
+    let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();
+    let mut journals: Vec<PathBuf> =
+        folders.map(|entry| entry.path().join("records.jsonl")).filter(|file| file.is_file()).collect();
+    journals.sort_by_key(|file| file.metadata().and_then(|data| data.modified()).ok());
+    journals.iter().filter_map(|file| read_lines::<Record>(file).ok()).flat_map(|read| read.lines).collect()
+}

@@ -1,0 +1,43 @@
+//! Two folders of kernels in one run: how the second stands to the first.
+
+use crate::cli::compare::print_table;
+use crate::error::{Error, Result};
+use crate::program::Sources;
+use crate::record::Folder;
+use crate::report::Comparison;
+use std::path::PathBuf;
+
+/// Changes that are surely smaller than this part are the same.
+const THRESHOLD: f64 = 0.02;
+
+/// Prints how the points of the second folder stand to the first's. One that is surely slower by more than `limit_percent`
+/// is an error: exit code 1.
+pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
+    let comparison = Comparison::of_kernels(folder, THRESHOLD);
+    if !quiet {
+        print_table(&comparison)?;
+    }
+    match limit_percent.map(|percent| comparison.regressions(percent)) {
+        Some(worse) if !worse.is_empty() => {
+            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; ")))
+                .with_help("the second --cl-dir is slower than the first"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The folders of kernels, or those built in: at least one.
+pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
+    if folders.len() > 2 {
+        return Err(Error::input(format!("{} folders of kernels", folders.len()))
+            .with_help("expected --cl-dir once, or twice to compare the second with the first"));
+    }
+    if folders.len() == 2 && spread {
+        return Err(Error::input("two folders of kernels are compared on one device")
+            .with_help("leave out --spread, and name the device with --device"));
+    }
+    match folders {
+        [] => Ok(vec![Sources::of(None)?]),
+        folders => folders.iter().map(|folder| Sources::of(Some(folder.clone()))).collect(),
+    }
+}

@@ -1,0 +1,134 @@
+//! How long a run will take, by how long its points took before.
+
+use super::Run;
+use crate::error::Result;
+use crate::record::{Outcome, Record, point};
+use std::collections::HashMap;
+use std::fmt;
+use std::time::Duration;
+
+/// Starting a worker: its process, its driver, its scene.
+const START_MS: f64 = 500.0;
+
+/// How long a run will take.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Expected {
+    /// Points that are yet to be measured, and how many of them were measured before.
+    pub points: [usize; 2],
+    /// Launches of each.
+    pub launches: usize,
+    /// Frames of a point at least.
+    pub least_frames: usize,
+    /// What the points that were measured before will take.
+    pub time: Duration,
+}
+
+/// What an earlier record tells of a point, in milliseconds.
+#[derive(Clone, Copy, Default)]
+struct Known {
+    /// A sample.
+    sample_ms: f64,
+    /// A check that looks at the picture, and one that compares it with the reference.
+    check_ms: [f64; 2],
+    /// Samples of a launch, where it was measured by the same rule.
+    rounds: Option<usize>,
+}
+
+impl Run<'_> {
+    /// How long it will take by what was measured `earlier`, of which points of the same names tell; else the same strategy at
+    /// another size, in proportion to the pixels. Points of `done` keys are not measured again.
+    pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
+        let launches = self.experiment.timing.launches as usize;
+        let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
+        let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
+        by_name.extend(earlier.iter().map(|record| (point(record), record)));
+        let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
+        let mut expected = Expected {
+            launches,
+            least_frames: launches * self.stopping_rule().least(),
+            ..Expected::default()
+        };
+        let mut all_ms = 0.0;
+        for group in self.open_points(&self.plan())? {
+            let drafts: Vec<&Record> =
+                group.iter().map(|open| &open.record).filter(|record| !done.contains(&record.key)).collect();
+            let known: Vec<Known> = drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect();
+            expected.points[0] += drafts.len();
+            expected.points[1] += known.len();
+            all_ms += self.group_ms(&known);
+        }
+        // Files may hold anything: what is no time is none.
+        expected.time = Duration::try_from_secs_f64(1e-3 * all_ms).unwrap_or_default();
+        Ok(expected)
+    }
+
+    fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
+        if earlier.outcome == Outcome::Infeasible && point(earlier) == point(draft) {
+            return Some(Known::default());
+        }
+        let pixels = |record: &Record| record.image_size.iter().map(|side| f64::from(*side)).product::<f64>();
+        let larger = pixels(draft) / pixels(earlier);
+        let sample_ms = larger * earlier.host_median_ms? * f64::from(earlier.batch.unwrap_or(1));
+        let again_ms = earlier.build_ms.unwrap_or(0.0) + sample_ms;
+        let first_ms = earlier.check_ms.map_or(again_ms, |ms| ms * larger.max(1.0));
+        let launches = self.experiment.timing.launches as usize;
+        let rounds = (earlier.key == draft.key).then(|| earlier.samples_ms.len() / launches);
+        Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
+    }
+
+    /// All launches of a group.
+    fn group_ms(&self, points: &[Known]) -> f64 {
+        if points.is_empty() {
+            return 0.0;
+        }
+        let (timing, rule) = (&self.experiment.timing, self.stopping_rule());
+        let sum = |of: &dyn Fn(&Known) -> f64| points.iter().map(of).sum::<f64>();
+        let round_ms = sum(&|point| point.sample_ms);
+        let by_time = (rule.time_limit_ms * points.len() as f64 / round_ms.max(1e-3)).ceil();
+        let by_rule = (by_time as usize).clamp(rule.least(), rule.max_samples);
+        let rounds = points.iter().filter_map(|point| point.rounds).max().unwrap_or(by_rule);
+        // Warming up ends early where frames are long.
+        let warm = |point: &Known| {
+            (f64::from(timing.warmup) * point.sample_ms).min(0.1 * timing.time_limit_ms + point.sample_ms)
+        };
+        let launch_ms = START_MS + sum(&warm) + rounds as f64 * round_ms;
+        let launches = f64::from(timing.launches);
+        launches * launch_ms
+            + (launches - 1.0) * sum(&|point| point.check_ms[0])
+            + sum(&|point| point.check_ms[1])
+    }
+}
+
+/// A point's names without its sizes.
+fn strategy(record: &Record) -> String {
+    format!("{}|{}|{}", record.scene, record.device, record.name)
+}
+
+impl fmt::Display for Expected {
+    /// "33 points in 3 launches: about 6m 10s, by earlier times".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [points, known] = self.points;
+        let launches = if self.launches == 1 {
+            "1 launch, a look".to_owned()
+        } else {
+            format!("{} launches", self.launches)
+        };
+        write!(f, "{points} points in {launches}: ")?;
+        if known == 0 {
+            return write!(
+                f,
+                "at least {} frames of each; how long they take is not known yet",
+                self.least_frames
+            );
+        }
+        let seconds = self.time.as_secs();
+        match seconds {
+            0..60 => write!(f, "about {}s", seconds.max(1))?,
+            _ => write!(f, "about {}m {}s", seconds / 60, seconds % 60)?,
+        }
+        match known {
+            _ if known == points => write!(f, ", by earlier times"),
+            some => write!(f, " for {some} of them, by earlier times; of the others it is not known yet"),
+        }
+    }
+}

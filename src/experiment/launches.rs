@@ -1,0 +1,66 @@
+//! The order of launches: every group is visited as often as there are launches, and between two visits of one all others
+//! have their turn, in another order each time.
+
+use super::Run;
+use super::group::OpenGroup;
+use super::keeper::Keep;
+use super::supervisor::Supervisor;
+use crate::error::Result;
+use crate::measure::round_order;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Groups that are yet to be visited.
+pub struct Waiting {
+    groups: Mutex<Vec<OpenGroup>>,
+    seed: u64,
+}
+
+impl Waiting {
+    /// Groups of a run.
+    pub fn new(groups: Vec<OpenGroup>, seed: u64) -> Self {
+        let groups = groups.into_iter().filter(|group| !group.is_finished()).collect();
+        Self { groups: Mutex::new(groups), seed }
+    }
+
+    fn locked(&self) -> MutexGuard<'_, Vec<OpenGroup>> {
+        self.groups.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The next group for a device, or for any: of those that were visited least often any one, but at first in the order of
+    /// the plan.
+    fn take(&self, device: Option<usize>) -> Option<OpenGroup> {
+        let mut groups = self.locked();
+        let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));
+        let visits = groups.iter().filter(|group| may(group)).map(OpenGroup::visits).min()?;
+        let next: Vec<usize> = (0..groups.len())
+            .filter(|place| may(&groups[*place]) && groups[*place].visits() == visits)
+            .collect();
+        let turn = u64::from(visits) << 32 | next.len() as u64;
+        let chosen = if visits == 0 { 0 } else { round_order(next.len(), turn, self.seed)[0] };
+        // The order of the others stays.
+        Some(groups.remove(next[chosen]))
+    }
+
+    fn put_back(&self, group: OpenGroup) {
+        if !group.is_finished() {
+            self.locked().push(group);
+        }
+    }
+}
+
+/// Visits groups until there are none left: all, or those that may be measured on one device. Nobody takes another group
+/// after an error.
+pub fn serve(
+    run: &Run<'_>,
+    waiting: &Waiting,
+    device: Option<usize>,
+    supervisor: &mut Supervisor<'_>,
+    keeper: &mut impl Keep,
+) -> Result<()> {
+    while let Some(mut group) = waiting.take(device) {
+        device.into_iter().for_each(|device| group.settle(device));
+        group.visit(run, supervisor, keeper).inspect_err(|_| waiting.locked().clear())?;
+        waiting.put_back(group);
+    }
+    Ok(())
+}

@@ -1,0 +1,159 @@
+//! What else the machine does while raycl measures: from `/proc`, where there is one.
+
+use std::path::Path;
+use std::time::Instant;
+
+/// Processor time by the system's clock ticks, since some moment of the past.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Ticks {
+    /// Spent on anything.
+    busy: f64,
+    /// Taken by other guests of the same hardware.
+    stolen: f64,
+    /// All there was, idle or not, of all processors.
+    all: f64,
+    /// Spent by this process and its workers.
+    own: f64,
+}
+
+/// What others took of a stretch of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load {
+    /// How long it was.
+    pub ms: f64,
+    /// Processors' worth of time that other processes took.
+    pub others: f64,
+    /// Processors' worth of time that went to other guests of the hardware.
+    pub stolen: f64,
+    /// Processors that there are.
+    pub processors: usize,
+    /// Processes that ran or waited to, in the mean of the last minute.
+    pub load_1m: Option<f64>,
+}
+
+/// Watches what others take from one look to the next.
+pub struct Watch {
+    since: Instant,
+    before: Option<Ticks>,
+}
+
+/// Shorter stretches are only some ticks long, and say nothing.
+const SHORTEST_MS: f64 = 200.0;
+
+impl Watch {
+    /// Begins to watch.
+    pub fn start() -> Self {
+        Self { since: Instant::now(), before: ticks() }
+    }
+
+    /// What others took since the last look; none where the system does not tell, or it was just now.
+    pub fn look(&mut self) -> Option<Load> {
+        let ms = self.since.elapsed().as_secs_f64() * 1e3;
+        if ms < SHORTEST_MS {
+            return None;
+        }
+        let (before, now) = (self.before?, ticks()?);
+        *self = Self { since: Instant::now(), before: Some(now) };
+        between(before, now, ms)
+    }
+}
+
+fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
+    let all = now.all - before.all;
+    let processors = processors()?;
+    let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
+    let busy = now.busy - before.busy;
+    // A worker that has ended is no longer in the sum.
+    let own = (now.own - before.own).max(0.0);
+    (all > 0.0).then(|| Load {
+        ms,
+        others: part(busy - own),
+        stolen: part(now.stolen - before.stolen),
+        processors,
+        load_1m: text("/proc/loadavg").and_then(|line| line.split(' ').next()?.parse().ok()),
+    })
+}
+
+fn text(path: impl AsRef<Path>) -> Option<String> {
+    std::fs::read_to_string(path).ok()
+}
+
+fn ticks() -> Option<Ticks> {
+    Some(Ticks { own: own_ticks(), ..machine_ticks(&text("/proc/stat")?)? })
+}
+
+fn processors() -> Option<usize> {
+    let stat = text("/proc/stat")?;
+    let is_one = |line: &&str| line.starts_with("cpu") && !line.starts_with("cpu ");
+    Some(stat.lines().filter(is_one).count()).filter(|count| *count > 0)
+}
+
+/// The first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal.
+fn machine_ticks(stat: &str) -> Option<Ticks> {
+    let numbers: Vec<f64> = stat
+        .lines()
+        .find_map(|line| line.strip_prefix("cpu "))?
+        .split_whitespace()
+        .filter_map(|number| number.parse().ok())
+        .collect();
+    let &[user, nice, system, idle, iowait, irq, softirq, stolen, ..] = numbers.as_slice() else {
+        return None;
+    };
+    let busy = user + nice + system + irq + softirq;
+    Some(Ticks { busy, stolen, all: busy + idle + iowait + stolen, own: 0.0 })
+}
+
+/// Of this process and those that it started.
+fn own_ticks() -> f64 {
+    let mut all = process_ticks("self");
+    for task in std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten() {
+        let children = text(task.path().join("children")).unwrap_or_default();
+        all += children.split_whitespace().map(process_ticks).sum::<f64>();
+    }
+    all
+}
+
+fn process_ticks(process: &str) -> f64 {
+    text(format!("/proc/{process}/stat")).and_then(|stat| user_and_system(&stat)).unwrap_or(0.0)
+}
+
+/// Fields 14 and 15 of a process's `stat`; its name, the second, may hold anything but ends with the last bracket.
+fn user_and_system(stat: &str) -> Option<f64> {
+    let after_name = &stat[stat.rfind(')')? + 1..];
+    let mut fields = after_name.split_whitespace().skip(11);
+    Some(fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_read_from_what_the_system_writes() {
+        let stat = "cpu  100 10 50 800 20 3 7 10 0 0\ncpu0 50 5 25 400 10 1 3 5 0 0\n";
+        let ticks = machine_ticks(stat).expect("ticks");
+        assert_eq!((ticks.busy, ticks.stolen, ticks.all), (170.0, 10.0, 1000.0));
+        assert_eq!(machine_ticks("cpu  1 2\n"), None);
+        let process = "7 (a) b (c) S 1 7 7 0 -1 0 1 2 3 4 30 12 9 9 20 0 1 0";
+        assert_eq!(user_and_system(process), Some(42.0));
+        assert_eq!(user_and_system("nothing"), None);
+    }
+
+    #[test]
+    fn what_this_process_took_is_not_others() {
+        let before = Ticks { busy: 100.0, stolen: 0.0, all: 1000.0, own: 50.0 };
+        let now = Ticks { busy: 200.0, stolen: 20.0, all: 1200.0, own: 150.0 };
+        if let Some(load) = between(before, now, 1000.0) {
+            assert!(load.others.abs() < 1e-9, "{load:?}");
+            assert!((load.stolen - 0.1 * load.processors as f64).abs() < 1e-9, "{load:?}");
+        }
+        assert!(between(now, now, 1000.0).is_none(), "no time, no load");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn this_machine_tells() {
+        assert!(ticks().is_some_and(|ticks| ticks.own >= 0.0 && ticks.all >= ticks.busy));
+        assert!(processors().is_some());
+    }
+}

@@ -1,0 +1,67 @@
+//! What is left of a launch's samples when what all points share is taken away.
+
+use super::PairedSample;
+use crate::measure::summary::median_of;
+
+/// Sweeps of the polish; from the third on nothing moves by more than rounding in practice.
+const SWEEPS: usize = 5;
+/// The most neighbours to each side that tell the machine's state: a regime lasts tens of samples.
+const MOST_NEIGHBOURS: usize = 6;
+
+/// The logarithm of each sample of one launch less the drift of the machine at its moment.
+///
+/// A median polish (Tukey 1977) of log time = level of the point + drift at the moment, where the drift is not one value a
+/// round but the running median over the neighbours in time, so that a change of regime in the midst of a round is followed
+/// too. Every sample is so set beside what others took just before and after it: what slows all is no difference.
+pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
+    let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
+    let present = (0..points).filter(|point| samples.iter().any(|sample| sample.point == *point)).count();
+    let reach = present.clamp(2, MOST_NEIGHBOURS);
+    let mut left = logs.clone();
+    for _ in 0..SWEEPS {
+        let levels = levels(samples, &left, points);
+        let residuals: Vec<f64> =
+            samples.iter().zip(&logs).map(|(sample, log)| log - levels[sample.point]).collect();
+        left = logs
+            .iter()
+            .enumerate()
+            .map(|(place, log)| log - running_median(&residuals, place, reach))
+            .collect();
+    }
+    left
+}
+
+/// Each point's median; 0 for a point without samples.
+fn levels(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<f64> {
+    let mut of_points = vec![Vec::new(); points];
+    for (sample, value) in samples.iter().zip(values) {
+        of_points[sample.point].push(*value);
+    }
+    of_points.iter().map(|values| median_of(values).unwrap_or(0.0)).collect()
+}
+
+fn running_median(values: &[f64], place: usize, reach: usize) -> f64 {
+    let window = place.saturating_sub(reach)..(place + reach + 1).min(values.len());
+    median_of(&values[window]).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_regime_that_begins_in_the_midst_of_a_round_is_taken_away() {
+        // Three points of 1, 2 and 4 ms; from the 20th sample on all take twice as long.
+        let sample = |place: usize| {
+            let (point, slow) = (place % 3, if place < 20 { 1.0 } else { 2.0 });
+            PairedSample { point, launch: 0, ms: f64::from(1 << point) * slow }
+        };
+        let samples: Vec<_> = (0..40).map(sample).collect();
+        let left = without_drift(&samples, 3);
+        let reference = left[0];
+        for (sample, left) in samples.iter().zip(&left) {
+            let expected = f64::from(1 << sample.point).ln();
+            assert!((left - reference - expected).abs() < 1e-9, "{sample:?}: {left}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! What differences the records of a run can tell apart, and what stands in the way.
+
+use super::rounds::mean_load;
+use super::together::{resolution, resolution_within};
+use super::types::{HOST, Record};
+use super::{Folder, interval};
+use serde::Serialize;
+
+/// What runs on one device can tell apart. Parts: 0.03 is 3%.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Noise {
+    /// The device.
+    pub device: String,
+    /// Launches and samples that this rests on.
+    pub launches: usize,
+    /// Samples of all points.
+    pub samples: usize,
+    /// The least difference between two points that one launch tells apart, the median over launches.
+    pub within_launch: Option<f64>,
+    /// The least difference between two points that launches together tell apart.
+    pub between_launches: Option<f64>,
+    /// How far a point's own time is known, the median over points: half of its interval.
+    pub own_time: Option<f64>,
+    /// What stands in the way.
+    pub causes: Causes,
+}
+
+/// What makes repeats lie apart. What the system does not tell is absent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Causes {
+    /// Processors of the machine.
+    pub processors: Option<f64>,
+    /// How many of them other processes kept busy.
+    pub others: Option<f64>,
+    /// How many of them went to other guests of the hardware.
+    pub stolen: Option<f64>,
+    /// What decides the processors' frequency.
+    pub governor: Option<String>,
+    /// The least and the greatest frequency of any processor when it began, MHz.
+    pub clocks_mhz: Option<[f64; 2]>,
+    /// The device's clock while it was timed, MHz.
+    pub device_clock_mhz: Option<f64>,
+    /// Samples taken while the device throttled.
+    pub throttled_samples: Option<u32>,
+    /// The threads that the device cast with.
+    pub threads: Option<u32>,
+}
+
+impl Noise {
+    /// Of every device of a folder.
+    pub fn of(folder: &Folder) -> Vec<Self> {
+        let mut devices: Vec<&str> = folder.records.iter().map(|record| record.device.as_str()).collect();
+        devices.retain(|device| *device != HOST);
+        devices.dedup();
+        devices.into_iter().map(|device| Self::of_device(folder, device)).collect()
+    }
+
+    fn of_device(folder: &Folder, device: &str) -> Self {
+        let own = |record: &&Record| record.device == device;
+        let records: Vec<Record> = folder.records.iter().filter(own).cloned().collect();
+        let half = |record: &Record| Some((interval(record)?[1] / record.median_ms?).ln().exp_m1());
+        let mut halves: Vec<f64> = records.iter().filter_map(half).collect();
+        halves.sort_by(f64::total_cmp);
+        Self {
+            device: device.to_owned(),
+            launches: records.iter().map(super::launches).max().unwrap_or(0),
+            samples: records.iter().map(|record| record.samples_ms.len()).sum(),
+            within_launch: resolution_within(&records),
+            between_launches: resolution(&records).map(|[_, most]| most),
+            own_time: halves.get(halves.len() / 2).copied(),
+            causes: Causes::of(folder, &records),
+        }
+    }
+}
+
+impl Causes {
+    fn of(folder: &Folder, records: &[Record]) -> Self {
+        let load = mean_load(&folder.rounds);
+        let clocks = &folder.environment["host"]["clocks"];
+        let range = |at: usize| clocks["now_mhz"][at].as_f64();
+        let sensed: Vec<f64> =
+            records.iter().filter_map(|record| record.sensed.as_ref()?.clock_mhz).collect();
+        Self {
+            processors: load.map(|load| load.processors),
+            others: load.map(|load| load.others),
+            stolen: load.map(|load| load.stolen),
+            governor: clocks["governor"].as_str().map(str::to_owned),
+            clocks_mhz: range(0).zip(range(1)).map(|(least, most)| [least, most]),
+            device_clock_mhz: (!sensed.is_empty()).then(|| sensed.iter().sum::<f64>() / sensed.len() as f64),
+            throttled_samples: records
+                .iter()
+                .filter_map(|record| record.throttled_samples)
+                .reduce(|a, b| a + b),
+            threads: records.iter().find_map(|record| record.threads),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{judged, measured};
+    use super::*;
+
+    #[test]
+    fn each_device_has_its_noise_and_the_host_none() {
+        let mut wobbly = measured("gpu", "naive", 8, 10.0);
+        wobbly.samples_ms = (0..10).map(|n| 10.0 * (1.0 + 0.01 * f64::from(n % 3))).collect();
+        let records = [measured("host", "serial", 0, 9.0), wobbly, measured("gpu", "wide", 1, 1.0)];
+        let folder = Folder { records: judged(records), ..Folder::default() };
+        let [gpu] = &Noise::of(&folder)[..] else { panic!("one device") };
+        assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
+        assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
+        assert!(gpu.within_launch.is_some() && gpu.own_time.is_some(), "{gpu:?}");
+    }
+}

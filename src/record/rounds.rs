@@ -1,0 +1,103 @@
+//! `rounds.jsonl`: what else the machine did while rounds were timed.
+
+use super::numbers::significant;
+use super::types::Record;
+use crate::load::Load;
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+
+/// A line: some rounds of a launch, as many as take long enough to tell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RoundLoad {
+    /// The launch's number in the folder.
+    pub launch: u32,
+    /// The last round of them.
+    pub round: u32,
+    /// How long they took.
+    pub ms: f64,
+    /// Processors of the machine.
+    pub processors: usize,
+    /// How many of them others kept busy, in the mean.
+    pub others: f64,
+    /// How many of them went to other guests of the hardware, in the mean.
+    pub stolen: f64,
+    /// Processes that ran or waited to, in the mean of the last minute.
+    pub load_1m: Option<f64>,
+}
+
+/// Others have disturbed what was measured where they took more than this part of the machine.
+const DISTURBED: f64 = 0.05;
+
+impl RoundLoad {
+    /// What was seen while rounds were timed.
+    pub fn of(launch: u32, round: u32, load: &Load) -> Self {
+        let Load { ms, others, stolen, processors, load_1m } = *load;
+        Self { launch, round, ms, processors, others, stolen, load_1m }
+    }
+}
+
+/// What was seen in the mean of some rounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MeanLoad {
+    /// Processors of the machine.
+    pub(crate) processors: f64,
+    /// How many of them others kept busy.
+    pub(crate) others: f64,
+    /// How many of them went to other guests of the hardware.
+    pub(crate) stolen: f64,
+}
+
+impl MeanLoad {
+    fn taken(&self) -> f64 {
+        self.others + self.stolen
+    }
+}
+
+/// Weighted by how long they took; none of no rounds.
+pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<MeanLoad> {
+    let lines: Vec<&RoundLoad> = lines.into_iter().collect();
+    let all_ms: f64 = lines.iter().map(|line| line.ms).sum();
+    let mean = |of: fn(&RoundLoad) -> f64| lines.iter().map(|line| of(line) * line.ms).sum::<f64>() / all_ms;
+    let processors = lines.iter().map(|line| line.processors).max()? as f64;
+    Some(MeanLoad { processors, others: mean(|line| line.others), stolen: mean(|line| line.stolen) })
+}
+
+/// What is to be said where others disturbed the launches that some records rest on.
+pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
+    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));
+    let means: Vec<_> = shown.iter().filter_map(mean).collect();
+    let bad = means.iter().filter(|mean| mean.taken() > DISTURBED * mean.processors);
+    let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
+    let stolen = match worst.stolen > 0.01 {
+        true => format!(", and {} went to other guests of the hardware", significant(worst.stolen, 2)),
+        false => String::new(),
+    };
+    Some(format!(
+        "Disturbed: in {} of {} launches others kept processors busy, up to {} of {}{stolen}.",
+        bad.count(),
+        means.len(),
+        significant(worst.others, 2),
+        worst.processors
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(launch: u32, others: f64) -> RoundLoad {
+        RoundLoad { launch, ms: 500.0, processors: 2, others, ..RoundLoad::default() }
+    }
+
+    #[test]
+    fn launches_are_disturbed_where_others_take_much_of_the_machine() {
+        let records = [Record { sample_launches: vec![0, 1, 1], ..Record::default() }];
+        let quiet = [line(0, 0.02), line(1, 0.05)];
+        assert_eq!(disturbance(&quiet, &records), None);
+        let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
+        let expected = "Disturbed: in 1 of 2 launches others kept processors busy, up to 0.50 of 2.";
+        assert_eq!(said.as_deref(), Some(expected));
+        assert_eq!(disturbance(&[], &records), None);
+    }
+}

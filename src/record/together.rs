@@ -1,0 +1,234 @@
+//! What records that were measured together say of each other: the one rule by which every view tells times apart.
+//! docs/methodology.md states it.
+
+use super::numbers::{by, significant};
+use super::summary::median;
+use super::types::Record;
+use crate::measure::{Interval, Paired, PairedSample, Ranking, Standing};
+use std::collections::BTreeMap;
+
+/// Points that differ by no more than this part are a tie, however sure the difference is.
+const TIE: f64 = 0.01;
+
+/// Where a record stands among those that were measured with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// What tells those that were measured together from others.
+    together: blake3::Hash,
+    standing: Standing,
+}
+
+/// Finds where each measured record stands. Records of the same launches were measured together; those of earlier versions,
+/// which tell no launch, where scene, image size and device are the same.
+pub fn judge(records: &mut [Record]) {
+    let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
+        groups.entry(measured_with(record)).or_default().push(place);
+    }
+    for places in groups.values() {
+        let samples = in_order(places.iter().map(|place| &records[*place]));
+        let together = name(&samples);
+        let paired = Paired::of(&samples, places.len());
+        for (point, place) in places.iter().enumerate() {
+            let standing = paired.standing(point);
+            records[*place].place = standing.map(|standing| Place { together, standing });
+        }
+    }
+}
+
+fn measured_with(record: &Record) -> String {
+    let mut launches = record.sample_launches.clone();
+    launches.dedup();
+    match launches.is_empty() {
+        true => format!("{:?} {} {:?} {}", record.scene_hash, record.scene, record.image_size, record.device),
+        false => format!("{launches:?}"),
+    }
+}
+
+/// The samples of some records, those of a launch in the order taken.
+fn in_order<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<PairedSample> {
+    let mut samples = Vec::new();
+    for (point, record) in records.enumerate() {
+        for (place, ms) in record.samples_ms.iter().enumerate() {
+            let launch = record.sample_launches.get(place).copied().unwrap_or(0);
+            let at_ms = record.samples_at_ms.get(place).copied().unwrap_or(place as f64);
+            samples.push((at_ms, PairedSample { point, launch, ms: *ms }));
+        }
+    }
+    samples.sort_by(|(a, one), (b, other)| one.launch.cmp(&other.launch).then(a.total_cmp(b)));
+    samples.into_iter().map(|(_, sample)| sample).collect()
+}
+
+/// Two folders may number their launches alike; their samples differ.
+fn name(samples: &[PairedSample]) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    for sample in samples {
+        hasher.update(&sample.launch.to_le_bytes());
+        hasher.update(&sample.ms.to_le_bytes());
+    }
+    hasher.finalize()
+}
+
+/// How many launches its samples are of.
+pub(crate) fn launches(record: &Record) -> usize {
+    let mut numbers = record.sample_launches.clone();
+    numbers.dedup();
+    numbers.len().max(usize::from(!record.samples_ms.is_empty()))
+}
+
+/// The fewest samples of a launch.
+pub(crate) fn fewest(record: &Record) -> usize {
+    let of = |launch: &u32| record.sample_launches.iter().filter(|other| *other == launch).count();
+    record.sample_launches.iter().map(of).min().unwrap_or(record.samples_ms.len())
+}
+
+/// How many times as long one record takes as another: by samples close in time where they were measured together. None
+/// where one has too few samples.
+pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
+    let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
+    Some(match slow.together == fast.together {
+        true => slow.standing.ratio(&fast.standing),
+        false => slow.standing.ratio_apart(&fast.standing),
+    })
+}
+
+/// Whether two records were measured in the same rounds.
+pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
+    one.place.as_ref().zip(other.place.as_ref()).is_some_and(|(one, other)| one.together == other.together)
+}
+
+/// How many times as long a record takes as the mean of some that were measured with it.
+pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Interval> {
+    let standings: Option<Vec<&Standing>> =
+        others.iter().map(|other| Some(&other.place.as_ref()?.standing)).collect();
+    Some(record.place.as_ref()?.standing.ratio(&Standing::mean(&standings?)?))
+}
+
+/// The median's 95% interval; none of too few samples.
+pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
+    let interval = record.place.as_ref()?.standing.median_ms();
+    Some([interval.low, interval.high])
+}
+
+/// The measured ones of some records by their times. Winners are the one of the least time and every other that does not
+/// surely take more than a hundredth longer; one of too few samples has no rank.
+pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
+    let level = |record: &Record| record.place.as_ref().map(|place| place.standing.level());
+    let measured = records.into_iter().filter(|record| median(record).is_some());
+    let ties = |record: &Record, best: &Record| {
+        std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)
+    };
+    Ranking::by(measured.map(|record| (record, level(record))), ties)
+}
+
+/// The part by which two of these records have to differ to be told apart, by the usual spread: the least and the greatest of
+/// those that were measured together.
+pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
+    let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
+    let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
+    parts.fold(None, |range: Option<[f64; 2]>, part| {
+        let [low, high] = range.unwrap_or([part; 2]);
+        Some([low.min(part), high.max(part)])
+    })
+}
+
+/// The part by which two of these records, all measured together, have to differ for one launch to tell them apart: the median
+/// over launches.
+pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
+    let samples = in_order(records.iter());
+    let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
+    launches.dedup();
+    let of = |launch: &u32| {
+        let own: Vec<_> = samples.iter().filter(|sample| sample.launch == *launch).copied().collect();
+        Paired::of(&own, records.len()).resolution()
+    };
+    let mut parts: Vec<f64> = launches.iter().filter_map(of).collect();
+    parts.sort_by(f64::total_cmp);
+    parts.get(parts.len() / 2).copied()
+}
+
+/// What is to be said of all figures of some records: a look, and what cannot be told apart.
+pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
+    let looks = || records.iter().filter(|record| is_look(record));
+    let mut notes = Vec::new();
+    if let Some(one) = looks().next() {
+        let measured = records.iter().filter(|record| record.place.is_some()).count();
+        let whose = match looks().count() {
+            all if all == measured => String::new(),
+            some => format!("{some} of {measured} points, such as {} {}, ", one.scene, by(one.image_size)),
+        };
+        notes.push(format!(
+            "A look: {whose}measured in one launch of the program. Intervals do not hold what another launch would draw; \
+             `[timing] launches = 3` measures that."
+        ));
+    }
+    notes.extend(
+        resolution(records)
+            .map(|range| format!("Differences below {} cannot be told apart here.", percents(range))),
+    );
+    notes
+}
+
+/// Whether a measured record rests on one launch.
+fn is_look(record: &Record) -> bool {
+    record.place.as_ref().is_some_and(|place| place.standing.launches() == 1)
+}
+
+/// "3.1%", "2.2 to 3.1% (by scene and size)".
+fn percents([low, high]: [f64; 2]) -> String {
+    let [least, most] = [low, high].map(|part| significant(100.0 * part, 2));
+    if least == most { format!("{most}%") } else { format!("{least} to {most}% (by scene and size)") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{few, judged, measured, sampled};
+    use super::*;
+
+    /// Ten samples around a time, those of the second launch slower by a part.
+    fn launches(name: &str, ms: f64, slower: f64) -> Record {
+        let at = |place: u32| if place < 5 { ms } else { ms * (1.0 + slower) };
+        sampled(name, (0..10).map(|place| (place / 5, at(place))))
+    }
+
+    #[test]
+    fn what_slows_all_is_in_the_interval_and_not_in_the_ratio() {
+        let records = judged([launches("naive", 10.0, 0.5), launches("wide", 5.0, 0.5)]);
+        let found = ratio(&records[0], &records[1]).expect("enough samples");
+        assert!((found.low - 2.0).abs() < 1e-9 && (found.high - 2.0).abs() < 1e-9, "{found:?}");
+        let [low, high] = interval(&records[0]).expect("enough samples");
+        assert!(low < 5.0 && high > 20.0, "{low} {high}");
+    }
+
+    #[test]
+    fn what_was_measured_apart_is_not_paired() {
+        let mut records = judged([launches("naive", 10.0, 0.1), launches("wide", 5.0, 0.1)]);
+        let paired = ratio(&records[0], &records[1]).expect("enough samples");
+        records[1].sample_launches.iter_mut().for_each(|launch| *launch += 7);
+        let records = judged(records);
+        let apart = ratio(&records[0], &records[1]).expect("enough samples");
+        assert!(apart.high / apart.low > 2.0 * paired.high / paired.low, "{apart:?} {paired:?}");
+    }
+
+    #[test]
+    fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
+        let records = judged([
+            measured("gpu", "naive", 8, 10.0),
+            measured("gpu", "wide", 1, 10.09),
+            measured("gpu", "wide", 2, 10.2),
+            few("gpu", "naive", 4, 1.0, 4),
+        ]);
+        let ranking = ranking(&records);
+        let names = |of: &[&Record]| of.iter().map(|record| record.samples_ms[0]).collect::<Vec<_>>();
+        assert_eq!((names(&ranking.winners), names(&ranking.unranked)), (vec![10.0, 10.09], vec![1.0]));
+    }
+
+    #[test]
+    fn one_launch_is_said_to_be_a_look() {
+        let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
+        assert!(how_sure(&look)[0].starts_with("A look: measured in one launch"), "{:?}", how_sure(&look));
+        let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
+        assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be told apart here."]);
+        assert!(how_sure(&[]).is_empty());
+    }
+}

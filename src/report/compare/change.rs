@@ -1,0 +1,59 @@
+//! How a point changed from one run to another: against what changed with it, for another day is another machine.
+
+use super::{Against, Pair};
+use crate::measure::Interval;
+use crate::record::{Record, are_together, median, ratio, ratio_to_mean};
+
+/// Two records of a point that both folders measured.
+type Both<'a> = (&'a Record, &'a Record);
+
+/// How many times as long the second of `pair` takes as the first, against what: baselines that were measured in the rounds
+/// of each and are the same program; without any, those points of the rounds that changed alike. None where there is
+/// nothing beside it, or too few samples.
+pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
+    let (before, after) = pair;
+    let beside = |(one, other): &&Both<'_>| are_together(one, before) && are_together(other, after);
+    let beside: Vec<Both<'_>> = all.iter().filter(beside).copied().collect();
+    let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
+    let baselines: Vec<Both<'_>> = beside.iter().filter(untouched).copied().collect();
+    let (anchors, against) = match baselines.is_empty() {
+        false => (baselines, Against::Baselines),
+        true => (alike(beside.clone()), Against::PointsInCommon),
+    };
+    // Against itself nothing changes.
+    if beside.len() < 2 {
+        return None;
+    }
+    let of = |record: &Record, anchors: Vec<&Record>| ratio_to_mean(record, &anchors);
+    let (first, second) = anchors.into_iter().unzip();
+    Some((of(after, second)?.over(of(before, first)?), against))
+}
+
+/// The half of the points whose changes are nearest to their median: what one change slowed is not among them.
+fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
+    let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
+        (Some(before), Some(after)) => (after / before).ln(),
+        _ => 0.0,
+    };
+    beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
+    // Of two none is the odd one.
+    if beside.len() < 3 {
+        return beside;
+    }
+    let middle = own(&beside[beside.len() / 2]);
+    beside.sort_by(|a, b| (own(a) - middle).abs().total_cmp(&(own(b) - middle).abs()));
+    beside.truncate(beside.len().div_ceil(2));
+    beside
+}
+
+/// The same by bare times, whatever else changed between the runs.
+pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
+    Some((ratio(after, before)?, Against::BareTimes))
+}
+
+impl Pair {
+    /// Its two records.
+    pub(super) fn both(&self) -> Both<'_> {
+        (&self.before, &self.after)
+    }
+}

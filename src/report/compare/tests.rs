@@ -1,0 +1,94 @@
+use super::*;
+use crate::record::fixtures::{few, infeasible, judged, measured};
+
+fn folder(label: &str, records: Vec<Record>) -> Folder {
+    Folder { label: label.into(), records: judged(records), ..Folder::default() }
+}
+
+/// With samples that wobble by half a per cent.
+fn timed(device: &str, name: &str, around: f64) -> Record {
+    let mut record = measured(device, name, 8, around);
+    record.samples_ms = (0..10).map(|n| around * (1.0 + 0.005 * f64::from(n % 3))).collect();
+    record
+}
+
+fn of(before: &Folder, after: &Folder) -> Comparison {
+    Comparison::of(before, after, 0.02, false)
+}
+
+#[test]
+fn another_machines_results_are_compared_point_by_point() {
+    let of_a = [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0), ("tile", 1.0), ("private", 5.0)];
+    let before = folder("old", of_a.map(|(name, ms)| timed("a", name, ms)).to_vec());
+    let of_b = [("naive", 20.0), ("wide", 0.5), ("bvh", 2.0), ("tile", 1.0), ("raster", 1.0)];
+    let mut after = of_b.map(|(name, ms)| timed("b", name, ms)).to_vec();
+    after.push(infeasible("b", "private", 8, "no"));
+    let comparison = of(&before, &folder("new", after));
+    assert_eq!(comparison.summary(), "1 faster, 1 slower, 2 same, 0 unclear");
+    let regressions = comparison.regressions(5.0);
+    assert_eq!(regressions.len(), 2, "{regressions:?}");
+    assert!(comparison.regressions(150.0)[0].contains("was measured, is infeasible"));
+    assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
+    assert!(comparison.markdown().contains("| slower |"), "{}", comparison.markdown());
+}
+
+#[test]
+fn what_all_points_share_needs_a_baseline() {
+    let kernels = |slower: f64| {
+        [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0)]
+            .map(|(name, ms)| timed("a", name, slower * ms))
+            .to_vec()
+    };
+    let all = of(&folder("old", kernels(1.0)), &folder("new", kernels(1.5)));
+    assert_eq!((all.count(Verdict::Same), all.regressions(5.0).len()), (3, 0));
+    assert!(all.notes.iter().any(|note| note.contains("cannot be told")), "{:?}", all.notes);
+    let with = |slower| [kernels(slower), vec![timed("host", "serial", 100.0)]].concat();
+    let against = of(&folder("old", with(1.0)), &folder("new", with(1.5)));
+    assert_eq!((against.count(Verdict::Slower), against.regressions(40.0).len()), (3, 3));
+    let bare = Comparison::of(&folder("old", kernels(1.0)), &folder("new", kernels(1.5)), 0.02, true);
+    assert_eq!(bare.regressions(40.0).len(), 3);
+}
+
+#[test]
+fn one_kernel_that_is_slower_is_found_among_others() {
+    let names = ["naive", "wide", "bvh", "tile", "raster"];
+    let run =
+        |slow: f64| names.map(|name| timed("a", name, if name == "bvh" { slow * 5.0 } else { 5.0 })).to_vec();
+    let comparison = of(&folder("old", run(1.0)), &folder("new", run(1.1)));
+    assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
+    assert!(comparison.regressions(5.0)[0].contains("bvh"), "{:?}", comparison.regressions(5.0));
+}
+
+#[test]
+fn a_scene_that_was_edited_is_another() {
+    let of_scene =
+        |hash: &str, name: &str| Record { scene_hash: Some(hash.into()), ..timed("a", name, 10.0) };
+    let before = folder("old", vec![of_scene("1", "naive"), of_scene("1", "wide")]);
+    let after = folder("new", vec![of_scene("2", "naive"), of_scene("2", "wide")]);
+    let comparison = of(&before, &after);
+    assert!(comparison.pairs.is_empty());
+    assert_eq!(comparison.others, ["teapot: another scene in each, by its content"]);
+}
+
+#[test]
+fn few_samples_of_either_are_no_verdict() {
+    let before = folder("old", vec![timed("a", "naive", 10.0), few("a", "wide", 8, 1.0, 3)]);
+    let after = folder("new", vec![few("a", "naive", 8, 99.0, 4), timed("a", "wide", 99.0)]);
+    let comparison = of(&before, &after);
+    assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 not enough samples");
+    assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
+    let markdown = comparison.markdown();
+    assert!(markdown.contains("| n = 5 and 4 | not enough samples |"), "{markdown}");
+    assert!(!markdown.contains("as long"), "{markdown}");
+    let html = comparison.html().expect("it renders");
+    assert!(html.contains("not enough samples (n = 4)") && !html.contains("99.00 to 99.00"), "{html}");
+}
+
+#[test]
+fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
+    let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
+    assert_eq!(of(&two, &two).summary(), "0 faster, 0 slower, 2 same, 0 unclear");
+    assert!(of(&two, &two).html().expect("it renders").contains("class=\"mark\""));
+    let one = folder("one", vec![timed("a", "naive", 10.0)]);
+    assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+}
