@@ -65,7 +65,7 @@ fn colour(text: &str) -> Option<usize> {
 pub fn markdown(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in escaped(&text.replace(['\n', '\t'], " "), steers).chars() {
-        if matches!(c, '\\' | '`' | '*' | '_' | '[' | ']' | '<' | '>' | '|' | '#' | '~' | '&' | '!') {
+        if matches!(c, '\\' | '`' | '*' | '_' | '[' | ']' | '<' | '|' | '#' | '~' | '&' | '!') {
             shown.push('\\');
         }
         shown.push(c);
@@ -109,7 +109,7 @@ mod tests {
     fn markdown_stands_for_itself() {
         assert_eq!(
             markdown("# a | b\n<img src=x> [l](u) *c* `d` \u{1b}"),
-            "\\# a \\| b \\<img src=x\\> \\[l\\](u) \\*c\\* \\`d\\` \\\\u001b"
+            "\\# a \\| b \\<img src=x> \\[l\\](u) \\*c\\* \\`d\\` \\\\u001b"
         );
     }
 }

@@ -248,7 +248,7 @@ mod tests {
         let records = judged([measured(hostile, hostile, 8, 84.0)]);
         let text = summary_markdown(&records, &[hostile.to_owned()], hostile, hostile);
         assert!(!text.contains("\n# ") && !text.contains('\u{1b}'), "{text}");
-        assert!(text.starts_with("# \\<b\\>\\| \\# \\\\u001b\n"), "{text}");
+        assert!(text.starts_with("# \\<b>\\| \\# \\\\u001b\n"), "{text}");
     }
 
     #[test]
