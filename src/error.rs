@@ -1,8 +1,11 @@
 //! What can stop a run, and whose mistake it was.
 
 mod nearest;
+mod quoted;
 
 pub use nearest::{nearest, nearest_file};
+use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
+pub use quoted::{line_of, shortened};
 
 use std::path::Path;
 
@@ -28,7 +31,7 @@ pub enum Error {
         message: String,
         /// What the user can do about it.
         #[help]
-        help: Option<String>,
+        help: String,
     },
     /// The user ended it: exit code 130, as shells say of SIGINT.
     #[error("interrupted: {message}")]
@@ -37,7 +40,7 @@ pub enum Error {
         message: String,
         /// How to go on.
         #[help]
-        help: Option<String>,
+        help: String,
     },
 }
 
@@ -45,6 +48,10 @@ pub enum Error {
 const GENERAL: &str = "`raycl help COMMAND` says what a command takes, docs/ what its files hold";
 /// That of a run which could not go on.
 const AGAIN: &str = "run it again; `raycl devices` says whether the devices are still there";
+/// That of a run which the user ended.
+const ON: &str = "the same command, with --resume where it measures into a folder, goes on";
+/// That of a file that cannot be written.
+const ELSEWHERE: &str = "make room on its disk, or choose a folder that may be written with --out DIR";
 /// That of a mistake of raycl's own.
 const FAULT: &str = "this is a fault of raycl's: please report it, with the command";
 
@@ -64,7 +71,7 @@ pub struct InputError {
     pub label: String,
     /// The remedy.
     #[help]
-    pub help: Option<String>,
+    pub help: String,
 }
 
 impl Error {
@@ -75,7 +82,7 @@ impl Error {
             source_code: None,
             span: None,
             label: String::new(),
-            help: Some(GENERAL.to_owned()),
+            help: GENERAL.to_owned(),
         }))
     }
 
@@ -109,7 +116,7 @@ impl Error {
             source_code: Some(NamedSource::new(printer::line(name.as_ref()), text)),
             span: Some((start - cut..end - cut).into()),
             label: shortened(label),
-            help: Some(GENERAL.to_owned()),
+            help: GENERAL.to_owned(),
         }))
     }
 
@@ -124,13 +131,31 @@ impl Error {
 
     /// A run that cannot go on.
     pub fn run(message: impl Into<String>) -> Self {
-        Self::Run { message: plain(&message.into()).into_owned(), help: Some(AGAIN.to_owned()) }
+        Self::Run { message: plain(&message.into()).into_owned(), help: AGAIN.to_owned() }
+    }
+
+    /// The user ended it.
+    pub fn interrupted(message: impl Into<String>) -> Self {
+        Self::Interrupted { message: plain(&message.into()).into_owned(), help: ON.to_owned() }
+    }
+
+    /// A file or folder of results that cannot be written.
+    pub fn unwritable(what: impl std::fmt::Display, error: &dyn std::fmt::Display) -> Self {
+        Self::run(format!("cannot write {what}: {error}")).with_help(ELSEWHERE)
+    }
+
+    /// What is to be done about it.
+    pub fn remedy(&self) -> &str {
+        match self {
+            Self::Input(error) => &error.help,
+            Self::Run { help, .. } | Self::Interrupted { help, .. } => help,
+        }
     }
 
     /// Adds the remedy.
     #[must_use]
     pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
-        let remedy = Some(plain(&remedy.into()).into_owned());
+        let remedy = plain(&remedy.into()).into_owned();
         match &mut self {
             Self::Input(error) => error.help = remedy,
             Self::Run { help, .. } | Self::Interrupted { help, .. } => *help = remedy,
@@ -151,10 +176,7 @@ impl Error {
         let Self::Input(input) = self else { return self };
         let InputError { message, help, .. } = *input;
         let placed = at(message);
-        match help {
-            Some(help) if help != GENERAL => placed.with_help(help),
-            _ => placed,
-        }
+        if help == GENERAL { placed } else { placed.with_help(help) }
     }
 
     /// The exit code the command ends with.
@@ -165,58 +187,6 @@ impl Error {
             Self::Interrupted { .. } => 130,
         }
     }
-}
-
-/// Longer lines of a file are not shown, nor longer messages that quote one.
-const SHOWN_LINE_BYTES: usize = 400;
-
-/// A sentence without its middle where it is too long to be read, and without what would steer a terminal.
-pub fn shortened(text: impl Into<String>) -> String {
-    let text = printable(text.into());
-    if text.len() <= SHOWN_LINE_BYTES {
-        return text;
-    }
-    let head = &text[..boundary(&text, SHOWN_LINE_BYTES / 2)];
-    let tail = &text[boundary(&text, text.len() - SHOWN_LINE_BYTES / 3)..];
-    format!("{head} ... {tail}")
-}
-
-/// Where the character at `place` begins.
-fn boundary(text: &str, place: usize) -> usize {
-    (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
-}
-
-/// The number, from 1, of the line that holds the byte at `offset`.
-pub fn line_of(text: &str, offset: usize) -> usize {
-    1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
-}
-
-/// The text with long lines cut off, and how many bytes that took from before `place`.
-fn cut_long_lines(text: String, place: usize) -> (String, usize) {
-    if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
-        return (text, 0);
-    }
-    let (mut kept, mut read, mut cut) = (String::new(), 0, 0);
-    for line in text.split_inclusive('\n') {
-        read += line.len();
-        let shown = match line.len() {
-            0..=SHOWN_LINE_BYTES => line.to_owned(),
-            _ => line[..boundary(line, SHOWN_LINE_BYTES / 2)].to_owned() + " ...\n",
-        };
-        cut += if read <= place { line.len() - shown.len() } else { 0 };
-        kept.push_str(&shown);
-    }
-    (kept, cut)
-}
-
-/// The text with question marks for what would steer a terminal; every other byte stays at its place.
-fn printable(text: String) -> String {
-    let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
-    if !text.contains(steers) {
-        return text;
-    }
-    let shown = |c: char| if steers(c) { "?".repeat(c.len_utf8()) } else { c.to_string() };
-    text.chars().map(shown).collect()
 }
 
 #[cfg(test)]
@@ -280,15 +250,16 @@ mod tests {
             Error::input("a\u{1b}"),
             Error::run("a\u{1b}"),
             Error::fault("a\u{1b}"),
+            Error::interrupted("a\u{1b}"),
+            Error::unwritable("a\u{1b}", &"b\u{1b}"),
             Error::withheld("a\u{1b}", 1, "b"),
             place("a\u{1b}".into()),
             Error::input("a\u{1b}").placed(place),
         ] {
-            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            let shown = format!("{error} {help}");
-            assert!(!help.is_empty() && !shown.contains('\u{1b}'), "{shown:?}");
+            let shown = format!("{error} {}", error.remedy());
+            assert!(!error.remedy().is_empty() && !shown.contains('\u{1b}'), "{shown:?}");
         }
         let own = Error::input("a").with_help("b\u{1b}").placed(place);
-        assert_eq!(own.help().map(|help| help.to_string()).as_deref(), Some("b\\u001b"));
+        assert_eq!(own.remedy(), "b\\u001b");
     }
 }

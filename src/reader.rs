@@ -19,17 +19,23 @@ pub enum Kind {
     Mesh,
     /// A picture to be compared: its decoder has a limit of its own.
     Picture,
+    /// What a run says of itself: `plan.json`, `environment.json`.
+    Results,
+    /// A picture that a report shows.
+    Shown,
 }
 
 /// How many MiB of a file are read at most, by what it is read as; `None`: as memory allows. `docs/scenes.md` and
 /// `docs/reliability.md` say the same.
-const LIMITS_MIB: [(Kind, &str, Option<u64>); 6] = [
+const LIMITS_MIB: [(Kind, &str, Option<u64>); 8] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
     (Kind::Peaks, "a device's figures", Some(16)),
     (Kind::Kernel, "a kernel file", Some(1)),
     (Kind::Mesh, "a mesh", None),
     (Kind::Picture, "a picture", None),
+    (Kind::Results, "a run's plan or environment", Some(64)),
+    (Kind::Shown, "a picture of results", Some(64)),
 ];
 
 /// Opens an ordinary file. Pipes and devices, which may never answer or never end, are refused at once.

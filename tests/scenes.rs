@@ -156,7 +156,7 @@ fn a_missing_file_is_named_with_the_nearest_one() {
     let (_folder, path) = scene_file("");
     let error = load_scene(&path.with_file_name("scen.toml")).unwrap_err();
     let Error::Input(input) = error else { panic!() };
-    assert!(input.message.contains("scen.toml") && input.help.unwrap().contains("scene.toml"));
+    assert!(input.message.contains("scen.toml") && input.help.contains("scene.toml"));
 }
 
 #[test]

@@ -99,8 +99,7 @@ impl Wanted<'_> {
             let found = self.measured_apart(pattern);
             // Ctrl-C reaches that process too, which may be waiting for its turn.
             if interrupted.load(Ordering::Relaxed) {
-                let message = "the devices were being measured".to_owned();
-                return Err(Error::Interrupted { message, help: None });
+                return Err(Error::interrupted("the devices were being measured"));
             }
             all.extend(found?);
         }

@@ -120,7 +120,8 @@ fn render(args: &Args) -> Result<()> {
     let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
     saved?;
     refuse_not_finite(&cast.image, target.path())?;
-    let verified = args.verify.then(|| check(&scene, &cast.image, &strategy, target.path())).transpose()?;
+    let verified =
+        args.verify.then(|| check(&scene, (&cast.image, cast.hits), &strategy, target.path())).transpose()?;
     let report = Report {
         load_ms,
         discover_ms,

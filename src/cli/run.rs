@@ -278,7 +278,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
 fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = format!("to go on from here: {}", resuming(args, out));
     match &error {
-        Error::Run { help: Some(help), .. } => {
+        Error::Run { help, .. } => {
             let help = format!("{help}\n{command}");
             error.with_help(help)
         }

@@ -177,8 +177,7 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     if path.exists() {
         let earlier = |number: u32| folder.join(format!("environment-{number}.json"));
         let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
-        std::fs::rename(&path, &free)
-            .map_err(|error| Error::run(format!("cannot rename {}: {error}", path.display())))?;
+        std::fs::rename(&path, &free).map_err(|error| Error::unwritable(free.display(), &error))?;
     }
     environment.write(&path)
 }

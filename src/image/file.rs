@@ -97,7 +97,7 @@ fn format(path: &Path) -> Result<Format> {
             Some(meant) => {
                 error.with_help(format!("did you mean '{}'?", path.with_extension(meant).display()))
             }
-            None => error,
+            None => error.with_help(format!("name it '{}'", path.with_extension("png").display())),
         }
     })
 }

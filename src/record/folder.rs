@@ -5,8 +5,9 @@ use super::rounds::{RoundLoad, disturbance};
 use super::scenes::tell_scenes_apart;
 use super::together::{how_sure, judge};
 use super::types::Record;
-use super::{DIRTY, is_dirty, ordinary, read_lines, summary_csv, summary_markdown, write_whole};
+use super::{DIRTY, is_dirty, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
+use crate::reader;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -133,7 +134,7 @@ fn counted(count: usize, one: &str, several: &str) -> Option<String> {
 /// `environment.json`; null, and a note of that, where it cannot be read.
 fn environment(folder: &Path) -> (Value, Option<String>) {
     let path = folder.join("environment.json");
-    let text = ordinary(&path).and_then(|()| std::fs::read(path)).ok();
+    let text = reader::bytes(&path, reader::Kind::Results).ok();
     match text.and_then(|text| serde_json::from_slice(&text).ok()) {
         Some(environment) => (environment, None),
         None => (

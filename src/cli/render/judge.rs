@@ -21,10 +21,15 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     )))
 }
 
-/// Compares a picture with the reference.
-pub(super) fn check(scene: &Scene, image: &Radiance, strategy: &Strategy, saved: &Path) -> Result<Verified> {
+/// Compares a picture, and the number of its pixels that hit something, with the reference.
+pub(super) fn check(
+    scene: &Scene,
+    (image, hits): (&Radiance, usize),
+    strategy: &Strategy,
+    saved: &Path,
+) -> Result<Verified> {
     let expected = reference(scene, [image.width, image.height], strategy.culling);
-    let verdict = verify(image, &expected, scene.display);
+    let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {
         return Ok(Verified { max_difference, uncertain_pixels });

@@ -4,7 +4,7 @@ use super::{Comparison, Pair};
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
 use crate::printer::{line, markdown};
-use crate::record::{Record, interval, median, ms};
+use crate::record::{interval, median, ms};
 use crate::report::page::{SCRIPT, STYLE, nonce};
 use crate::report::plot::Plot;
 use crate::report::plot::chart::{Across, Chart, Mark, Series};
@@ -113,11 +113,10 @@ impl Comparison {
 
     /// The comparison as a page.
     pub fn html(&self) -> Result<String> {
-        let records: Vec<Record> = self.pairs.iter().map(|pair| pair.after.clone()).collect();
         let page = Page {
             style: STYLE,
             script: SCRIPT,
-            nonce: nonce(&records),
+            nonce: nonce(),
             version: env!("CARGO_PKG_VERSION"),
             labels: &self.labels,
             summary: self.summary(),
@@ -127,7 +126,7 @@ impl Comparison {
             notes: &self.notes,
             rule: self.rule(),
         };
-        page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
+        page.render().map_err(|error| Error::fault(format!("the comparison could not be written: {error}")))
     }
 }
 

@@ -207,11 +207,8 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
     let without =
         "o a\ng b c\ns 1\nmg off\nvt 0 0\nv 0 0 0 1\nvp 1\nbevel off\nusemap off\n# l 1 2\n\nf 1/1 2/1 3/1";
     assert_eq!(notes_of(without, ""), Vec::<String>::new());
-    assert_eq!(
-        notes_of("s off\nvn 0 0 1\nf 1//1 2//1 3//1", "").len(),
-        1,
-        "only the last face lacks normals"
-    );
+    let last_lacks_normals = "s off\nvn 0 0 1\nf 1//1 2//1 3//1";
+    assert_eq!(notes_of(last_lacks_normals, "").len(), 1);
 }
 
 #[test]
