@@ -68,7 +68,7 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
         table.add_row(std::iter::once(Cell::new(line(name))).chain(cells));
     }
     let peak = peak_line(group);
-    let (scene, device) = (line(&group.scene), line(&group.device));
+    let (scene, device) = (line(group.scene), line(group.device));
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
