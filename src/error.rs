@@ -1,7 +1,15 @@
 //! What can stop a run, and whose mistake it was.
 
-use std::path::{Path, PathBuf};
+mod nearest;
+mod quoted;
 
+pub use nearest::{nearest, nearest_file};
+use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
+pub use quoted::{line_of, shortened};
+
+use std::path::Path;
+
+use crate::printer::{self, plain};
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
@@ -23,7 +31,7 @@ pub enum Error {
         message: String,
         /// What the user can do about it.
         #[help]
-        help: Option<String>,
+        help: String,
     },
     /// The user ended it: exit code 130, as shells say of SIGINT.
     #[error("interrupted: {message}")]
@@ -32,9 +40,20 @@ pub enum Error {
         message: String,
         /// How to go on.
         #[help]
-        help: Option<String>,
+        help: String,
     },
 }
+
+/// The remedy of a mistake that has none of its own.
+const GENERAL: &str = "`raycl help COMMAND` says what a command takes, docs/ what its files hold";
+/// That of a run which could not go on.
+const AGAIN: &str = "run it again; `raycl devices` says whether the devices are still there";
+/// That of a run which the user ended.
+const ON: &str = "the same command, with --resume where it measures into a folder, goes on";
+/// That of a file that cannot be written.
+const ELSEWHERE: &str = "make room on its disk, or choose a folder that may be written with --out DIR";
+/// That of a mistake of raycl's own.
+const FAULT: &str = "this is a fault of raycl's: please report it, with the command";
 
 /// A mistake in what the user gave: a file, a line in it, or an argument.
 #[derive(Debug, Error, Diagnostic)]
@@ -52,19 +71,24 @@ pub struct InputError {
     pub label: String,
     /// The remedy.
     #[help]
-    pub help: Option<String>,
+    pub help: String,
 }
 
 impl Error {
     /// A mistake in the user's input that has no place in a file.
     pub fn input(message: impl Into<String>) -> Self {
         Self::Input(Box::new(InputError {
-            message: message.into(),
+            message: plain(&message.into()).into_owned(),
             source_code: None,
             span: None,
             label: String::new(),
-            help: None,
+            help: GENERAL.to_owned(),
         }))
+    }
+
+    /// A mistake of raycl's own, which nobody's input should be able to cause.
+    pub fn fault(message: impl Into<String>) -> Self {
+        Self::run(message).with_help(FAULT)
     }
 
     /// A mistake at `span` of the file `name` with the given text. A span over several lines stands for its first; a line
@@ -89,24 +113,52 @@ impl Error {
         let (text, cut) = cut_long_lines(printable(text), start);
         Self::Input(Box::new(InputError {
             message,
-            source_code: Some(NamedSource::new(name, text)),
+            source_code: Some(NamedSource::new(printer::line(name.as_ref()), text)),
             span: Some((start - cut..end - cut).into()),
             label: shortened(label),
-            help: None,
+            help: GENERAL.to_owned(),
         }))
+    }
+
+    /// A mistake in a file whose text may not be shown: neither on the command line nor in the folder of the file that names it,
+    /// it may be anybody's.
+    pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
+        Self::input(format!("{name}:{line}: expected {expected}")).with_help(
+            "its text is not shown, as it lies outside of the folder of the file that names it; \
+             that of a file given to `raycl render` itself is",
+        )
     }
 
     /// A run that cannot go on.
     pub fn run(message: impl Into<String>) -> Self {
-        Self::Run { message: message.into(), help: None }
+        Self::Run { message: plain(&message.into()).into_owned(), help: AGAIN.to_owned() }
+    }
+
+    /// The user ended it.
+    pub fn interrupted(message: impl Into<String>) -> Self {
+        Self::Interrupted { message: plain(&message.into()).into_owned(), help: ON.to_owned() }
+    }
+
+    /// A file or folder of results that cannot be written.
+    pub fn unwritable(what: impl std::fmt::Display, error: &dyn std::fmt::Display) -> Self {
+        Self::run(format!("cannot write {what}: {error}")).with_help(ELSEWHERE)
+    }
+
+    /// What is to be done about it.
+    pub fn remedy(&self) -> &str {
+        match self {
+            Self::Input(error) => &error.help,
+            Self::Run { help, .. } | Self::Interrupted { help, .. } => help,
+        }
     }
 
     /// Adds the remedy.
     #[must_use]
     pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
+        let remedy = plain(&remedy.into()).into_owned();
         match &mut self {
-            Self::Input(error) => error.help = Some(remedy.into()),
-            Self::Run { help, .. } | Self::Interrupted { help, .. } => *help = Some(remedy.into()),
+            Self::Input(error) => error.help = remedy,
+            Self::Run { help, .. } | Self::Interrupted { help, .. } => *help = remedy,
         }
         self
     }
@@ -122,11 +174,9 @@ impl Error {
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
-        let placed = at(input.message);
-        match input.help {
-            Some(help) => placed.with_help(help),
-            None => placed,
-        }
+        let InputError { message, help, .. } = *input;
+        let placed = at(message);
+        if help == GENERAL { placed } else { placed.with_help(help) }
     }
 
     /// The exit code the command ends with.
@@ -137,81 +187,6 @@ impl Error {
             Self::Interrupted { .. } => 130,
         }
     }
-}
-
-/// Longer lines of a file are not shown, nor longer messages that quote one.
-const SHOWN_LINE_BYTES: usize = 400;
-
-/// A sentence without its middle where it is too long to be read, and without what would steer a terminal.
-pub fn shortened(text: impl Into<String>) -> String {
-    let text = printable(text.into());
-    if text.len() <= SHOWN_LINE_BYTES {
-        return text;
-    }
-    let head = &text[..boundary(&text, SHOWN_LINE_BYTES / 2)];
-    let tail = &text[boundary(&text, text.len() - SHOWN_LINE_BYTES / 3)..];
-    format!("{head} ... {tail}")
-}
-
-/// Where the character at `place` begins.
-fn boundary(text: &str, place: usize) -> usize {
-    (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
-}
-
-/// The number, from 1, of the line that holds the byte at `offset`.
-pub fn line_of(text: &str, offset: usize) -> usize {
-    1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
-}
-
-/// The text with long lines cut off, and how many bytes that took from before `place`.
-fn cut_long_lines(text: String, place: usize) -> (String, usize) {
-    if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
-        return (text, 0);
-    }
-    let (mut kept, mut read, mut cut) = (String::new(), 0, 0);
-    for line in text.split_inclusive('\n') {
-        read += line.len();
-        let shown = match line.len() {
-            0..=SHOWN_LINE_BYTES => line.to_owned(),
-            _ => line[..boundary(line, SHOWN_LINE_BYTES / 2)].to_owned() + " ...\n",
-        };
-        cut += if read <= place { line.len() - shown.len() } else { 0 };
-        kept.push_str(&shown);
-    }
-    (kept, cut)
-}
-
-/// The text with question marks for what would steer a terminal; every other byte stays at its place.
-fn printable(text: String) -> String {
-    let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
-    if !text.contains(steers) {
-        return text;
-    }
-    let shown = |c: char| if steers(c) { "?".repeat(c.len_utf8()) } else { c.to_string() };
-    text.chars().map(shown).collect()
-}
-
-/// The candidate most like `word`, if any is like enough to be what was meant.
-pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // What is much longer than any name is none, and comparing it takes long.
-    let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
-    candidates
-        .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
-        .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 3)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
-}
-
-/// The file beside a missing one whose name is most like its own, if one is like enough.
-pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
-    let folder = missing.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let names: Vec<String> = std::fs::read_dir(folder.unwrap_or(Path::new(".")))
-        .ok()?
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .collect();
-    let wanted = missing.file_name()?.to_string_lossy();
-    let meant = nearest(&wanted, names.iter().map(String::as_str)).filter(|name| *name != wanted)?;
-    Some(missing.with_file_name(meant))
 }
 
 #[cfg(test)]
@@ -269,18 +244,22 @@ mod tests {
     }
 
     #[test]
-    fn nearest_finds_a_misspelt_name_and_refuses_a_strange_one() {
-        let names = ["private", "global", "local"];
-        assert_eq!(nearest("globl", names), Some("global"));
-        assert_eq!(nearest("zzzzzzzz", names), None);
-    }
-
-    #[test]
-    fn nearest_file_looks_beside_the_missing_one() {
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("teapot.toml"), "").unwrap();
-        let meant = nearest_file(&folder.path().join("taepot.toml"));
-        assert_eq!(meant, Some(folder.path().join("teapot.toml")));
-        assert_eq!(nearest_file(&folder.path().join("nowhere/teapot.toml")), None);
+    fn no_error_is_made_without_a_remedy_or_with_what_steers_a_terminal() {
+        let place = |message| Error::in_file("a\u{1b}.toml", "a = 1\n", 0..1, message, "here");
+        for error in [
+            Error::input("a\u{1b}"),
+            Error::run("a\u{1b}"),
+            Error::fault("a\u{1b}"),
+            Error::interrupted("a\u{1b}"),
+            Error::unwritable("a\u{1b}", &"b\u{1b}"),
+            Error::withheld("a\u{1b}", 1, "b"),
+            place("a\u{1b}".into()),
+            Error::input("a\u{1b}").placed(place),
+        ] {
+            let shown = format!("{error} {}", error.remedy());
+            assert!(!error.remedy().is_empty() && !shown.contains('\u{1b}'), "{shown:?}");
+        }
+        let own = Error::input("a").with_help("b\u{1b}").placed(place);
+        assert_eq!(own.remedy(), "b\\u001b");
     }
 }

@@ -5,8 +5,9 @@
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/` as the [`manifest`] says ([`sources`] has their files); [`launch`] runs them;
 //! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them, the [`anchor`] beside them;
-//! [`filetype`] names files that are something else; [`memory`] says what the host can hold, [`load`] what else it
-//! does; [`record`] keeps what was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
+//! [`printer`] keeps control characters from terminals; [`reader`] opens the files that users name, [`filetype`] names
+//! those that are something else; [`memory`] says what the host can hold, [`load`] what else it does; [`record`] keeps what
+//! was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
 //! anybody else's.
 //! [`cli`] holds one file a subcommand.
 
@@ -27,7 +28,9 @@ pub mod measure;
 pub mod memory;
 pub mod output;
 pub mod peak;
+pub mod printer;
 pub mod program;
+pub mod reader;
 pub mod record;
 pub mod reference;
 pub mod report;

@@ -1,6 +1,6 @@
 //! Parses arguments, calls one function of [`raycl::cli`], and maps its error to an exit code.
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 use miette::MietteHandlerOpts;
@@ -13,7 +13,7 @@ fn main() -> ExitCode {
         Err(error) => {
             let code = ExitCode::from(error.exit_code());
             // Nobody is left to tell when standard error is closed too.
-            let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(error));
+            raycl::printer::tell(format!("{:?}", miette::Report::new(error)));
             code
         }
     }

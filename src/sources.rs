@@ -1,6 +1,7 @@
 //! Kernel files: those built in, and a folder whose files take their places or add to them.
 
 use crate::error::{Error, Result, nearest};
+use crate::reader::{self, Kind};
 use include_dir::{Dir, include_dir};
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,7 @@ impl Sources {
         if let Self::Folder(folder) = self {
             let path = folder.join(name);
             if path.exists() {
-                return read_text(&path);
+                return read_inside(&path, folder);
             }
         }
         let text = EMBEDDED.get_file(name).and_then(|file| file.contents_utf8());
@@ -31,7 +32,7 @@ impl Sources {
 
     fn lacks(&self, name: &str) -> Error {
         match self {
-            Self::Embedded => Error::run(format!("there is no kernel file {name}")),
+            Self::Embedded => Error::input(format!("there is no kernel file {name}")).with_help(LAYOUT),
             Self::Folder(folder) => {
                 let message =
                     format!("there is no kernel file {name}: neither in {} nor built in", folder.display());
@@ -46,17 +47,25 @@ impl Sources {
 
     /// A file with what it includes in place, where no name depends on a strategy.
     pub fn read_joined(&self, name: &str) -> Result<String> {
-        let mut text = format!("#line 1 \"{name}\"\n");
+        let mut text = String::new();
+        self.join(name, &mut Chain::default(), &mut text)?;
+        Ok(text)
+    }
+
+    fn join(&self, name: &str, chain: &mut Chain, text: &mut String) -> Result<()> {
+        chain.enter(name, text.len())?;
+        text.push_str(&format!("#line 1 \"{name}\"\n"));
         for (number, line) in self.read(name)?.lines().enumerate() {
-            match line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next()) {
-                Some(included) => {
-                    text.push_str(&self.read_joined(included)?);
+            match included(name, number + 1, line)? {
+                Some(inner) => {
+                    self.join(inner, chain, text)?;
                     text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
                 }
                 None => text.extend([line, "\n"]),
             }
         }
-        Ok(text)
+        chain.leave();
+        Ok(())
     }
 
     /// The files of the folder, in order; none where there is no folder.
@@ -100,8 +109,58 @@ impl Sources {
 
 const LAYOUT: &str = "--cl-dir wants a folder laid out as raycl's cl/, with the files that differ or are new";
 
-fn read_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path)
+/// A program longer than this is none that a compiler should be given.
+const LONGEST_PROGRAM_MIB: usize = 16;
+
+/// The files that are being joined, each included by the one before.
+#[derive(Default)]
+pub struct Chain(Vec<String>);
+
+impl Chain {
+    /// Goes into a file; `length` is the program's so far. A file that includes itself would never end, and files that
+    /// include others twice and more grow without measure.
+    pub fn enter(&mut self, name: &str, length: usize) -> Result<()> {
+        if self.0.iter().any(|open| open == name) {
+            let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
+            return Err(Error::input(format!("kernel files include themselves: {chain}"))
+                .with_help("take one of these #include lines out"));
+        }
+        if length > LONGEST_PROGRAM_MIB << 20 {
+            let message = format!("at {name} the program has more than {LONGEST_PROGRAM_MIB} MiB");
+            return Err(Error::input(message).with_help("include each file once"));
+        }
+        self.0.push(name.to_owned());
+        Ok(())
+    }
+
+    /// Leaves the last file.
+    pub fn leave(&mut self) {
+        self.0.pop();
+    }
+}
+
+/// The file that a line includes. A form that only a compiler would follow is refused: it could name any file of the machine.
+pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&'a str>> {
+    let file = line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next());
+    let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
+    match directive {
+        Some(directive) if file.is_none() && directive.starts_with("include") => Err(Error::input(format!(
+            "cl/{name}, line {number}: an #include that raycl does not follow"
+        ))
+        .with_help(
+            "write it as #include \"FOLDER/FILE.cl\", from the start of the line; names are relative to cl/",
+        )),
+        _ => Ok(file),
+    }
+}
+
+/// A file of the folder. What lies outside of it, by name or by link, is somebody else's.
+fn read_inside(path: &Path, folder: &Path) -> Result<String> {
+    if !reader::lies_in(path, folder) {
+        let message = format!("{} lies outside of the kernels' folder and is not read", path.display());
+        return Err(Error::input(message).with_help(LAYOUT));
+    }
+    reader::text(path, Kind::Kernel)
         .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT))
 }
 

@@ -2,6 +2,14 @@
 
 use crate::error::{Error, nearest};
 
+/// What serde expected in a value's place, in its own words and none of the document's.
+pub fn expectation(error: &toml::de::Error) -> Option<&str> {
+    let message = error.message();
+    let told = ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];
+    let told = told.iter().any(|start| message.starts_with(start));
+    told.then(|| message.rsplit_once(", expected ")).flatten().map(|(_, expected)| expected.trim_end())
+}
+
 /// The error for a document that does not parse, shown where it is wrong. `help` is the remedy where no name was misspelt.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     let span = error.span().unwrap_or(0..0);

@@ -16,6 +16,8 @@ mod faults;
 mod formats;
 mod goldens;
 #[cfg(unix)]
+mod guarded;
+#[cfg(unix)]
 mod hostile;
 mod kernel;
 mod kernels;

@@ -128,8 +128,19 @@ fn nan_in_an_obj() {
 #[test]
 fn a_normal_index_that_does_not_exist() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
-    let message = mesh_mistake(&format!("{corners}f 1//1 2//1 3//2\n"));
-    has(&message, &["mesh.obj:5", "normal index `2` in `3//2` does not exist", "expected 1 to 1"]);
+    // What exporters write, and other programs read; 0 is no number of anything.
+    let device = crate::binary::device();
+    let place = Place::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1 2\n"))]);
+    let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
+    has(
+        &text,
+        &[
+            "mesh.obj: line 5: 1 face names normals (vn) that the file lacks",
+            "line 6: 1 face of fewer than three corners is left out",
+        ],
+    );
+    let message = mesh_mistake(&format!("{corners}f 1//1 2//1 3//0\n"));
+    has(&message, &["mesh.obj:5", "normal index `0` in `3//0` does not exist", "expected 1 to 1"]);
     let message = scene_mistake(&TRIANGLE.replace(
         "faces = [[0, 1, 2]]",
         "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 1]]",

@@ -110,7 +110,7 @@ fn bash_completes_commands_options_and_presets() {
     let script = folder.path().join("raycl.bash");
     std::fs::write(&script, output(&["completions", "bash"])).expect("a script");
     let offered = |words: &[&str]| completions(&script, words);
-    assert_eq!(offered(&["raycl", "rep"]), ["report", "reproduce"]);
+    assert_eq!(offered(&["raycl", "rep"]), ["report", "reproduce", "repair"]);
     assert_eq!(offered(&["raycl", "render", "--loc"]), ["--local-size"]);
     for command in ["render", "compile"] {
         assert_eq!(offered(&["raycl", command, "--strategy", "naive"]), ["naive", "naive-scratch"]);

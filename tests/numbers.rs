@@ -50,7 +50,8 @@ fn a_scene_in_other_units_gives_the_same_picture() {
             for strategy in scale_free() {
                 let image = stand.cast(&strategy, LOCAL).expect("it fits");
                 // The reference of the scene as it was, not of the scaled one.
-                let verdict = verify(&image, &reference(&original, SIZE, strategy.culling), original.display);
+                let verdict =
+                    verify(&image, None, &reference(&original, SIZE, strategy.culling), original.display);
                 assert!(verdict.ok, "{name} x {factor}: {strategy}: {:?}", verdict.reason);
             }
         }

@@ -156,7 +156,7 @@ fn a_missing_file_is_named_with_the_nearest_one() {
     let (_folder, path) = scene_file("");
     let error = load_scene(&path.with_file_name("scen.toml")).unwrap_err();
     let Error::Input(input) = error else { panic!() };
-    assert!(input.message.contains("scen.toml") && input.help.unwrap().contains("scene.toml"));
+    assert!(input.message.contains("scen.toml") && input.help.contains("scene.toml"));
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn odd_mesh_files_end_in_a_picture_or_a_reason() {
         ("52_mtllib_traversal", ""),
         ("53_mtl_bad_kd", "53.mtl:2: `red` in Kd"),
         ("58_mixed_normals", ""),
-        ("61_normal_missing", ":4: normal index `1`"),
+        ("61_normal_missing", ""),
         ("70_only_lines", ":5: no triangles"),
     ];
     for (name, reason) in expected {

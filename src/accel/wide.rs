@@ -233,7 +233,8 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     if !WideBvh::WIDTHS.contains(&width) {
         return Err(Error::input(format!(
             "a node of {width} children was asked for: 2, 4, 8, 16 or 32 are possible"
-        )));
+        ))
+        .with_help("choose one of these widths"));
     }
     let own =
         bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
@@ -241,14 +242,16 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
         return Err(Error::input(format!(
             "leaves of up to {leaf_size} triangles were asked for: {own} to {} are possible for this tree",
             WideBvh::MAX_LEAF_SIZE
-        )));
+        ))
+        .with_help("choose a leaf size within these"));
     }
     if bvh.order.len() > WideBvh::MAX_INDEX {
         return Err(Error::run(format!(
             "the scene has {} triangles: a tree's leaves can name {}",
             bvh.order.len(),
             WideBvh::MAX_INDEX
-        )));
+        ))
+        .with_help("cast fewer triangles, or with a strategy without a tree: --strategy deferred"));
     }
     Ok(())
 }

@@ -71,7 +71,8 @@ pub fn run(args: Args) -> Result<()> {
             args.expected.display(),
             expected.width,
             expected.height
-        )));
+        ))
+        .with_help("render both with the same --width and --height"));
     }
     if let Some(target) = &target {
         save_rgb8(&difference_image(&found, &expected), target)?;
@@ -85,7 +86,8 @@ pub fn run(args: Args) -> Result<()> {
     match (args.fail_below, report.psnr_db) {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
             "the pictures are {psnr:.2} dB apart, and at least {limit} dB are asked for"
-        ))),
+        ))
+        .with_help("`--output FILE.png` shows where they differ")),
         _ => Ok(()),
     }
 }

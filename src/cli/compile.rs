@@ -150,7 +150,7 @@ fn compile(
 
 /// Writes a strategy's folder.
 fn keep(out: &mut OutFolder, folder: &str, made: &Made, mut files: Files) -> Result<()> {
-    let text = serde_json::to_string_pretty(made).map_err(|error| Error::run(error.to_string()))?;
+    let text = serde_json::to_string_pretty(made).map_err(|error| Error::fault(error.to_string()))?;
     files.push(("made.json", format!("{text}\n").into_bytes()));
     let named = |(name, bytes)| (format!("{folder}/{name}"), bytes);
     out.write(&files.into_iter().map(named).collect::<Vec<_>>())

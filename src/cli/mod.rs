@@ -14,6 +14,7 @@ pub mod peak;
 mod progress;
 mod renamed;
 pub mod render;
+pub mod repair;
 pub mod report;
 pub mod reproduce;
 pub mod run;
@@ -21,11 +22,14 @@ pub mod strategies;
 mod turn;
 mod watch;
 
-pub use output::{coloured, print, print_json, table};
+pub use output::{coloured, print, print_coloured, print_json, table};
+
+use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
 
 use crate::error::Result;
+use crate::printer;
 use crate::sources::Sources;
 
 /// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
@@ -57,6 +61,8 @@ enum Command {
     Reproduce(reproduce::Args),
     /// Compare two folders of results: faster, slower, same, unclear
     Compare(compare::Args),
+    /// Take damaged lines out of a folder's journals, keeping a copy
+    Repair(repair::Args),
     /// Compare two pictures
     CompareImages(compare_images::Args),
     /// List OpenCL platforms and devices, and what each can hold
@@ -90,7 +96,7 @@ enum Command {
 impl Cli {
     /// Reads the process's arguments; a mistake in them ends it with exit code 2 and what was probably meant.
     pub fn read() -> Self {
-        Self::try_parse().unwrap_or_else(|error| renamed::explain(error).exit())
+        Self::try_parse().unwrap_or_else(|error| renamed::explain(shown(error, std::env::args_os())).exit())
     }
 
     /// Runs the subcommand.
@@ -101,6 +107,7 @@ impl Cli {
             Command::Report(args) => report::run(args),
             Command::Reproduce(args) => reproduce::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Repair(args) => repair::run(args),
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
@@ -120,6 +127,12 @@ impl Cli {
     }
 }
 
+/// The mistake in words that no terminal obeys: clap quotes them as they are.
+fn shown(error: clap::Error, words: impl Iterator<Item = OsString>) -> clap::Error {
+    let words = words.map(|word| printer::line(&word.to_string_lossy()).into_owned());
+    Cli::try_parse_from(words).err().unwrap_or(error)
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory as _;
@@ -129,5 +142,22 @@ mod tests {
     #[test]
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn mistakes_quote_words_that_no_terminal_obeys() {
+        let red = "\u{1b}[31m\u{9b}2J\nx";
+        for words in [
+            vec!["raycl", red],
+            vec!["raycl", "render", red, "--local-size", red],
+            vec!["raycl", "render", red, "--width", red],
+            vec!["raycl", "run", "a.toml", "--set", red],
+            vec!["raycl", "run", "a.toml", "--fail-on-regression", red],
+        ] {
+            let error = Cli::try_parse_from(&words).expect_err("a mistake");
+            let text = shown(error, words.iter().map(OsString::from)).render().ansi().to_string();
+            assert!(text.contains("\\u001b[31m\\u009b2J\\u000ax"), "{text:?}");
+            assert!(!text.contains(red) && !text.contains('\u{9b}'), "{text:?}");
+        }
     }
 }

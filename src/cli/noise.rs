@@ -39,7 +39,10 @@ const FILES: [(&str, &str); 2] = [
 
 /// Measures in a folder of its own, which is gone afterwards.
 pub fn run(args: Args) -> Result<()> {
-    let failed = |error: std::io::Error| Error::run(format!("cannot make a temporary folder: {error}"));
+    let failed = |error: std::io::Error| {
+        Error::run(format!("cannot make a temporary folder: {error}"))
+            .with_help("make room where temporary files lie, or name another folder in TMPDIR")
+    };
     let folder = tempfile::tempdir().map_err(failed)?;
     unpack(folder.path()).map_err(failed)?;
     let (config, out) = (folder.path().join(FILES[0].0), folder.path().join("out"));

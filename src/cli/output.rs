@@ -8,13 +8,24 @@ use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
+use crate::printer;
 
-/// Writes `text` and a line end to standard output. A reader that has gone is no error.
+/// Writes `text` and a line end to standard output, nothing of it being obeyed by a terminal. A reader that has gone is no error.
 pub fn print(text: impl std::fmt::Display) -> Result<()> {
+    write(&printer::plain(&text.to_string()))
+}
+
+/// The same for a text that has the program's colours.
+pub fn print_coloured(text: &str) -> Result<()> {
+    write(&printer::coloured(text))
+}
+
+fn write(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::run(format!("standard output could not be written: {error}")))
+            Err(Error::run(format!("standard output could not be written: {error}"))
+                .with_help("make room where it is redirected to"))
         }
         _ => Ok(()),
     }
@@ -23,7 +34,7 @@ pub fn print(text: impl std::fmt::Display) -> Result<()> {
 /// Writes `value` to standard output as indented JSON.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value)
-        .map_err(|error| Error::run(format!("the result could not be written as JSON: {error}")))?;
+        .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))?;
     print(text)
 }
 

@@ -99,8 +99,7 @@ impl Wanted<'_> {
             let found = self.measured_apart(pattern);
             // Ctrl-C reaches that process too, which may be waiting for its turn.
             if interrupted.load(Ordering::Relaxed) {
-                let message = "the devices were being measured".to_owned();
-                return Err(Error::Interrupted { message, help: None });
+                return Err(Error::interrupted("the devices were being measured"));
             }
             all.extend(found?);
         }
@@ -111,6 +110,7 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("what the devices can do at most could not be measured: {why}"))
+                .with_help("`raycl peak --device NAME` measures one alone and says more")
         };
         let program = std::env::current_exe().map_err(|error| failed(&error))?;
         let mut command = Command::new(program);

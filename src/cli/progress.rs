@@ -1,9 +1,10 @@
 //! How a run gets on: a bar on a terminal, plain lines elsewhere.
 
 use crate::experiment::Observer;
+use crate::printer::{self, tell};
 use crate::record::{Outcome, Record};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-use std::io::{IsTerminal, Write as _};
+use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 /// A bar with what is running, done of total, and the time left.
@@ -39,16 +40,16 @@ impl Observer for Bar {
     }
 
     fn works_on(&mut self, what: &str) {
-        self.bar.set_message(what.to_owned());
+        self.bar.set_message(printer::line(what).into_owned());
     }
 
-    fn says(&mut self, line: &str) {
-        self.bar.println(line);
+    fn says(&mut self, words: &str) {
+        self.bar.println(printer::plain(words));
     }
 
     fn finished(&mut self, record: &Record) {
         if !record.outcome.is_fine() {
-            self.bar.println(line(record));
+            self.bar.println(printer::plain(&line(record)));
         }
     }
 
@@ -84,7 +85,7 @@ impl Lines {
 
 impl Observer for Lines {
     fn enters(&mut self, stage: &str) {
-        let _ = writeln!(std::io::stderr(), "{stage}");
+        tell(stage);
     }
 
     fn begins(&mut self, points: usize, steps: usize) {
@@ -95,7 +96,7 @@ impl Observer for Lines {
         (self.done, self.taken) = (done, steps);
         self.since = None;
         if done > 0 {
-            let _ = writeln!(std::io::stderr(), "{done} of {} points are done already", self.points);
+            tell(format!("{done} of {} points are done already", self.points));
         }
     }
 
@@ -109,9 +110,7 @@ impl Observer for Lines {
 
     fn finished(&mut self, record: &Record) {
         self.done += 1;
-        // A log that cannot be written is no reason to stop measuring.
-        let _ =
-            writeln!(std::io::stderr(), "[{}/{}{}] {}", self.done, self.points, self.left(), line(record));
+        tell(format!("[{}/{}{}] {}", self.done, self.points, self.left(), line(record)));
     }
 
     fn ends(&mut self) {}

@@ -1,5 +1,6 @@
 //! `raycl render`: a picture of a scene, now.
 
+mod judge;
 mod report;
 mod split;
 
@@ -17,11 +18,10 @@ use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
-use crate::reference::reference;
-use crate::scene::{Loaded, Scene, load_scene_with};
+use crate::scene::{Loaded, load_scene_with};
 use crate::strategy::{Strategy, Traversal, fastest};
-use crate::verify::{Verdict, verify};
-use report::{Report, Verified};
+use judge::{check, refuse_not_finite};
+use report::Report;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -119,7 +119,9 @@ fn render(args: &Args) -> Result<()> {
     let cast = cast(args, &device, &prepared)?;
     let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(&scene, &cast.image, &strategy, target.path())).transpose()?;
+    refuse_not_finite(&cast.image, target.path())?;
+    let verified =
+        args.verify.then(|| check(&scene, (&cast.image, cast.hits), &strategy, target.path())).transpose()?;
     let report = Report {
         load_ms,
         discover_ms,
@@ -160,7 +162,7 @@ fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             let queue = Queue::open(device.platform, device.device)?;
             Ok((device, queue))
         });
-        let (loaded, load_ms) = scene.join().map_err(|_| Error::run("reading the scene panicked"))?;
+        let (loaded, load_ms) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
         // What loading hides of it took no time.
         let discover_ms = (open_ms - load_ms).max(0.0);
@@ -281,15 +283,4 @@ fn medians(frames: &[FrameTimes]) -> FrameTimes {
         host_ms: median(&|frame| Some(frame.host_ms)).unwrap_or(0.0),
         ..FrameTimes::default()
     }
-}
-
-fn check(scene: &Scene, image: &Radiance, strategy: &Strategy, saved: &Path) -> Result<Verified> {
-    let expected = reference(scene, [image.width, image.height], strategy.culling);
-    let verdict = verify(image, &expected, scene.display);
-    let Verdict { max_difference, uncertain_pixels, .. } = verdict;
-    if verdict.ok {
-        return Ok(Verified { max_difference, uncertain_pixels });
-    }
-    let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
-    Err(error.with_help(format!("it is kept, to be looked at: {}", saved.display())))
 }

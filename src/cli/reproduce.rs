@@ -108,7 +108,7 @@ fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, 
     match error {
         Error::Interrupted { .. } => {
             let message = format!("{} of {total} points are done", stages.done());
-            Error::Interrupted { message, help: Some(help) }
+            Error::interrupted(message).with_help(help)
         }
         Error::Input(_) => error,
         error => error.with_help(help),

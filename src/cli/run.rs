@@ -269,7 +269,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
         // The order counts: the flag is looked at before it is set.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
             .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
-            .map_err(|error| Error::run(format!("cannot listen for Ctrl-C: {error}")))?;
+            .map_err(|error| Error::fault(format!("cannot listen for Ctrl-C: {error}")))?;
     }
     Ok(interrupted)
 }
@@ -278,7 +278,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
 fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = format!("to go on from here: {}", resuming(args, out));
     match &error {
-        Error::Run { help: Some(help), .. } => {
+        Error::Run { help, .. } => {
             let help = format!("{help}\n{command}");
             error.with_help(help)
         }
@@ -331,7 +331,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
             super::print_json(record)?;
         }
     } else if !args.quiet {
-        super::print(summary_terminal(records, super::coloured()))?;
+        super::print_coloured(&summary_terminal(records, super::coloured()))?;
         folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
         super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;

@@ -1,9 +1,9 @@
 //! Doing something again whenever a file changes.
 
 use crate::error::{Error, Result};
+use crate::printer;
 pub use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
@@ -16,7 +16,9 @@ const QUIET: Duration = Duration::from_millis(80);
 /// Acts once, then again after every change to a source file in `folders`, or also below them. An action that fails is told and
 /// does not end it: the mistake may be mended by the next change.
 pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
-    let failed = |error: notify::Error| Error::run(format!("files cannot be watched: {error}"));
+    let failed = |error: notify::Error| {
+        Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
+    };
     let (sender, changes) = channel();
     let tell = move |event: notify::Result<notify::Event>| {
         if event.is_ok_and(|event| matters(&event)) {
@@ -30,9 +32,9 @@ pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> R
     }
     loop {
         if let Err(error) = action() {
-            let _ = writeln!(std::io::stderr(), "{:?}", miette::Report::new(error));
+            printer::tell(format!("{:?}", miette::Report::new(error)));
         }
-        let _ = writeln!(std::io::stderr(), "waiting for a change (Ctrl-C ends)");
+        printer::tell("waiting for a change (Ctrl-C ends)");
         if !next_change(&changes) {
             return Ok(());
         }

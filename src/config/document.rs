@@ -9,6 +9,8 @@ use toml::{Spanned, Value};
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
 
+/// The remedy of a mistake that has none of its own.
+const KEYS: &str = "configs/quick.toml is an example of an experiment, and README.md says what its keys mean";
 /// Keys that were called otherwise once, and what they are called now.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 
@@ -67,6 +69,7 @@ impl Document {
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: impl Into<String>) -> Error {
         let (name, text, start) = self.part(&span);
         Error::in_file(name, text, span.start - start..span.end.saturating_sub(start), message, label)
+            .with_help(KEYS)
     }
 
     /// `FILE:LINE` of `span`.

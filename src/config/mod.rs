@@ -20,6 +20,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::filetype::{Opened, Wanted, scene_instead};
+use crate::reader::Kind;
 use document::Document;
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) laid over it.
@@ -36,7 +37,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Experiment) {
         return Err(refusal);
     }
-    let text = opened.text().map_err(unreadable)?;
+    let text = opened.text(Kind::Toml).map_err(unreadable)?;
     if text.trim().is_empty() {
         return Err(Error::input(format!("{} is empty", path.display())).with_help(
             "an experiment has a question, scenes, image sizes and strategies: see configs/quick.toml",

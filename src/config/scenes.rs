@@ -1,6 +1,6 @@
 //! The scenes of a config: files by name, and files with values set in them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use toml::{Spanned, Value};
 
@@ -15,7 +15,7 @@ pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<V
     let folder = config.parent().unwrap_or(Path::new(""));
     let mut all = Vec::new();
     for name in &wire.scenes {
-        all.push(SceneChoice::file(find(document, name, folder)?));
+        all.push(find(document, name, folder)?);
     }
     for entry in &wire.scene {
         all.extend(product(document, entry, folder)?);
@@ -33,10 +33,11 @@ pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<V
     Ok(kept)
 }
 
-fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<PathBuf> {
+fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<SceneChoice> {
     let path = folder.join(name.get_ref());
     if path.is_file() {
-        return refuse_foreign(document, name, &path).map_or(Ok(path), Err);
+        let refused = refuse_foreign(document, name, &path);
+        return refused.map_or(Ok(SceneChoice { named_in: folder.into(), ..SceneChoice::file(path) }), Err);
     }
     let message = format!("there is no scene file '{}'", name.get_ref());
     let error = document.error(name.span(), message, format!("{} is no file", path.display()));
@@ -54,7 +55,7 @@ fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> O
 
 /// Every combination of an entry's values.
 fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec<SceneChoice>> {
-    let mut choices = vec![SceneChoice::file(find(document, &entry.file, folder)?)];
+    let mut choices = vec![find(document, &entry.file, folder)?];
     for (key, values) in &entry.set {
         let values = match values.get_ref() {
             SceneValues::One(value) => vec![value],

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::device::DeviceLimits;
 use crate::error::Result;
-use crate::scene::{Loaded, load_scene_with};
+use crate::scene::{Loaded, load_scene_named_in};
 use crate::strategy::Strategy;
 
 /// A question and the product of axes that answers it.
@@ -46,6 +46,8 @@ pub struct Experiment {
 pub struct SceneChoice {
     /// The file.
     pub path: PathBuf,
+    /// The folder of the config that names it.
+    pub named_in: PathBuf,
     /// Dotted keys of the scene and their values.
     pub overrides: Vec<(String, toml::Value)>,
     /// What is added to the scene's name, to tell it from the others of the same file: `+triangles=1000`.
@@ -55,15 +57,15 @@ pub struct SceneChoice {
 impl SceneChoice {
     /// A file as it is.
     pub fn file(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into(), overrides: Vec::new(), suffix: String::new() }
+        Self { path: path.into(), named_in: PathBuf::new(), overrides: Vec::new(), suffix: String::new() }
     }
 
     /// Reads the file and sets the values.
     ///
     /// # Errors
-    /// As [`load_scene_with`].
+    /// As [`load_scene_named_in`].
     pub fn load(&self) -> Result<Loaded> {
-        let mut loaded = load_scene_with(&self.path, &self.overrides)?;
+        let mut loaded = load_scene_named_in(&self.named_in, &self.path, &self.overrides)?;
         loaded.scene.name.push_str(&self.suffix);
         Ok(loaded)
     }

@@ -44,8 +44,10 @@ pub fn survey(sources: &Sources) -> Result<Survey> {
     if platform_count()? == 0 {
         return Err(no_platform());
     }
-    let platforms = ocl::core::get_platform_ids()
-        .map_err(|error| Error::run(format!("the OpenCL platforms could not be listed: {error}")))?;
+    let platforms = ocl::core::get_platform_ids().map_err(|error| {
+        Error::run(format!("the OpenCL platforms could not be listed: {error}"))
+            .with_help("install an OpenCL driver, such as PoCL (`apt install pocl-opencl-icd`)")
+    })?;
     let mut survey = Survey::default();
     for platform in platforms.into_iter().map(ocl::Platform::new) {
         let devices = ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default();

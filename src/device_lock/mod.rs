@@ -76,8 +76,9 @@ impl Locks {
                 told = Some(holder);
             }
             if interrupted.load(Ordering::Relaxed) {
-                let message = format!("it was waiting for {device}");
-                return Err(Error::Interrupted { message, help: None });
+                return Err(Error::interrupted(format!("it was waiting for {device}")).with_help(
+                    "run it again when the other is done; --no-wait ends at once instead of waiting",
+                ));
             }
             std::thread::sleep(LOOK_UP);
         }

@@ -24,13 +24,14 @@ pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
     };
     match census {
         Census::Devices(devices) => Ok(devices),
-        Census::Failed { message, help: Some(help) } => Err(Error::run(message).with_help(help)),
-        Census::Failed { message, help: None } => Err(Error::run(message)),
+        Census::Failed { message, help } => Err(Error::run(message).with_help(help)),
     }
 }
 
 fn failed(why: impl std::fmt::Display) -> Error {
-    Error::run(format!("the devices could not be listed: {why}"))
+    Error::run(format!("the devices could not be listed: {why}")).with_help(
+        "a driver that dies is left out where OCL_ICD_VENDORS names a folder without its .icd file",
+    )
 }
 
 /// What a process of its own says; inside, how it ended if it said nothing of use.
@@ -90,12 +91,9 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
 pub fn list_devices(sources: &Sources) -> Result<String> {
     let census = match discover(sources) {
         Ok(devices) => Census::Devices(devices.into_iter().map(|device| device.info).collect()),
-        Err(error) => {
-            let help = miette::Diagnostic::help(&error).map(|help| help.to_string());
-            Census::Failed { message: error.to_string(), help }
-        }
+        Err(error) => Census::Failed { message: error.to_string(), help: error.remedy().to_owned() },
     };
-    serde_json::to_string(&census).map_err(|error| Error::run(error.to_string()))
+    serde_json::to_string(&census).map_err(|error| Error::fault(error.to_string()))
 }
 
 #[cfg(all(test, unix))]

@@ -29,6 +29,8 @@ pub struct Checker<'a> {
 /// A point's image, and what it was cast with.
 struct Cast {
     image: Radiance,
+    /// Pixels that hit something, where that is counted.
+    hits: Option<usize>,
     culling: Culling,
     ready: Ready,
 }
@@ -107,7 +109,7 @@ impl<'a> Checker<'a> {
     ) -> Result<std::result::Result<(), Refusal>> {
         record.image_hash = Some(Pictures::hash(&cast.image));
         let expected = self.oracle.reference(number, scene, record.image_size, cast.culling);
-        let verdict = verify(&cast.image, expected, scene.display);
+        let verdict = verify(&cast.image, cast.hits, expected, scene.display);
         views::keep(&mut self.pictures, record, &cast.image, expected, scene, cast.culling)?;
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
         record.worst_pixel = verdict.worst_pixel;
@@ -143,10 +145,10 @@ fn cast_kernel(
     caster.cast().map_err(Refused::at("the launch"))?;
     let (image, hits) = caster.read().map_err(Refused::at("reading the image"))?;
     record.shadow_rays = Some((hits * workload.lights) as u64);
-    Ok(Cast { image, culling: strategy.culling, ready: Ready::Kernel(Box::new(caster)) })
+    Ok(Cast { image, hits: Some(hits), culling: strategy.culling, ready: Ready::Kernel(Box::new(caster)) })
 }
 
 fn cast_host(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> Cast {
     let (image, _) = host::cast(baseline, scene, size);
-    Cast { image, culling: Culling::None, ready: Ready::Host(baseline) }
+    Cast { image, hits: None, culling: Culling::None, ready: Ready::Host(baseline) }
 }

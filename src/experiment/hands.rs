@@ -170,7 +170,7 @@ fn warm_up(
 }
 
 fn no_such_point() -> Error {
-    Error::run("a worker was asked for a point it does not have")
+    Error::fault("a worker was asked for a point it does not have")
 }
 
 fn changed(device: Option<&DeviceInfo>) -> Error {

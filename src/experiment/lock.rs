@@ -22,7 +22,7 @@ impl Lock {
     /// Takes a folder, or says which process has it.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(".lock");
-        let failed = |error: std::io::Error| Error::run(format!("cannot write {}: {error}", path.display()));
+        let failed = |error: std::io::Error| Error::unwritable(path.display(), &error);
         own_file(&path).map_err(failed)?;
         let mut file = OpenOptions::new()
             .create(true)

@@ -43,6 +43,7 @@ pub use dry_run::{Forecast, dry_run};
 pub use duration::Expected;
 pub use fault::{Fault, Step};
 pub use key::{KeyParts, key};
+pub use lock::Lock;
 pub use observer::Observer;
 pub use pictures::Pictures;
 pub use plan::{Plan, Point, Work};

@@ -36,12 +36,19 @@ fn this_program() -> Result<PathBuf> {
     if running.exists() {
         return Ok(running);
     }
-    std::env::current_exe().map_err(|error| Error::run(format!("cannot find raycl's own program: {error}")))
+    std::env::current_exe().map_err(|error| {
+        Error::run(format!("cannot find raycl's own program: {error}"))
+            .with_help("call raycl by its full path")
+    })
 }
 
 impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
-        let failed = |error: std::io::Error| Error::run(format!("cannot start a worker process: {error}"));
+        let failed = |error: std::io::Error| {
+            Error::run(format!("cannot start a worker process: {error}")).with_help(
+                "see that processes (`ulimit -u`) and memory are left, and run it again with --resume",
+            )
+        };
         let mut command = Command::new(&self.program);
         command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // What it says last goes into records: a message is enough.

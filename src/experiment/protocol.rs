@@ -44,7 +44,7 @@ pub enum Census {
         /// Why.
         message: String,
         /// The remedy.
-        help: Option<String>,
+        help: String,
     },
 }
 
@@ -103,15 +103,14 @@ pub enum Reply {
         /// What happened.
         message: String,
         /// What to do about it.
-        help: Option<String>,
+        help: String,
     },
 }
 
 impl Reply {
     /// An error that ends the run, with its remedy.
     pub fn of_error(error: &Error) -> Self {
-        let help = miette::Diagnostic::help(error).map(|help| help.to_string());
-        Self::Failed { message: error.to_string(), help }
+        Self::Failed { message: error.to_string(), help: error.remedy().to_owned() }
     }
 }
 

@@ -5,6 +5,7 @@ use super::lock::Lock;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
+use crate::printer;
 use crate::record::{
     AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
     own_folder, read_lines, sync_folder,
@@ -35,6 +36,14 @@ pub struct Past {
     pub samples: HashMap<String, Vec<Taken>>,
     /// The number of the next launch.
     pub next_launch: u32,
+}
+
+/// What journals hold. Their damaged lines are told: their points are measured again.
+fn past(records: &Path, samples: &Path) -> Result<Past> {
+    let (records, samples) = (read_lines(records)?, read_lines(samples)?);
+    let damage = [records.damage("records.jsonl"), samples.damage("samples.jsonl")];
+    damage.into_iter().flatten().for_each(printer::tell);
+    Ok(Past::of(records.lines, samples.lines))
 }
 
 fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
@@ -75,7 +84,7 @@ impl Results {
             rounds: JsonLines::append_to(&rounds)?,
             anchors: JsonLines::append_to(&anchors)?,
             peak: Peak::kept_in(folder)?,
-            past: Past::of(read_lines(&records)?.lines, read_lines(&samples)?.lines),
+            past: past(&records, &samples)?,
             _lock: lock,
         };
         sync_folder(folder).map_err(|error| cannot_make(folder, &error))?;
@@ -175,8 +184,7 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     if path.exists() {
         let earlier = |number: u32| folder.join(format!("environment-{number}.json"));
         let free = (1..).map(earlier).find(|path| !path.exists()).unwrap_or_else(|| earlier(0));
-        std::fs::rename(&path, &free)
-            .map_err(|error| Error::run(format!("cannot rename {}: {error}", path.display())))?;
+        std::fs::rename(&path, &free).map_err(|error| Error::unwritable(free.display(), &error))?;
     }
     environment.write(&path)
 }

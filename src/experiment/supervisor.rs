@@ -216,7 +216,9 @@ impl<'a> Supervisor<'a> {
             Err(Loss::Died(death)) => death.describe(),
             Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
         };
-        Err(Error::run(format!("a worker process could not start: it {why}")))
+        let error = Error::run(format!("a worker process could not start: it {why}"));
+        Err(error
+            .with_help("`raycl devices` says whether the device still answers; what is measured is kept"))
     }
 
     fn wait(&self, worker: &mut dyn Worker, patient: bool) -> Result<std::result::Result<Reply, Loss>> {
@@ -234,7 +236,7 @@ impl<'a> Supervisor<'a> {
 
     fn stop_if_interrupted(&self) -> Result<()> {
         match self.interrupted.load(Ordering::Relaxed) {
-            true => Err(Error::Interrupted { message: "the run was ended".to_owned(), help: None }),
+            true => Err(Error::interrupted("the run was ended")),
             false => Ok(()),
         }
     }
@@ -274,8 +276,7 @@ impl Death {
 /// A reply that is no answer to its request: the worker's own failure, as a rule.
 fn unexpected(reply: Reply) -> Error {
     match reply {
-        Reply::Failed { message, help: Some(help) } => Error::run(message).with_help(help),
-        Reply::Failed { message, help: None } => Error::run(message),
-        _ => Error::run("a worker answered what it was not asked"),
+        Reply::Failed { message, help } => Error::run(message).with_help(help),
+        _ => Error::fault("a worker answered what it was not asked"),
     }
 }

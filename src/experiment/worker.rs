@@ -52,7 +52,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
 fn ignore_interrupts() -> Result<()> {
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::new(AtomicBool::new(false)))
         .map(|_| ())
-        .map_err(|error| Error::run(format!("cannot ignore SIGINT: {error}")))
+        .map_err(|error| Error::fault(format!("cannot ignore SIGINT: {error}")))
 }
 
 /// Standard input by lines. When it ends the run is gone, and a worker that hangs in a driver would stay
@@ -71,18 +71,21 @@ fn input_lines() -> Receiver<String> {
 }
 
 fn find(identity: &str, sources: &Sources) -> Result<Device> {
-    let gone = || Error::run("the device is gone: its driver no longer lists it");
+    let gone = || {
+        Error::run("the device is gone: its driver no longer lists it")
+            .with_help("`raycl devices` lists those that are there; what is measured is kept")
+    };
     discover(sources)?.into_iter().find(|device| device.info.identity() == identity).ok_or_else(gone)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
-    serde_json::from_str(line).map_err(|error| Error::run(format!("no request for a worker: {error}")))
+    serde_json::from_str(line).map_err(|error| Error::fault(format!("no request for a worker: {error}")))
 }
 
 /// Writes a reply on a line of its own, whatever a driver has left on the line before.
 fn reply(reply: &Reply) -> Result<()> {
     let unwritable =
-        |error: &dyn std::fmt::Display| Error::run(format!("a reply could not be sent: {error}"));
+        |error: &dyn std::fmt::Display| Error::fault(format!("a reply could not be sent: {error}"));
     let line = serde_json::to_string(reply).map_err(|error| unwritable(&error))?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| unwritable(&error))

@@ -10,6 +10,7 @@ mod tests;
 pub use swapped::{experiment_instead, scene_instead};
 
 use crate::error::Error;
+use crate::reader::{self, Kind};
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
@@ -102,43 +103,37 @@ impl FileType {
 pub struct Opened {
     file: File,
     head: Vec<u8>,
-    /// Of the whole file; 0 for a pipe.
-    length: u64,
     /// What it is.
     pub filetype: FileType,
 }
 
 impl Opened {
-    /// Opens a file and looks what it is.
+    /// Opens an ordinary file and looks what it is.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system says, or that it is no ordinary file.
     pub fn at(path: &Path) -> io::Result<Self> {
-        let file = File::open(path)?;
+        let file = reader::open(path)?;
         let length = file.metadata()?.len();
         let mut head = Vec::new();
         (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
         let filetype = FileType::of(&head, length);
-        Ok(Self { file, head, length, filetype })
+        Ok(Self { file, head, filetype })
     }
 
-    /// The whole file.
+    /// The whole file, within the limit of its kind.
     ///
     /// # Errors
-    /// What the system says.
-    pub fn bytes(self) -> io::Result<Vec<u8>> {
-        let (mut file, mut bytes) = (self.file, self.head);
-        bytes.reserve_exact((self.length as usize).saturating_sub(bytes.len()));
-        file.read_to_end(&mut bytes)?;
-        Ok(bytes)
+    /// As [`reader::rest`].
+    pub fn bytes(self, kind: Kind) -> io::Result<Vec<u8>> {
+        reader::rest(self.file, self.head, kind)
     }
 
-    /// The whole file as text.
+    /// The same as text.
     ///
     /// # Errors
-    /// What the system says, or that it is not UTF-8.
-    pub fn text(self) -> io::Result<String> {
-        String::from_utf8(self.bytes()?)
-            .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
+    /// What the system says, that it is too large, or that it is not UTF-8.
+    pub fn text(self, kind: Kind) -> io::Result<String> {
+        reader::utf8(self.bytes(kind)?)
     }
 }

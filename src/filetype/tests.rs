@@ -134,7 +134,7 @@ fn every_signature_is_found_and_told_in_two_short_lines() {
         assert_eq!(called(&file), name);
         let refusal = FileType::of(&file, file.len() as u64).refusal("mesh.xyz", Wanted::Scene);
         let Some(Error::Input(input)) = refusal else { panic!("{name} is read") };
-        let help = input.help.unwrap_or_default();
+        let help = input.help;
         assert!(input.message.starts_with(&format!("mesh.xyz is {name}, which")), "{}", input.message);
         assert!(help.starts_with("raycl reads scenes (TOML) and OBJ meshes"), "{help}");
         assert!(input.message.len() < 100 && help.len() < 100 && !(input.message + &help).contains('\n'));

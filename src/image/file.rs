@@ -4,6 +4,7 @@ use super::encode::{exr, hdr, jpeg, png};
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
 use crate::output::Target;
+use crate::reader;
 use crate::scene::Display;
 use image::RgbImage;
 use std::path::Path;
@@ -56,9 +57,13 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
             .with_help("pictures are .png, .jpg, .exr or .hdr")
     };
-    let reader = image::ImageReader::open(path).map_err(|error| unreadable(&error))?;
-    let reader = reader.with_guessed_format().map_err(|error| unreadable(&error))?;
-    let picture = reader.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
+    let bytes = reader::bytes(path, reader::Kind::Picture).map_err(|error| unreadable(&error))?;
+    let mut picture = image::ImageReader::new(std::io::Cursor::new(bytes));
+    if let Ok(format) = image::ImageFormat::from_path(path) {
+        picture.set_format(format);
+    }
+    let picture = picture.with_guessed_format().map_err(|error| unreadable(&error))?;
+    let picture = picture.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
     let (width, height) = picture.dimensions();
     Ok(Radiance { width, height, pixels: picture.pixels().map(|pixel| pixel.0).collect() })
 }
@@ -92,7 +97,7 @@ fn format(path: &Path) -> Result<Format> {
             Some(meant) => {
                 error.with_help(format!("did you mean '{}'?", path.with_extension(meant).display()))
             }
-            None => error,
+            None => error.with_help(format!("name it '{}'", path.with_extension("png").display())),
         }
     })
 }

@@ -27,4 +27,12 @@ impl Radiance {
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
+
+    /// The first pixel, as column and row, that is not finite, and how many are not.
+    pub fn not_finite(&self) -> Option<([u32; 2], usize)> {
+        let infinite = |pixel: &[f32; 3]| !pixel.iter().all(|channel| channel.is_finite());
+        let first = self.pixels.iter().position(infinite)? as u32;
+        let count = self.pixels.iter().filter(|pixel| infinite(pixel)).count();
+        Some(([first % self.width, first / self.width], count))
+    }
 }

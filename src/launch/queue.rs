@@ -27,6 +27,9 @@ impl Queue {
             let shares_memory = matches!(shared, Ok(DeviceInfoResult::HostUnifiedMemory(true)));
             Ok(Self { context, commands, device, shares_memory })
         };
-        open().map_err(|error| Error::run(format!("cannot open the OpenCL device: {error}")))
+        open().map_err(|error| {
+            Error::run(format!("cannot open the OpenCL device: {error}"))
+                .with_help("another process may hold its memory; `raycl devices` lists the others")
+        })
     }
 }

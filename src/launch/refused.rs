@@ -53,8 +53,11 @@ impl Refused {
             Self::Mistake(error) => error,
             Self::Device(_) => too_large(device),
             Self::Host(_) => too_large("this machine"),
-            Self::Build(_) => Error::run(format!("the build failed: {reason}")),
-            Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}")),
+            Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
+                "`raycl kernel STRATEGY` shows the program; another --strategy or --device may build",
+            ),
+            Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}"))
+                .with_help("a smaller picture, another --strategy or another --device may do"),
         }
     }
 }

@@ -69,6 +69,7 @@ impl Stand {
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("a device failed: {error}"))
+        .with_help("leave it out of --devices; `raycl devices` lists them")
 }
 
 impl Split<'_> {

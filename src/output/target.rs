@@ -47,7 +47,7 @@ impl Target {
 
     /// Writes indented JSON with its mark; it is on the disk when this returns.
     pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
-        let text = serde_json::to_string_pretty(value).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
         let text = mark::json(&text);
         put(&self.path, self.choice, maker, |file| {
             writeln!(file, "{text}")?;

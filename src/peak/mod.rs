@@ -10,12 +10,15 @@ pub use operations::operations_per_test;
 
 use crate::error::{Error, Result};
 use crate::measure::Summary;
+use crate::reader::{self, Kind};
 use crate::record::{Record, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// The file of a results' folder that says what its devices can do at most.
 pub const FILE: &str = "peak.json";
+/// The remedy of a file that is not one.
+const WRITTEN_BY: &str = "`raycl peak --out FILE` writes such a file";
 /// What older folders call it.
 const OLD_FILE: &str = "limits.json";
 
@@ -90,8 +93,8 @@ impl Peak {
 
     /// Reads one device's figures, or a list of several's.
     pub fn read(path: &Path) -> Result<Vec<Self>> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())))?;
+        let text = reader::text(path, Kind::Peaks)
+            .map_err(|error| Error::unreadable("figures", path, &error, WRITTEN_BY))?;
         #[derive(Deserialize)]
         #[serde(untagged)]
         enum File {
@@ -104,7 +107,7 @@ impl Peak {
             Err(_) => {
                 let error =
                     Error::input(format!("{} does not say what a device can do at most", path.display()));
-                Err(error.with_help("`raycl peak --out FILE` writes such a file"))
+                Err(error.with_help(WRITTEN_BY))
             }
         }
     }
@@ -117,7 +120,7 @@ impl Peak {
 
     /// Writes a list.
     pub fn write(all: &[Self], path: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(all).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_string_pretty(all).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(path, format!("{text}\n").as_bytes())
     }
 

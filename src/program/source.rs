@@ -2,7 +2,7 @@
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};
-use crate::sources::Sources;
+use crate::sources::{Chain, Sources, included};
 use crate::strategy::Strategy;
 
 impl Sources {
@@ -28,11 +28,14 @@ pub(super) struct Joiner<'a> {
     pub text: String,
     /// The files it is made of, each once, in their order.
     pub files: Vec<String>,
+    /// The files that are being added.
+    pub chain: Chain,
 }
 
 impl Joiner<'_> {
     /// Adds a file with everything it includes. `#line` keeps compilers' messages at the file and line a person would edit.
     pub fn add(&mut self, name: &str) -> Result<()> {
+        self.chain.enter(name, self.text.len())?;
         self.text.push_str(&format!("#line 1 \"{name}\"\n"));
         if !self.files.iter().any(|file| file == name) {
             self.files.push(name.to_owned());
@@ -40,9 +43,9 @@ impl Joiner<'_> {
         let mut branches = Branches::default();
         for (number, line) in self.sources.read(name)?.lines().enumerate() {
             branches.pass(line, self.defines);
-            match line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next()) {
-                Some(included) if branches.may_be_live() => {
-                    self.add(&fill_in(included, self.strategy)?)?;
+            match included(name, number + 1, line)? {
+                Some(inner) if branches.may_be_live() => {
+                    self.add(&fill_in(inner, self.strategy)?)?;
                     self.text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
                 }
                 Some(_) => self.text.push('\n'),
@@ -52,6 +55,7 @@ impl Joiner<'_> {
                 }
             }
         }
+        self.chain.leave();
         Ok(())
     }
 }
@@ -60,12 +64,16 @@ impl Joiner<'_> {
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {
-        return Err(Error::input(format!("kernel include \"{path}\" has a brace that is not closed")));
+        let message = format!("kernel include \"{path}\" has a brace that is not closed");
+        return Err(
+            Error::input(message).with_help("an axis in braces stands for the file of the strategy's value")
+        );
     };
     let axes = strategy.axes();
     let value = axes.iter().find(|(name, _)| *name == axis).map(|(_, value)| *value).ok_or_else(|| {
         let meant = nearest(axis, axes.iter().map(|(name, _)| *name)).unwrap_or("vectors");
-        Error::input(format!("kernel include \"{path}\" names no axis; did you mean {{{meant}}}?"))
+        Error::input(format!("kernel include \"{path}\" names no axis"))
+            .with_help(format!("did you mean {{{meant}}}?"))
     })?;
     Ok(format!("{before}{}{after}", value.replace('-', "_")))
 }

@@ -5,7 +5,7 @@ use super::source::Joiner;
 use crate::device::Builtins;
 use crate::error::{Error, Result};
 use crate::manifest::{CAMERA, parameter_macro};
-use crate::sources::Sources;
+use crate::sources::{Chain, Sources};
 use crate::strategy::{Math, Strategy, Workload};
 
 /// Everything that decides a program.
@@ -33,7 +33,7 @@ impl ProgramSpec {
             let value = value_of(name, strategy, workload, builtins);
             value
                 .map(|value| (name, value))
-                .ok_or_else(|| Error::run(format!("no value for the define {name}")))
+                .ok_or_else(|| Error::fault(format!("no value for the define {name}")))
         };
         let defines = names.map(value).collect::<Result<Vec<_>>>()?;
         let mut joiner = Joiner {
@@ -42,6 +42,7 @@ impl ProgramSpec {
             defines: &defines,
             text: parameter_lists(strategy),
             files: Vec::new(),
+            chain: Chain::default(),
         };
         joiner.add(strategy.family().entry)?;
         let (source, files) = (joiner.text, joiner.files);

@@ -168,8 +168,7 @@ impl Environment {
 
     /// Writes it to `path`, indented for people.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let fail =
-            |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
+        let fail = |error: &dyn std::fmt::Display| Error::unwritable(path.display(), error);
         let mut text = serde_json::to_string_pretty(self).map_err(|error| fail(&error))?;
         text.push('\n');
         write_whole(path, text.as_bytes())

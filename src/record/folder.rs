@@ -6,8 +6,9 @@ use super::rounds::{RoundLoad, disturbance};
 use super::scenes::tell_scenes_apart;
 use super::together::{how_sure, judge};
 use super::types::Record;
-use super::{DIRTY, is_dirty, ordinary, read_lines, summary_csv, summary_markdown, write_whole};
+use super::{DIRTY, Lines, is_dirty, read_lines, summary_csv, summary_markdown, write_whole};
 use crate::error::{Error, Result};
+use crate::reader;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -48,10 +49,18 @@ impl Folder {
             return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
         }
         let lines = read_lines::<Record>(&journal)?;
+        let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
         let Shown { mut records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
         judge(&mut records);
         let rounds = lines_if_any(&folder.join("rounds.jsonl"))?;
+        let anchors = lines_if_any(&folder.join("anchors.jsonl"))?;
+        let damage: Vec<_> = lines_damage
+            .into_iter()
+            .chain(rounds.damage("rounds.jsonl"))
+            .chain(anchors.damage("anchors.jsonl"))
+            .collect();
+        let rounds = rounds.lines;
         let mut sure = how_sure(&records);
         sure.extend(disturbance(&rounds, &records));
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
@@ -62,8 +71,15 @@ impl Folder {
             records,
             environment,
             rounds,
-            anchors: lines_if_any(&folder.join("anchors.jsonl"))?,
-            notes: sure.into_iter().chain(notes).chain(dirty).chain(torn).chain(unknown).collect(),
+            anchors: anchors.lines,
+            notes: sure
+                .into_iter()
+                .chain(notes)
+                .chain(dirty)
+                .chain(torn)
+                .chain(damage)
+                .chain(unknown)
+                .collect(),
         })
     }
 
@@ -82,8 +98,8 @@ impl Folder {
 }
 
 /// The lines of a file that folders of earlier versions lack.
-fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
+fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
+    if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
 }
 
 /// What a folder shows of its records, and what is to be said of the others.
@@ -129,7 +145,7 @@ fn counted(count: usize, one: &str, several: &str) -> Option<String> {
 /// `environment.json`; null, and a note of that, where it cannot be read.
 fn environment(folder: &Path) -> (Value, Option<String>) {
     let path = folder.join("environment.json");
-    let text = ordinary(&path).and_then(|()| std::fs::read(path)).ok();
+    let text = reader::bytes(&path, reader::Kind::Results).ok();
     match text.and_then(|text| serde_json::from_slice(&text).ok()) {
         Some(environment) => (environment, None),
         None => (

@@ -2,15 +2,16 @@
 //! line torn by a crash costs that line only.
 
 use std::fs::{File, OpenOptions};
-use std::io::{Seek, SeekFrom, Write};
+use std::io::{BufRead as _, BufReader, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{ordinary, own_file};
+use super::own_file;
 use crate::error::{Error, Result};
+use crate::reader;
 
 /// A file that `T`s are appended to.
 #[derive(Debug)]
@@ -40,7 +41,7 @@ impl<T: Serialize> JsonLines<T> {
     /// Appends one line; it is on the disk when this returns.
     pub fn append(&mut self, line: &T) -> Result<()> {
         let mut bytes = serde_json::to_vec(line)
-            .map_err(|error| Error::run(format!("cannot write {}: {error}", self.path.display())))?;
+            .map_err(|error| Error::fault(format!("cannot write {}: {error}", self.path.display())))?;
         bytes.push(b'\n');
         let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
         written.map_err(|error| io_error("write", &self.path, &error))
@@ -54,32 +55,65 @@ pub struct Lines<T> {
     pub lines: Vec<T>,
     /// Whether a last line was cut short and left out.
     pub torn: bool,
+    /// The numbers, from 1, of other lines that are left out as they cannot be read.
+    pub damaged: Vec<usize>,
 }
 
-/// Reads a file of JSON lines. A last line without its end is left out; any other bad line is an input
-/// error at its place.
+impl<T> Default for Lines<T> {
+    fn default() -> Self {
+        Self { lines: Vec::new(), torn: false, damaged: Vec::new() }
+    }
+}
+
+impl<T> Lines<T> {
+    /// What is to be said of the damaged lines of the file `name`.
+    pub fn damage(&self, name: &str) -> Option<String> {
+        let first = self.damaged.first()?;
+        let (count, is) = (self.damaged.len(), if self.damaged.len() == 1 { "line" } else { "lines" });
+        Some(format!(
+            "{count} damaged {is} of {name}, the first line {first}, left out: `raycl repair` takes damaged lines out \
+             and keeps a copy."
+        ))
+    }
+}
+
+/// Reads a file of JSON lines, line by line. A last line without its end and lines that are damaged are left out and told;
+/// a file of nothing but damaged lines is no journal, and an input error.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    let bytes = ordinary(path)
-        .and_then(|()| std::fs::read(path))
-        .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())))?;
-    let (mut lines, mut start) = (Vec::new(), 0);
-    for line in bytes.split_inclusive(|&byte| byte == b'\n') {
-        if !line.ends_with(b"\n") {
-            return Ok(Lines { lines, torn: true });
+    let unreadable = |error| {
+        Error::input(format!("cannot read {}: {error}", path.display()))
+            .with_help("name a folder that `raycl run` wrote, such as results/quick")
+    };
+    let mut file = BufReader::new(reader::open(path).map_err(unreadable)?);
+    let mut read = Lines { lines: Vec::new(), torn: false, damaged: Vec::new() };
+    let (mut line, mut reason) = (Vec::new(), String::new());
+    for number in 1.. {
+        line.clear();
+        if file.read_until(b'\n', &mut line).map_err(unreadable)? == 0 {
+            break;
         }
-        match serde_json::from_slice(line) {
-            Ok(value) => lines.push(value),
+        if !line.ends_with(b"\n") {
+            read.torn = true;
+            break;
+        }
+        match serde_json::from_slice(&line) {
+            Ok(value) => read.lines.push(value),
             Err(_) if line.trim_ascii().is_empty() => {}
             Err(error) => {
-                let text = String::from_utf8_lossy(&bytes).into_owned();
-                let place = start..start + line.trim_ascii_end().len().min(1);
-                let message = format!("this line is no record: {error}");
-                return Err(Error::in_file(path.display().to_string(), text, place, message, "starts here"));
+                reason = error.to_string();
+                read.damaged.push(number);
             }
         }
-        start += line.len();
     }
-    Ok(Lines { lines, torn: false })
+    match (&read.lines[..], &read.damaged[..]) {
+        ([], [.., last]) => {
+            let message =
+                format!("{}:{last}: this line is no record, nor is any other: {reason}", path.display());
+            Err(Error::input(message)
+                .with_help("name a folder that `raycl run` wrote, such as results/quick"))
+        }
+        _ => Ok(read),
+    }
 }
 
 /// The length of `bytes` up to the end of its last line.
@@ -141,12 +175,20 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_line_in_the_middle_is_an_error_at_its_line() {
+    fn damaged_lines_are_left_out_and_told_and_a_file_of_nothing_else_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("samples.jsonl");
-        std::fs::write(&path, "{\"key\":\"a\",\"round\":0,\"ms\":1.5}\nnonsense\n").unwrap();
+        let good = "{\"key\":\"a\",\"round\":0,\"ms\":1.5}\n";
+        std::fs::write(&path, format!("{good}nonsense\n\n{good}\0\u{1b}\n{good}{{\"key\":")).unwrap();
+        let read = read_lines::<Sample>(&path).unwrap();
+        assert_eq!((read.lines.len(), read.torn, &read.damaged[..]), (3, true, &[2, 5][..]));
+        assert!(
+            read.damage("samples.jsonl")
+                .unwrap()
+                .starts_with("2 damaged lines of samples.jsonl, the first line 2,")
+        );
+        std::fs::write(&path, "nonsense\n").unwrap();
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
-        assert_eq!(error.span.unwrap().offset(), 31);
-        assert!(error.message.starts_with("this line is no record"));
+        assert!(error.message.contains("samples.jsonl:1: this line is no record"), "{}", error.message);
     }
 }

@@ -8,6 +8,7 @@ use super::terminal::percent;
 use super::together::median;
 use super::together::{interval, launches, ratio, resolution};
 use super::types::{HOST, Record};
+use crate::printer::{line, markdown};
 
 /// Columns of a table.
 const COLUMNS: usize = 10;
@@ -30,13 +31,13 @@ const DECIMAL: [usize; 4] = [2, 3, 6, 7];
 
 /// The summary as Markdown. Everything in it comes from the records, and from the notes of who read them.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
-    let mut text = format!("# {question}\n\nExpected: {expectation}\n");
-    text.extend(notes.iter().map(|note| format!("\nNote: {note}\n")));
+    let mut text = format!("# {}\n\nExpected: {}\n", markdown(question), markdown(expectation));
+    text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
     let groups = groups(records);
     for group in &groups {
         let size = by(group.image_size);
         // A failure to write to a String is impossible, so the results are let go.
-        let _ = write!(text, "\n## {}, {size}, {}\n\n", group.scene, group.device);
+        let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(group.device));
         if group.device != HOST {
             text.push_str(&verdict(group, &groups));
             text.push('\n');
@@ -48,7 +49,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     let notes = scene_notes(records);
     if !notes.is_empty() {
         text.push_str("\n## Notes on scenes\n\n");
-        text.extend(notes.iter().map(|(scene, note)| format!("- {scene}: {note}\n")));
+        text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
@@ -115,8 +116,8 @@ fn unranked(records: &[&Record]) -> String {
 /// "naive at 8 x 8".
 fn title(record: &Record) -> String {
     match record.local_size {
-        Some(size) => format!("{} at {}", record.name, by(size)),
-        None => record.strategy.clone(),
+        Some(size) => format!("{} at {}", markdown(&record.name), by(size)),
+        None => markdown(&record.strategy),
     }
 }
 
@@ -141,10 +142,10 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
     let number = |value: Option<f64>, text: fn(f64) -> String| {
         value.filter(|_| time.is_some()).map_or("-".into(), text)
     };
-    let name = if record.is_baseline() { &record.strategy } else { &record.name };
+    let name = markdown(if record.is_baseline() { &record.strategy } else { &record.name });
     let interval = interval(record).map(|[low, high]| format!("{} to {}", ms(low), ms(high)));
     [
-        if wins && !record.is_baseline() { format!("**{name}**") } else { name.clone() },
+        if wins && !record.is_baseline() { format!("**{name}**") } else { name },
         record.local_size.map_or("-".into(), by),
         number(time, ms),
         number(quartiles(record).map(|[q1, q3]| q3 - q1), |iqr| significant(iqr, 2)),
@@ -191,7 +192,8 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
 fn warnings(group: &Group<'_>) -> String {
     let warned =
         group.ranking().all().into_iter().filter_map(|record| Some((record, record.warning.as_ref()?)));
-    let lines: String = warned.map(|(record, warning)| format!("- {}: {warning}\n", title(record))).collect();
+    let lines: String =
+        warned.map(|(record, warning)| format!("- {}: {}\n", title(record), line(warning))).collect();
     if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
 }
 
@@ -205,7 +207,7 @@ fn failures(group: &Group<'_>) -> String {
     for (record, reason) in failures {
         // A compiler's log has many lines; the record keeps them all.
         let first = reason.lines().next().unwrap_or_default();
-        let _ = writeln!(text, "- {}, {}: {first}", title(record), record.outcome.name());
+        let _ = writeln!(text, "- {}, {}: {}", title(record), record.outcome.name(), markdown(first));
     }
     text
 }
@@ -231,7 +233,7 @@ mod tests {
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
             "42.0 times (42.0 to 42.0) as fast as serial-f32.",
             "8.40 times (8.40 to 8.40) as fast as naive at 8 x 8.",
-            "- local-vectors at 32 x 32, infeasible: __local: 108 B x 32 x 32 = 110592 B > 49152 B",
+            "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }
@@ -239,6 +241,15 @@ mod tests {
         let pocl = &rows[rows.len() - 6..];
         assert!(pocl.iter().all(|row| row.chars().count() == pocl[0].chars().count()), "{pocl:#?}");
         assert!(pocl[2].starts_with("| **wide**"), "{pocl:#?}");
+    }
+
+    #[test]
+    fn names_and_questions_are_text_and_no_markdown() {
+        let hostile = "<b>|\n# \u{1b}";
+        let records = judged([measured(hostile, hostile, 8, 84.0)]);
+        let text = summary_markdown(&records, &[hostile.to_owned()], hostile, hostile);
+        assert!(!text.contains("\n# ") && !text.contains('\u{1b}'), "{text}");
+        assert!(text.starts_with("# \\<b>\\| \\# \\\\u001b\n"), "{text}");
     }
 
     #[test]

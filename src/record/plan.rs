@@ -1,8 +1,9 @@
 //! `plan.json`: which records of a folder are the current run's, and what that run calls them.
 
 use super::types::Record;
-use super::{ordinary, write_whole};
+use super::write_whole;
 use crate::error::{Error, Result};
+use crate::reader;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
@@ -62,7 +63,7 @@ impl CurrentPlan {
 
     /// Keeps it in a folder, in the place of the one before.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let text = serde_json::to_string_pretty(self).map_err(|error| Error::run(error.to_string()))?;
+        let text = serde_json::to_string_pretty(self).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(&folder.join(FILE), format!("{text}\n").as_bytes())
     }
 
@@ -77,7 +78,7 @@ impl CurrentPlan {
                 "`raycl run --resume` writes it anew; without it the latest record of each point is shown",
             )
         };
-        let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
+        let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 

@@ -113,7 +113,7 @@ impl<'a> Row<'a> {
 
 /// The records as CSV with a header; absent values are empty.
 pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
-    let fail = |error: String| Error::run(format!("cannot write the CSV summary: {error}"));
+    let fail = |error: String| Error::fault(format!("cannot write the CSV summary: {error}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
     for record in records {
         writer.serialize(Row::of(record)).map_err(|error| fail(error.to_string()))?;

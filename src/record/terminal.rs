@@ -8,18 +8,20 @@ use super::together::fewest;
 use super::together::median;
 use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
+use crate::printer::{line, plain};
 
 /// A matrix of medians for every scene, image size and device. The fastest are starred, points
 /// without a time say why in a word; the legend below has a full reason for each strategy's words. Where `coloured`,
 /// winners are green and points without a time yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
-    let parts = groups
-        .iter()
-        .map(|group| if group.device == HOST { host_line(group) } else { matrix(group, coloured) });
+    let parts = groups.iter().map(|group| {
+        if group.device == HOST { plain(&host_line(group)).into_owned() } else { matrix(group, coloured) }
+    });
     let mut text = parts.collect::<Vec<_>>().join("\n");
-    text.push_str(&legend(&groups));
-    text.extend(scene_notes(records).iter().map(|(scene, note)| format!("note on {scene}: {note}\n")));
+    text.push_str(&plain(&legend(&groups)));
+    let notes = scene_notes(records);
+    text.extend(notes.iter().map(|(scene, note)| format!("note on {}: {}\n", line(scene), plain(note))));
     text
 }
 
@@ -64,10 +66,11 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
                 cell(record, winners.iter().any(|winner| winner.key == record.key))
             })
         });
-        table.add_row(std::iter::once(Cell::new(name)).chain(cells));
+        table.add_row(std::iter::once(Cell::new(line(name))).chain(cells));
     }
     let peak = peak_line(group);
-    format!("{}, {}, {}: median ms\n{table}\n{peak}", group.scene, by(group.image_size), group.device)
+    let (scene, device) = (line(group.scene), line(group.device));
+    format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
 /// The largest part of the device's multiply-adds that each strategy reaches; nothing where they were not measured.
@@ -102,7 +105,7 @@ fn cell(record: &Record, wins: bool) -> Cell {
             number(format!("*{}{}", ms(time), mark(record))).fg(Color::Green).add_attribute(Attribute::Bold)
         }
         Some(time) => number(format!("{}{}{}", ms(time), mark(record), few(record))),
-        None => number(word(record)).fg(Color::Yellow),
+        None => number(line(&word(record)).into_owned()).fg(Color::Yellow),
     }
 }
 
@@ -220,6 +223,23 @@ mod tests {
         }
         let none = summary_terminal(&records[..2], false);
         assert!(!none.contains('*'), "{none}");
+    }
+
+    #[test]
+    fn the_only_colours_are_the_summarys_own() {
+        let red = "\u{1b}[31mred";
+        let mut records = judged([
+            measured("host", red, 0, 420.0),
+            measured(red, red, 8, 84.0),
+            infeasible(red, "local", 32, &format!("{red}: {red}")),
+        ]);
+        for record in &mut records {
+            (record.scene, record.warning) = (red.into(), Some(red.into()));
+        }
+        for coloured in [false, true] {
+            let text = summary_terminal(&records, coloured);
+            assert!(text.contains("\\u001b[31mred") && !text.contains(red), "{text}");
+        }
     }
 
     #[test]

@@ -132,7 +132,7 @@ mod tests {
             assert_eq!(cast_serial_f64(&scene, size), reference.radiance, "{}", scene.name);
             let serial = cast_serial_f32(&scene, size);
             assert_eq!(cast_parallel_f32(&scene, size), serial, "{}", scene.name);
-            let verdict = verify(&serial, &reference, Display::default());
+            let verdict = verify(&serial, None, &reference, Display::default());
             assert!(verdict.ok, "{}: {verdict:?}", scene.name);
         }
     }

@@ -20,7 +20,9 @@ pub struct Sample {
     pub radiance: DVec3,
     /// Whether the ray hits.
     pub hit: bool,
-    /// The largest change of a channel under any nudge; infinite where a hit became a miss or the reverse.
+    /// Whether under some nudge a hit becomes a miss or the reverse.
+    pub turns: bool,
+    /// The largest change of a channel under any nudge; infinite where it turns.
     pub change: f64,
     /// The least and the most of each channel, over the centre and all nudges.
     pub range: [DVec3; 2],
@@ -31,11 +33,11 @@ pub struct Sample {
 pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Sample {
     let (ray, hit) = caster.look(x, y);
     let radiance = caster.radiance(&ray, hit.as_ref(), bias);
-    let mut sample = Sample { radiance, hit: hit.is_some(), change: 0.0, range: [radiance; 2] };
+    let mut sample = Sample { radiance, hit: hit.is_some(), turns: false, change: 0.0, range: [radiance; 2] };
     for [x, y] in nudges(frame, [x, y]) {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
-            sample.change = f64::INFINITY;
+            (sample.turns, sample.change) = (true, f64::INFINITY);
         }
         sample.consider(caster.radiance(&ray, other.as_ref(), bias));
     }

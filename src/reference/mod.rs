@@ -45,6 +45,8 @@ pub struct Reference {
     pub doubts: Vec<Doubt>,
     /// How many pixels' rays hit a triangle.
     pub hits: usize,
+    /// The fewest and the most that may, where the pixels that a nudge turns from hit to miss or back are free to choose.
+    pub hits_range: [usize; 2],
     /// The radiance below which "relative" means relative to this (see [`dark_floor`]).
     pub floor: f64,
 }
@@ -72,10 +74,13 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
         let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
         (!certain).then_some(Doubt { pixel, low, high })
     };
+    let hits = samples.iter().filter(|sample| sample.hit).count();
+    let turning = |hit: bool| samples.iter().filter(|sample| sample.turns && sample.hit == hit).count();
     Reference {
         doubts: samples.iter().zip(&certain).enumerate().filter_map(doubt).collect(),
         certain,
-        hits: samples.iter().filter(|sample| sample.hit).count(),
+        hits,
+        hits_range: [hits - turning(true), hits + turning(false)],
         radiance,
         floor,
     }
@@ -196,6 +201,9 @@ mod tests {
         for (index, certain) in found.certain.iter().enumerate() {
             assert_eq!(*certain, index % 9 != 4, "pixel {index}");
         }
+        // Five pixels lie on the edge.
+        assert_eq!(found.hits_range[1] - found.hits_range[0], 5);
+        assert!((found.hits_range[0]..=found.hits_range[1]).contains(&found.hits));
     }
 
     #[test]

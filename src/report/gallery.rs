@@ -1,5 +1,6 @@
 //! Pictures, read from the results' folders and put into the page itself.
 
+use crate::reader;
 use crate::record::{Folder, Record, by};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -50,7 +51,7 @@ pub struct Pictures<'a> {
 fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
     let found = folder.join(path).canonicalize().ok()?;
     let inside = found.starts_with(folder.canonicalize().ok()?);
-    (inside && found.is_file()).then(|| std::fs::read(found).ok())?
+    inside.then(|| reader::bytes(&found, reader::Kind::Shown).ok())?
 }
 
 impl<'a> Pictures<'a> {

@@ -14,6 +14,7 @@ use crate::record::{
     significant,
 };
 use askama::Template;
+use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 
 /// The style sheet every page carries.
 pub const STYLE: &str = include_str!("templates/page.css");
@@ -94,7 +95,7 @@ impl Page {
         Self {
             style: STYLE,
             script: SCRIPT,
-            nonce: nonce(&records),
+            nonce: nonce(),
             title: folders.iter().map(|folder| folder.label.as_str()).collect::<Vec<_>>().join(", "),
             questions: questions(folders),
             headline,
@@ -112,7 +113,7 @@ impl Page {
 
     /// The page as HTML.
     pub fn html(&self) -> Result<String> {
-        self.render().map_err(|error| Error::run(format!("the report could not be written: {error}")))
+        self.render().map_err(|error| Error::fault(format!("the report could not be written: {error}")))
     }
 
     /// Every plot on it.
@@ -125,15 +126,11 @@ impl Page {
     }
 }
 
-/// What lets the page's own script run and no other; it depends on the records, so data cannot know it.
-pub fn nonce(records: &[Record]) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for record in records {
-        hasher.update(record.key.as_bytes());
-        hasher.update(record.timestamp.as_deref().unwrap_or_default().as_bytes());
-        hasher.update(record.scene.as_bytes());
-    }
-    hasher.finalize().to_hex().chars().take(24).collect()
+/// What lets the page's own script run and no other: 128 bits that the standard library makes of the system's random
+/// numbers, so that no data of the page can know them.
+pub fn nonce() -> String {
+    let random = || RandomState::new().build_hasher().finish();
+    format!("{:016x}{:016x}", random(), random())
 }
 
 /// What is to be said of the folders, under their names where there are several.

@@ -3,6 +3,7 @@
 mod objects;
 
 use super::document::Document;
+use super::validate::{Brightness, check_camera, check_light, check_positions};
 use super::wire::{CameraWire, LightWire, SceneWire};
 use super::{Camera, Display, Light, Mesh, PAPER_BACKGROUND, Scene, framing, normals};
 use crate::error::{Error, Result};
@@ -21,6 +22,7 @@ pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<Str
             let message = format!("more than {} triangles in all", super::shapes::MAX_TRIANGLES);
             return Err(document.error(object.span(), message, "this object is too many"));
         }
+        check_positions(&part).map_err(|error| document.place(object.span(), error, "of this object"))?;
         mesh.append(part);
     }
     if mesh.triangles.is_empty() {
@@ -30,6 +32,8 @@ pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<Str
     }
     let ball = document.bare_ball(&mesh);
     let camera = camera(document, &wire.camera, &mesh, ball)?;
+    let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
+    check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
     if document.bare {
         normals::turn_towards(&mut mesh, camera.position);
     }
@@ -45,9 +49,17 @@ pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<Str
         ));
     }
     let display = Display::default();
+    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(&mesh), |bias| bias.0);
+    let brightness = Brightness::of(&mesh, lights.len(), shadow_bias);
+    for (wire, light) in wire.light.iter().flatten().zip(&lights) {
+        check_light(light).map_err(|error| document.place(wire.position.span(), error, "this light"))?;
+        brightness
+            .check(light)
+            .map_err(|error| document.place(wire.power.span(), error, "too much for single precision"))?;
+    }
     Ok(Scene {
         name: wire.name.unwrap_or_else(|| document.stem.clone()),
-        shadow_bias: wire.shadow_bias.map_or_else(|| default_bias(&mesh), |bias| bias.0),
+        shadow_bias,
         mesh,
         lights,
         camera,
@@ -64,7 +76,8 @@ fn default_bias(mesh: &Mesh) -> f32 {
 }
 
 fn light(wire: &LightWire) -> Light {
-    Light { position: Vec3::from_array(wire.position.0), power: Vec3::from_array(wire.power.0) }
+    let (position, power) = (wire.position.get_ref().0, wire.power.get_ref().0);
+    Light { position: Vec3::from_array(position), power: Vec3::from_array(power) }
 }
 
 /// The camera: what the file leaves out is the paper's, or for a bare mesh the framing's.

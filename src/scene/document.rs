@@ -4,7 +4,8 @@ use super::framing::Ball;
 use super::{Mesh, overrides};
 use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{FileType, Opened, Wanted};
-use crate::toml_error::toml_error;
+use crate::reader::Kind;
+use crate::toml_error::{expectation, toml_error};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
@@ -27,11 +28,13 @@ pub(super) struct Document {
     pub stem: String,
     /// Whether it stands for a mesh without a scene file.
     pub bare: bool,
+    /// Whether messages may quote it.
+    pub quotes: bool,
 }
 
 impl Document {
     /// Reads a scene file, or writes the one that a bare mesh stands for.
-    pub fn read(path: &Path, overrides: &[(String, Value)]) -> Result<Self> {
+    pub fn read(path: &Path, overrides: &[(String, Value)], quotes: bool) -> Result<Self> {
         let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
             return Err(refusal);
@@ -48,6 +51,7 @@ impl Document {
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             stem: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             bare,
+            quotes,
         };
         if !overrides.is_empty() {
             document.set(overrides)?;
@@ -68,19 +72,29 @@ impl Document {
             return None;
         }
         let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
-        let reason = error.message().trim_end();
-        let message = format!("{}:{line}: neither a scene (TOML) nor an OBJ mesh: {reason}", self.name);
+        let reason = if self.quotes { format!(": {}", error.message().trim_end()) } else { String::new() };
+        let message = format!("{}:{line}: neither a scene (TOML) nor an OBJ mesh{reason}", self.name);
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
     /// Sets values and writes the text anew, so that a message shows what was read.
     fn set(&mut self, values: &[(String, Value)]) -> Result<()> {
-        let mut table: Table = self.text.parse().map_err(|e| toml_error(&self.name, &self.text, &e, KEYS))?;
+        let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, values)?;
-        self.text = toml::to_string(&table)
-            .map_err(|error| Error::input(format!("{} with its overrides: {error}", self.name)))?;
+        self.text = toml::to_string(&table).map_err(|error| {
+            Error::input(format!("{} with its overrides: {error}", self.name)).with_help(KEYS)
+        })?;
         self.name.push_str(" with overrides");
         Ok(())
+    }
+
+    /// The mistake of a text that is no scene.
+    pub fn misread(&self, error: &toml::de::Error) -> Error {
+        if self.quotes {
+            return toml_error(&self.name, &self.text, error, KEYS);
+        }
+        let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
+        Error::withheld(&self.name, line, expectation(error).unwrap_or("what a scene has there"))
     }
 
     /// Gives a mistake that has no place yet a place in this document.
@@ -90,7 +104,13 @@ impl Document {
 
     /// A mistake at a place in this document.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
-        Error::in_file(&self.name, self.text.as_str(), span, message, label)
+        if !self.quotes {
+            let line = line_of(&self.text, span.start);
+            // Labels are the program's own words.
+            let label = if label == "here" { String::new() } else { format!(" ({label})") };
+            return Error::withheld(&self.name, line, &format!("what a scene has there{label}"));
+        }
+        Error::in_file(&self.name, self.text.as_str(), span, message, label).with_help(KEYS)
     }
 
     /// The ball a bare mesh is framed by; scenes with a file of their own have none.
@@ -106,12 +126,15 @@ fn is_named_obj(path: &Path) -> bool {
 /// The scene file that a bare mesh stands for.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
-    let file = file.ok_or_else(|| Error::input(format!("{}: the name is not UTF-8", path.display())))?;
+    let file = file.ok_or_else(|| {
+        Error::input(format!("{}: the name is not UTF-8", path.display())).with_help("rename the file")
+    })?;
     Ok(format!("[[object]]\nobj = {}\n", Value::from(file)))
 }
 
 fn read_text(path: &Path, opened: Opened) -> Result<String> {
-    let bytes = opened.bytes().map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
+    let bytes =
+        opened.bytes(Kind::Toml).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
     if bytes.trim_ascii().is_empty() {
         return Err(Error::input(format!("{} is empty", path.display()))
             .with_help("a scene has at least an [[object]]; docs/scenes.md has an example"));
@@ -120,5 +143,6 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
         let line =
             1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
         Error::input(format!("{}:{line}: not UTF-8; a scene is a TOML file or an .obj file", path.display()))
+            .with_help("save it as UTF-8")
     })
 }

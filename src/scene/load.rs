@@ -2,11 +2,11 @@
 
 use super::Scene;
 use super::assemble::assemble;
-use super::document::{Document, KEYS};
+use super::document::Document;
 use super::wire::SceneWire;
 use crate::error::{Result, shortened};
 use crate::filetype::experiment_instead;
-use crate::toml_error::toml_error;
+use crate::reader::lies_in;
 use std::path::Path;
 use toml::Value;
 
@@ -36,11 +36,23 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 /// # Errors
 /// As [`load_scene`], and for a path that leads nowhere.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
-    let document = Document::read(path, overrides)?;
+    load(path, overrides, true)
+}
+
+/// The same for a scene that a file names: its text is quoted only where it lies in that file's folder.
+///
+/// # Errors
+/// As [`load_scene_with`].
+pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
+    load(path, overrides, lies_in(path, folder))
+}
+
+fn load(path: &Path, overrides: &[(String, Value)], quotes: bool) -> Result<Loaded> {
+    let document = Document::read(path, overrides, quotes)?;
     let wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
         experiment_instead(path, &document.text)
             .or_else(|| document.not_toml(path, &error))
-            .unwrap_or_else(|| toml_error(&document.name, &document.text, &error, KEYS))
+            .unwrap_or_else(|| document.misread(&error))
     })?;
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
     let scene = assemble(&document, wire, &mut notes)?;

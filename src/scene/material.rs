@@ -9,6 +9,11 @@ pub const PAPER_GLOSSY: f32 = 0.2;
 /// The s of the paper's figures.
 pub const PAPER_SHININESS: f32 = 100.0;
 
+/// k_L and k_G are at most this: a thousand times a thousand is brighter than any surface, and products stay in single precision.
+pub const MAX_REFLECTANCE: f32 = 1e6;
+/// So is s, at which a highlight is a point.
+pub const MAX_SHININESS: f32 = 1e6;
+
 /// Which reflectance formula a surface follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaterialKind {

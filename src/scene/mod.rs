@@ -20,7 +20,7 @@ mod validate;
 mod wire;
 
 pub use camera::{Camera, PixelFrame};
-pub use load::{Loaded, load_scene, load_scene_with};
+pub use load::{Loaded, load_scene, load_scene_named_in, load_scene_with};
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};
 pub use shapes::{Shape, generate};

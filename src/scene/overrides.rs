@@ -3,16 +3,21 @@
 use crate::error::{Error, Result};
 use toml::{Table, Value};
 
+/// The remedy of a path that leads nowhere.
+const PATHS: &str = "a path is names and places joined by dots: camera.position, light.0.power";
+
 /// Sets each dotted path in turn. A number in a path is an array's element from 0,
 /// and the first number beyond an array adds to it, as in `light.0.power`.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
         let keys: Vec<&str> = path.split('.').collect();
         if keys.iter().any(|key| key.is_empty()) {
-            return Err(Error::input(format!("override `{path}`: an empty name between its dots")));
+            return Err(
+                Error::input(format!("override `{path}`: an empty name between its dots")).with_help(PATHS)
+            );
         }
         set_in_table(document, &keys, value)
-            .map_err(|reason| Error::input(format!("override `{path}`: {reason}")))?;
+            .map_err(|reason| Error::input(format!("override `{path}`: {reason}")).with_help(PATHS))?;
     }
     Ok(())
 }

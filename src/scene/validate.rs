@@ -1,5 +1,6 @@
 //! What every scene keeps to, however it was made.
 
+use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use super::{Camera, Light, Material, Scene};
 use crate::error::{Error, Result};
@@ -9,6 +10,15 @@ use rayon::prelude::*;
 /// Coordinates lie within plus and minus this: intersection multiplies three of
 /// them, which must stay below f32's 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
+
+/// A light's power is at most this: what lights a scene as large as coordinates allow.
+pub const MAX_POWER: f32 = 1e28;
+
+/// No product on the way to a pixel is larger, and single precision holds 3.4e38.
+const MAX_PRODUCT: f64 = 1e37;
+
+/// A surface and a light are told apart where they lie this part of the scene's diagonal apart.
+const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {
     /// Checks what every later room takes for granted: finite numbers in their
@@ -32,20 +42,25 @@ impl Scene {
         require(gamma > 0.0 && gamma.is_finite(), || format!("gamma is {gamma}; expected more than 0"))?;
         check_camera(&self.camera)?;
         self.lights.iter().try_for_each(check_light)?;
-        check_mesh(&self.mesh)
+        check_mesh(&self.mesh)?;
+        let brightness = Brightness::of(&self.mesh, self.lights.len(), self.shadow_bias);
+        self.lights.iter().try_for_each(|light| brightness.check(light))
     }
 }
 
 fn require(holds: bool, message: impl FnOnce() -> String) -> Result<()> {
-    if holds { Ok(()) } else { Err(Error::input(message())) }
+    if holds { Ok(()) } else { Err(Error::input(message()).with_help(LIMITS)) }
 }
+
+/// The remedy of a value out of range.
+const LIMITS: &str = "docs/scenes.md has the range of every value, and its default";
 
 fn in_range(position: Vec3) -> bool {
     // A comparison with NaN is false.
     position.is_finite() && position.abs().max_element() <= MAX_COORDINATE
 }
 
-fn check_camera(camera: &Camera) -> Result<()> {
+pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     let at = camera.position;
     require(in_range(at), || {
         format!("the camera is at {at}; expected coordinates within +-{MAX_COORDINATE:e}")
@@ -64,32 +79,73 @@ fn check_camera(camera: &Camera) -> Result<()> {
     })
 }
 
-fn check_light(light: &Light) -> Result<()> {
+pub(super) fn check_light(light: &Light) -> Result<()> {
     let (at, power) = (light.position, light.power);
     require(in_range(at), || {
         format!("a light is at {at}; expected coordinates within +-{MAX_COORDINATE:e}")
     })?;
-    let valid = power.is_finite() && power.min_element() >= 0.0;
-    require(valid, || format!("a light's power is {power}; expected finite values of at least 0"))
+    let valid = power.is_finite() && power.min_element() >= 0.0 && power.max_element() <= MAX_POWER;
+    require(valid, || format!("a light's power is {power}; expected values from 0 to {MAX_POWER:e}"))
+}
+
+/// How bright a scene's lights make its surfaces at most.
+pub(super) struct Brightness {
+    /// The corners of the box that all surfaces lie in.
+    bounds: (Vec3, Vec3),
+    /// A light inside of it shines on no surface nearer than this.
+    nearest: f32,
+    /// The largest value of any material's reflectance formula.
+    reflectance: f64,
+    lights: usize,
+}
+
+impl Brightness {
+    /// That of a scene's parts.
+    pub fn of(mesh: &Mesh, lights: usize, shadow_bias: f32) -> Self {
+        let bounds = mesh.bounds().unwrap_or_default();
+        let nearest = shadow_bias.max(RELATIVE_RESOLUTION * bounds.1.distance(bounds.0));
+        let reflectance = mesh.materials.iter().map(brightest).fold(0.0, f64::max);
+        Self { bounds, nearest, reflectance, lights }
+    }
+
+    /// Refuses a light whose products, those of `cl/cast/shade.cl`, leave single precision where it is nearest to a surface.
+    pub fn check(&self, light: &Light) -> Result<()> {
+        let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
+        let nearest = outside.max(self.nearest);
+        let spread = 1.0 / (4.0 * std::f64::consts::PI * f64::from(nearest).powi(2));
+        let incoming = spread * f64::from(light.power.max_element());
+        let sum = incoming * self.reflectance * self.lights as f64;
+        let product = spread.max(incoming).max(sum);
+        // A scene without extent has no surface.
+        require(product <= MAX_PRODUCT || nearest == 0.0, || {
+            let Self { reflectance, .. } = self;
+            format!(
+                "a light's power {}, {nearest:e} from a surface, whose reflectance is up to {reflectance:e}, gives \
+                 {product:e}; expected at most {MAX_PRODUCT:e}, which single precision holds",
+                light.power
+            )
+        })
+    }
+}
+
+/// The largest value of a material's reflectance formula.
+fn brightest(material: &Material) -> f64 {
+    let highlight = f64::from(material.glossy.max_element()) * (f64::from(material.shininess) + 8.0) / 8.0;
+    f64::from(material.lambertian.max_element()) + highlight
 }
 
 fn check_material(material: &Material) -> Result<()> {
     let numbers = material.to_floats();
-    require(numbers.iter().all(|value| value.is_finite() && *value >= 0.0), || {
-        format!(
-            "a material has {numbers:?} (k_L, k_G, shininess, kind); expected finite values of at least 0"
-        )
+    let most = MAX_REFLECTANCE.max(MAX_SHININESS);
+    require(numbers.iter().all(|value| (0.0..=most).contains(value)), || {
+        format!("a material has {numbers:?} (k_L, k_G, shininess, kind); expected values from 0 to {most:e}")
     })
 }
 
 fn check_mesh(mesh: &Mesh) -> Result<()> {
     require(!mesh.triangles.is_empty(), || "the scene has no triangles".to_owned())?;
     mesh.materials.iter().try_for_each(check_material)?;
-    let far = mesh.positions.par_iter().with_min_len(PARALLEL_TRIANGLES).find_first(|p| !in_range(**p));
-    require(far.is_none(), || {
-        let position = far.copied().unwrap_or_default();
-        format!("a vertex is at {position}; expected coordinates within +-{MAX_COORDINATE:e}")
-    })?;
+    check_positions(mesh)?;
     let usable = |n: &Vec3| n.is_finite() && *n != Vec3::ZERO;
     let usable = mesh.normals.par_iter().with_min_len(PARALLEL_TRIANGLES).all(usable);
     require(usable, || "a normal is zero or not finite".to_owned())?;
@@ -101,4 +157,13 @@ fn check_mesh(mesh: &Mesh) -> Result<()> {
             && (t.material as usize) < materials
     });
     require(bounded, || "a triangle names a vertex, normal or material that does not exist".to_owned())
+}
+
+/// Refuses a mesh beyond the coordinates that products of them allow.
+pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
+    let far = mesh.positions.par_iter().with_min_len(PARALLEL_TRIANGLES).find_first(|p| !in_range(**p));
+    require(far.is_none(), || {
+        let position = far.copied().unwrap_or_default();
+        format!("a vertex is at {position}; expected coordinates within +-{MAX_COORDINATE:e}")
+    })
 }

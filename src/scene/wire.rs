@@ -1,6 +1,8 @@
 //! The scene file as TOML has it. Its number types refuse what is out of range, so
 //! that `toml` points at the place.
 
+use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
+use super::validate::MAX_POWER;
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
@@ -57,16 +59,16 @@ pub(super) struct ObjectWire {
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialWire {
-    pub k_l: Option<Triple<NonNegative>>,
-    pub k_g: Option<Triple<NonNegative>>,
-    pub shininess: Option<Number<NonNegative>>,
+    pub k_l: Option<Triple<Reflectance>>,
+    pub k_g: Option<Triple<Reflectance>>,
+    pub shininess: Option<Number<Shininess>>,
 }
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
-    pub position: Vector,
-    pub power: Triple<NonNegative>,
+    pub position: Spanned<Vector>,
+    pub power: Spanned<Triple<Power>>,
 }
 
 #[derive(Default, serde::Deserialize)]
@@ -102,6 +104,12 @@ ranges! {
     Finite: "a finite number", |_| true;
     /// For what has no sign.
     NonNegative: "a finite number of at least 0", |value| value >= 0.0;
+    /// For k_L and k_G.
+    Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value);
+    /// For s.
+    Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value);
+    /// For lights.
+    Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value);
     /// For divisors.
     Positive: "a finite number of more than 0", |value| value > 0.0;
     /// For scales.

@@ -1,6 +1,7 @@
 //! The axes. Values that are code are files under `cl/`, one in each family that takes them, whose headers say what they
 //! are; all others have their name and a line that explains it here. This is the only list of them.
 
+use super::LISTED;
 use super::header::Header;
 use super::values::{header_of, values_of};
 use crate::error::{Error, Result, nearest};
@@ -46,7 +47,7 @@ pub trait Axis: Sized + Copy + Eq + 'static {
             ));
             match nearest(name, names) {
                 Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-                None => error,
+                None => error.with_help(LISTED),
             }
         })
     }

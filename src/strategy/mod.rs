@@ -95,12 +95,15 @@ strategy! {
     math: Math,
 }
 
+/// Where every name is that a strategy may be made of.
+const LISTED: &str = "`raycl strategies` lists every axis, its values and the presets";
+
 fn unknown_axis(axis: &str) -> Error {
     let names: Vec<_> = AXES.iter().map(|info| info.name).collect();
     let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
     match nearest(axis, names) {
         Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-        None => error,
+        None => error.with_help(LISTED),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Named strategies: the paper's rows and the fast ones.
 
 use super::{
-    Culling, Epsilons, Intersector, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading, Strategy,
-    TileSize, Traversal, Triangles, Vectors, Width,
+    Culling, Epsilons, Intersector, LISTED, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading,
+    Strategy, TileSize, Traversal, Triangles, Vectors, Width,
 };
 use crate::error::{Error, Result, nearest};
 
@@ -215,7 +215,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
         let error = Error::input(format!("'{name}' is not a preset; the presets are {}", names.join(", ")));
         match nearest(name, names) {
             Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-            None => error,
+            None => error.with_help(LISTED),
         }
     })
 }

@@ -3,7 +3,8 @@
 //! Pixels the [`Reference`] is certain of agree within [`RELATIVE_LIMIT`] (see
 //! [`relative_difference`] for what it is relative to) and within 1 in 8 bits as displayed.
 //! Uncertain ones, where rounding may rightly decide, look like the pixel under one of its nudges (they lie within
-//! the range that those span); those that do not are counted and have to be few.
+//! the range that those span); those that do not are counted and have to be few. As many pixels hit something as can:
+//! `shadow_rays_per_s` counts them.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -31,8 +32,9 @@ pub struct Verdict {
     pub reason: Option<String>,
 }
 
-/// Judges an image of the scene, size and culling that `reference` is of.
-pub fn verify(image: &Radiance, reference: &Reference, display: Display) -> Verdict {
+/// Judges an image of the scene, size and culling that `reference` is of, and where it is known the number of pixels that
+/// hit something.
+pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, display: Display) -> Verdict {
     let uncertain_pixels = reference.doubts.len();
     let expected = &reference.radiance;
     let same_size = (image.width, image.height) == (expected.width, expected.height);
@@ -48,7 +50,8 @@ pub fn verify(image: &Radiance, reference: &Reference, display: Display) -> Verd
     let wrong_pixels = findings.iter().filter(|finding| finding.wrong).count();
     let reason = match worst {
         Some(finding) if finding.wrong => Some(finding.sentence(wrong_pixels)),
-        _ => too_many_unexplained(unexplained_pixels, expected),
+        _ => too_many_unexplained(unexplained_pixels, expected)
+            .or_else(|| hits.and_then(|hits| wrong_hits(hits, reference))),
     };
     Verdict {
         max_difference: findings.iter().map(|finding| finding.difference).fold(0.0, f64::max),
@@ -72,12 +75,17 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// How many uncertain pixels may look like none of their nudges: a hundredth of the image, or in an image too small for that,
-/// one row and one column. So many centres an upright and a level outline can pass through exactly,
-/// as they do in symmetrical scenes at odd sizes; other outlines pass through far fewer.
+/// How many uncertain pixels may look like none of their nudges: a ten-thousandth of the image, 16 in a small one.
 pub fn unexplained_limit(width: u32, height: u32) -> usize {
-    let (width, height) = (width as usize, height as usize);
-    (width * height / 100).max(width + height)
+    (width as usize * height as usize / 10_000).max(16)
+}
+
+/// Why the number of pixels that hit something cannot be; uncertain ones may be strays here as well.
+fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
+    let strays = unexplained_limit(reference.radiance.width, reference.radiance.height);
+    let [fewest, most] = reference.hits_range;
+    let apart = fewest.saturating_sub(hits).max(hits.saturating_sub(most));
+    (apart > strays).then(|| format!("{hits} pixels hit something, and {fewest} to {most} can"))
 }
 
 /// A pixel that was compared.
@@ -177,7 +185,7 @@ mod tests {
     }
 
     fn judge(image: &Radiance, reference: &Reference) -> Verdict {
-        verify(image, reference, Display::default())
+        verify(image, Some(reference.hits), reference, Display::default())
     }
 
     #[test]
@@ -255,6 +263,38 @@ mod tests {
         let verdict = judge(&image, &reference);
         assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
         assert!(verdict.reason.unwrap_or_default().contains("nudges"));
+    }
+
+    #[test]
+    fn the_limit_of_strays_is_a_ten_thousandth_of_the_image() {
+        let limits = [[40, 25], [400, 400], [800, 500], [1920, 1080]].map(|[w, h]| unexplained_limit(w, h));
+        assert_eq!(limits, [16, 16, 40, 207]);
+    }
+
+    #[test]
+    fn every_uncertain_pixel_of_a_papers_scene_wrong_is_noticed() {
+        let scene = fixtures::pyramid_lower();
+        let reference = reference(&scene, [401, 251], Culling::None);
+        let mut image = reference.radiance.clone();
+        for doubt in &reference.doubts {
+            image.pixels[doubt.pixel] = doubt.high.map(|high| 2.0 * high + 0.1);
+        }
+        let verdict = judge(&image, &reference);
+        assert!(!verdict.ok && verdict.unexplained_pixels == reference.doubts.len(), "{verdict:?}");
+    }
+
+    #[test]
+    fn hits_that_cannot_be_are_noticed() {
+        let reference = judged();
+        let verdict = |hits| verify(&reference.radiance, hits, &reference, Display::default());
+        let [fewest, most] = reference.hits_range;
+        for hits in [None, Some(fewest - 16), Some(most + 16)] {
+            assert!(verdict(hits).ok, "{hits:?} of {fewest} to {most}");
+        }
+        for hits in [0, fewest - 17, most + 17, 80 * 50] {
+            let reason = verdict(Some(hits)).reason.unwrap_or_default();
+            assert!(reason.starts_with(&format!("{hits} pixels hit something")), "{reason}");
+        }
     }
 
     #[test]

@@ -106,12 +106,12 @@ impl Stand {
 
     /// How a strategy's image compares with the reference; an error where the device cannot hold it.
     pub fn check(&mut self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Verdict, String> {
-        let image = self.cast(strategy, local_size)?;
+        let (image, hits) = self.cast_and_count(strategy, local_size)?;
         let name = if strategy.culling == Culling::Back { "back" } else { "none" };
         let (scene, size) = (&self.scene, self.size);
         let expected =
             self.references.entry(name).or_insert_with(|| reference(scene, size, strategy.culling));
-        Ok(verify(&image, expected, scene.display))
+        Ok(verify(&image, Some(hits), expected, scene.display))
     }
 }
 

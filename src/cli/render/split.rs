@@ -1,7 +1,8 @@
 //! `raycl render --devices`: one frame on several devices.
 
+use super::judge::{check, refuse_not_finite};
 use super::report::Verified;
-use super::{Args, check, medians, ms_since, scene_overrides, strategy, target, timed};
+use super::{Args, medians, ms_since, scene_overrides, strategy, target, timed};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -96,11 +97,13 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     };
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
-    let (image, _, shares) = split.cast(&devices)?;
+    let (image, hits, shares) = split.cast(&devices)?;
     drop(held);
     let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
-    let verified = args.verify.then(|| check(&scene, &image, &strategy, target.path())).transpose()?;
+    refuse_not_finite(&image, target.path())?;
+    let verified =
+        args.verify.then(|| check(&scene, (&image, hits), &strategy, target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let pixels = f64::from(args.width) * f64::from(args.height);

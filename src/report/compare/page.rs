@@ -3,7 +3,8 @@
 use super::{Comparison, Pair};
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
-use crate::record::{Record, interval, median, ms};
+use crate::printer::{line, markdown};
+use crate::record::{interval, median, ms};
 use crate::report::page::{SCRIPT, STYLE, nonce};
 use crate::report::plot::Plot;
 use crate::report::plot::chart::{Across, Chart, Mark, Series};
@@ -16,22 +17,21 @@ use std::fmt::Write as _;
 impl Comparison {
     /// The comparison as Markdown.
     pub fn markdown(&self) -> String {
-        let [a, b] = &self.labels;
+        let [a, b] = &self.labels.each_ref().map(|label| markdown(label));
         let mut text = format!("# {b} against {a}\n\n{}.\n\n", self.summary());
         let _ = writeln!(text, "| point | {a}, ms | {b}, ms | change | verdict |\n|---|--:|--:|--:|---|");
         for row in self.rows() {
             let cells = row.cells();
-            // A bar would end the cell.
-            let cells = cells.map(|cell| cell.replace('|', "\\|"));
+            let cells = cells.map(markdown);
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
         self.notes.iter().for_each(|note| {
-            let _ = writeln!(text, "\nNote: {note}");
+            let _ = writeln!(text, "\nNote: {}", line(note));
         });
         if !self.others.is_empty() {
             text.push_str("\nNot compared:\n\n");
-            self.others.iter().for_each(|line| {
-                let _ = writeln!(text, "- {line}");
+            self.others.iter().for_each(|other| {
+                let _ = writeln!(text, "- {}", markdown(other));
             });
         }
         let _ = writeln!(text, "\n{}", self.rule());
@@ -113,11 +113,10 @@ impl Comparison {
 
     /// The comparison as a page.
     pub fn html(&self) -> Result<String> {
-        let records: Vec<Record> = self.pairs.iter().map(|pair| pair.after.clone()).collect();
         let page = Page {
             style: STYLE,
             script: SCRIPT,
-            nonce: nonce(&records),
+            nonce: nonce(),
             version: env!("CARGO_PKG_VERSION"),
             labels: &self.labels,
             summary: self.summary(),
@@ -127,7 +126,7 @@ impl Comparison {
             notes: &self.notes,
             rule: self.rule(),
         };
-        page.render().map_err(|error| Error::run(format!("the comparison could not be written: {error}")))
+        page.render().map_err(|error| Error::fault(format!("the comparison could not be written: {error}")))
     }
 }
 

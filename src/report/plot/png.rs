@@ -12,7 +12,7 @@ const SCALE: f32 = 2.0;
 
 /// Draws SVG as PNG, twice as large for sharp print.
 pub fn png(svg: &str) -> Result<Vec<u8>> {
-    let fail = |error: &dyn std::fmt::Display| Error::run(format!("a plot could not be drawn: {error}"));
+    let fail = |error: &dyn std::fmt::Display| Error::fault(format!("a plot could not be drawn: {error}"));
     let mut options = usvg::Options { font_family: FAMILY.to_owned(), ..usvg::Options::default() };
     let fonts = Arc::make_mut(&mut options.fontdb);
     fonts.load_font_data(FONT.to_vec());

@@ -10,7 +10,7 @@ impl Reproduction {
     pub fn json(&self) -> Result<String> {
         let devices: Vec<Value> = self.devices.iter().map(device).collect();
         let text = serde_json::to_string_pretty(&json!({ "devices": devices }));
-        text.map(|text| text + "\n").map_err(|error| Error::run(error.to_string()))
+        text.map(|text| text + "\n").map_err(|error| Error::fault(error.to_string()))
     }
 }
 

@@ -74,7 +74,7 @@ impl Reproduction {
         Ok(Self {
             style: STYLE,
             script: SCRIPT,
-            nonce: nonce(&records.concat()),
+            nonce: nonce(),
             version: env!("CARGO_PKG_VERSION"),
             devices,
             notes: notes(folders),
@@ -86,7 +86,7 @@ impl Reproduction {
     /// The page as HTML.
     pub fn html(&self) -> Result<String> {
         self.render()
-            .map_err(|error| Error::run(format!("the reproduction page could not be written: {error}")))
+            .map_err(|error| Error::fault(format!("the reproduction page could not be written: {error}")))
     }
 
     /// Every plot on it.

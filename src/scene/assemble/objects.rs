@@ -3,8 +3,10 @@
 use crate::error::{Error, Result, line_of, nearest, nearest_file};
 use crate::filetype::{Opened, Wanted};
 use crate::memory::Available;
+use crate::reader::lies_in;
 use crate::scene::document::Document;
 use crate::scene::normals::{self, MISSING};
+use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
 use crate::scene::wire::{MaterialWire, ObjectWire};
@@ -84,7 +86,9 @@ fn read_obj(
     if !document.bare {
         refuse_foreign(document, file, &path)?;
     }
-    let read = obj::read(&path, beyond)?;
+    // A bare mesh was named on the command line.
+    let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
+    let read = obj::read(&path, Permitted { beyond, quotes })?;
     for note in read.notes.into_iter().map(|note| format!("{}: {note}", path.display())) {
         // A mesh in several objects is told of once.
         if !notes.contains(&note) {

@@ -119,15 +119,16 @@ impl Asked {
         }
     }
 
-    /// A sentence of each kind; `who` is a material or a statement.
-    pub fn notes(&self, who: &str) -> impl Iterator<Item = String> {
+    /// A sentence of each kind; `who` is a material or a statement. The keywords are the file's own words.
+    pub fn notes(&self, who: &str, quotes: bool) -> impl Iterator<Item = String> {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();
-            let (asking, names) = (counted(count.total, who), count.told());
+            let asking = counted(count.total, who);
+            let names = if quotes { format!(" ({})", count.told()) } else { String::new() };
             let verb = if count.total == 1 { "asks" } else { "ask" };
             match wish {
-                Wish::Unknown => format!("unknown keywords of {asking} are passed over ({names})"),
-                _ => format!("{asking} {verb} for {what} ({names}), which raycl does not do: {instead}"),
+                Wish::Unknown => format!("unknown keywords of {asking} are passed over{names}"),
+                _ => format!("{asking} {verb} for {what}{names}, which raycl does not do: {instead}"),
             }
         })
     }

@@ -46,6 +46,32 @@ pub(super) struct FaceChunk {
     unknown_materials: BTreeSet<String>,
     /// Where the first face with normals at some corners only is.
     partial_normals: Option<usize>,
+    /// Faces that name a normal which the file lacks.
+    lost_normals: Seen,
+    /// Faces of fewer than three corners.
+    short: Seen,
+}
+
+/// How often something was seen, and where first.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    count: usize,
+    first: usize,
+}
+
+impl Seen {
+    fn at(&mut self, offset: usize) {
+        self.first = if self.count == 0 { offset } else { self.first };
+        self.count += 1;
+    }
+
+    /// That of a whole file, of its pieces in order.
+    fn joined(self, later: Self) -> Self {
+        Self {
+            count: self.count + later.count,
+            first: if self.count == 0 { later.first } else { self.first },
+        }
+    }
 }
 
 pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Result<FaceChunk, Mistake> {
@@ -60,9 +86,7 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
             (b"usemtl", rest) => material = faces.material(context, &words(rest)),
             (b"f", rest) => {
                 let read = read_corners(context, &seen, rest, &mut corners);
-                if faces.partial_normals.is_none() && some_normals_missing(&corners) {
-                    faces.partial_normals = Some(offset);
-                }
+                faces.look_at(offset, &mut corners);
                 read.and_then(|()| faces.push(context, &corners, material))
                     .map_err(|message| Mistake::new(offset, message))?;
             }
@@ -74,6 +98,9 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
 
 /// One corner of a face: a position and, if it has one, a normal.
 type Corner = (u32, u32);
+
+/// In a [`Corner`]: a normal is named that the file lacks.
+const LOST: u32 = MISSING - 1;
 
 /// Whether some corners have a normal and others have none.
 fn some_normals_missing(corners: &[Corner]) -> bool {
@@ -92,7 +119,22 @@ impl FaceChunk {
         0
     }
 
+    /// Counts what is odd about a face; one that names a normal which is not there gets none of its own.
+    fn look_at(&mut self, offset: usize, corners: &mut [Corner]) {
+        if corners.len() < 3 {
+            self.short.at(offset);
+        } else if corners.iter().any(|corner| corner.1 == LOST) {
+            self.lost_normals.at(offset);
+            corners.iter_mut().for_each(|corner| corner.1 = MISSING);
+        } else if some_normals_missing(corners) {
+            self.partial_normals.get_or_insert(offset);
+        }
+    }
+
     fn push(&mut self, context: &FaceContext, corners: &[Corner], material: u32) -> Result<(), String> {
+        if corners.len() < 3 {
+            return Ok(());
+        }
         // A normal at some corners only cannot be interpolated: then none counts.
         let complete = corners.iter().all(|corner| corner.1 != MISSING);
         let mut push = |[a, b, c]: [usize; 3]| {
@@ -123,10 +165,7 @@ fn read_corners(
     for token in tokens(rest) {
         corners.push(corner(context, seen, token)?);
     }
-    match corners.len() {
-        count @ 0..3 => Err(format!("a face of {count} corners; expected three or more")),
-        _ => Ok(()),
-    }
+    Ok(())
 }
 
 /// `position`, `position/texture`, `position//normal` or `position/texture/normal`;
@@ -146,12 +185,20 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     }
     let normal = match parts.next().unwrap_or_default() {
         [] => MISSING,
-        part => resolve(part, token, "normal", seen.normals, context.total.normals)?,
+        part => normal(context, seen, part, token)?,
     };
     if parts.next().is_some() {
         return Err(format!("{} has too many slashes; expected vertex/texture/normal", quoted(token)));
     }
     Ok((position, normal))
+}
+
+/// A normal's number, or [`LOST`] where the file has no such normal; 0 and what is no number are mistakes.
+fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Result<u32, String> {
+    match resolve(part, token, "normal", seen.normals, context.total.normals) {
+        Err(_) if integer(part).is_some_and(|value| value != 0) => Ok(LOST),
+        other => other,
+    }
 }
 
 /// The zero-based index of a short number from 1 to `total`; `None` for anything else.
@@ -213,13 +260,39 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
     }
 }
 
+/// Says what was made up for, or left out of, odd faces.
+pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
+    let all = |of: fn(&FaceChunk) -> Seen| faces.iter().map(of).fold(Seen::default(), Seen::joined);
+    let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
+    if lost.count > 0 {
+        notes.push(format!(
+            "line {}: {} normals (vn) that the file lacks: these normals are made from the faces' shape",
+            source.line(lost.first),
+            naming(lost.count)
+        ));
+    }
+    if short.count > 0 {
+        let (faces, are) = (counted(short.count, "face"), if short.count == 1 { "is" } else { "are" });
+        notes.push(format!(
+            "line {}: {faces} of fewer than three corners {are} left out",
+            source.line(short.first)
+        ));
+    }
+}
+
+/// "1 face names", "2 faces name".
+fn naming(count: usize) -> String {
+    format!("{} {}", counted(count, "face"), if count == 1 { "names" } else { "name" })
+}
+
 /// Says how many materials no MTL file defines.
-pub(super) fn note_unknown_materials(faces: &[FaceChunk], notes: &mut Vec<String>) {
+pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
     let (are, such_as) = if names.len() == 1 { ("is", "") } else { ("are", "such as ") };
-    let (count, first) = (counted(names.len(), "material"), quoted(first.as_bytes()));
+    let count = counted(names.len(), "material");
+    let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{count} named by `usemtl` {are} in no material file ({such_as}{first}): k_L {DEFAULT_LAMBERTIAN} is used"
+        "{count} named by `usemtl` {are} in no material file{first}: k_L {DEFAULT_LAMBERTIAN} is used"
     ));
 }

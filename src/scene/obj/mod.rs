@@ -22,6 +22,7 @@ use super::mesh::{Mesh, Triangle};
 use super::normals;
 use crate::error::{Error, Result};
 use crate::memory::Available;
+use crate::reader::{self, Kind};
 use faces::{FaceChunk, FaceContext};
 use mtl::Reach;
 use points::PointChunk;
@@ -43,25 +44,36 @@ pub(super) struct ObjFile {
     pub notes: Vec<String>,
 }
 
+/// What reading a mesh may touch and tell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Permitted {
+    /// MTL files outside of the mesh's folder.
+    pub beyond: bool,
+    /// Messages that quote the mesh.
+    pub quotes: bool,
+}
+
 /// Reads an OBJ file and the MTL files it names: those in its folder, or with `beyond` any.
-pub(super) fn read(path: &Path, beyond: bool) -> Result<ObjFile> {
+pub(super) fn read(path: &Path, permitted: Permitted) -> Result<ObjFile> {
     let unreadable = |e| Error::unreadable("mesh", path, &e, "give the path of a mesh (.obj)");
-    let length = std::fs::metadata(path).map_err(unreadable)?.len();
+    let file = reader::open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
     let what = format!("reading {}", path.display());
     Available::read().hold(
         READING_FACTOR * length,
         &what,
         &format!("{READING_FACTOR} B x {length} bytes of text"),
     )?;
-    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let bytes = reader::rest(file, Vec::new(), Kind::Mesh).map_err(unreadable)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&path.display().to_string(), Reach { folder, beyond }, &bytes)
+    parse(&path.display().to_string(), Reach { folder, permitted }, &bytes)
 }
 
 /// Reads OBJ text called `name`, and the MTL files in reach that it names.
 fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
     let text = text::normalise(bytes);
-    let source = Source { name, text: &text };
+    let quotes = reach.permitted.quotes;
+    let source = Source { name, text: &text, quotes };
     let chunks = text::chunks(&text);
     let points: Vec<PointChunk> = in_order(&source, chunks.par_iter().map(points::read).collect())?;
     let mut notes = Vec::new();
@@ -71,7 +83,8 @@ fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
     let starts = faces::starts(&points);
     let total = starts[points.len()];
     if total.positions.max(total.normals) >= i32::MAX as usize {
-        return Err(Error::input(format!("{name}: more vertices than 32-bit indices can name")));
+        return Err(Error::input(format!("{name}: more vertices than 32-bit indices can name"))
+            .with_help("cut the mesh into several files"));
     }
     let mut mesh = Mesh { materials: materials.list, ..Mesh::default() };
     mesh.positions.reserve_exact(total.positions);
@@ -90,14 +103,13 @@ fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
             [] => "no triangles: the file is empty".to_owned(),
             _ => format!("no triangles: {} vertices and no face (`f`)", total.positions),
         };
-        return Err(source
-            .error(Mistake::new(text.len(), what))
-            .with_help("a mesh needs vertices, `v x y z`, and faces of them, `f 1 2 3`"));
+        return Err(source.error(Mistake::new(text.len(), what)));
     }
     faces::note_partial_normals(&faces, &source, &mut notes);
-    faces::note_unknown_materials(&faces, &mut notes);
-    notes::of_statements(&points, &mesh, &mut notes);
-    notes::of_materials(&materials.asked, &mesh, &mut notes);
+    faces::note_odd_faces(&faces, &source, &mut notes);
+    faces::note_unknown_materials(&faces, quotes, &mut notes);
+    notes::of_statements(&points, &mesh, quotes, &mut notes);
+    notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
     normals::complete(&mut mesh);
     Ok(ObjFile { mesh, notes })
 }

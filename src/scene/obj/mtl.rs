@@ -1,11 +1,13 @@
 //! MTL files, through `tobj`, after a look at each line so that a mistake has a place.
 
+use super::Permitted;
 use super::asked::Asked;
 use super::text::{Mistake, Source, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
-use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
+use crate::reader::{self, Kind, lies_in};
+use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -23,8 +25,8 @@ pub(super) struct Materials {
 pub(super) struct Reach<'a> {
     /// The mesh's folder, which names are relative to.
     pub folder: &'a Path,
-    /// Whether files outside of it may be read too.
-    pub beyond: bool,
+    /// What else may be read, and what be told.
+    pub permitted: Permitted,
 }
 
 /// Loads every MTL file that can be; the others end in a note.
@@ -38,11 +40,12 @@ pub(super) fn load_all<'a>(
     for library in libraries {
         for name in reach.file_names(library) {
             match reach.open(name) {
-                Ok(bytes) => materials.add(&reach.folder.join(name).display().to_string(), &bytes)?,
+                Ok(bytes) => materials.add(reach, name, &bytes)?,
                 Err(reason) => {
-                    let name = quoted(name.as_bytes());
+                    let quoted = || format!(" {}", quoted(name.as_bytes()));
+                    let name = if reach.permitted.quotes { quoted() } else { String::new() };
                     let note = format!(
-                        "material file {name} {reason}: k_L {DEFAULT_LAMBERTIAN} is used for its materials"
+                        "material file{name} {reason}: k_L {DEFAULT_LAMBERTIAN} is used for its materials"
                     );
                     if !notes.contains(&note) {
                         notes.push(note);
@@ -67,10 +70,8 @@ impl Reach<'_> {
     fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
         let path = self.folder.join(name.replace('\\', "/")).canonicalize();
-        let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder };
-        let inside = |path: &PathBuf| folder.canonicalize().is_ok_and(|folder| path.starts_with(folder));
         match path {
-            Ok(path) if !self.beyond && !inside(&path) => Err(OUTSIDE.to_owned()),
+            Ok(path) if !self.permitted.beyond && !lies_in(&path, self.folder) => Err(OUTSIDE.to_owned()),
             Ok(path) if path.is_dir() => Err("is a folder".to_owned()),
             // A pipe or a device may never end.
             Ok(path) if !path.is_file() => Err("is no ordinary file".to_owned()),
@@ -79,7 +80,8 @@ impl Reach<'_> {
     }
 
     fn open(&self, name: &str) -> std::result::Result<Vec<u8>, String> {
-        let bytes = std::fs::read(self.locate(name)?).map_err(|error| format!("cannot be read ({error})"))?;
+        let bytes = reader::bytes(&self.locate(name)?, Kind::Materials)
+            .map_err(|error| format!("cannot be read ({error})"))?;
         match FileType::of(&bytes, bytes.len() as u64) {
             FileType::Foreign(Foreign { name, .. }) if name != MTL => {
                 Err(format!("is {name} and is not read"))
@@ -93,9 +95,12 @@ const OUTSIDE: &str =
     "lies outside the mesh's folder and is not read (outside_materials = true in its [[object]] allows it)";
 
 impl Materials {
-    fn add(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+    fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8]) -> Result<()> {
         let text = super::text::normalise(bytes);
-        let source = Source { name, text: &text };
+        let path = reach.folder.join(name);
+        let quotes = reach.permitted.quotes && lies_in(&path, reach.folder);
+        let name = &path.display().to_string();
+        let source = Source { name, text: &text, quotes };
         let checked = check(&text).map_err(|mistake| source.error(mistake))?;
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
@@ -176,9 +181,10 @@ fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
 }
 
 fn value(name: &[u8], token: &[u8]) -> std::result::Result<f32, String> {
-    number(token).filter(|value| *value >= 0.0).ok_or_else(|| {
-        format!("{} in {}; expected a finite number of at least 0", quoted(token), words(name))
-    })
+    let most = if name == b"Ns" { MAX_SHININESS } else { MAX_REFLECTANCE };
+    number(token)
+        .filter(|value| (0.0..=most).contains(value))
+        .ok_or_else(|| format!("{} in {}; expected a number from 0 to {most:e}", quoted(token), words(name)))
 }
 
 /// Kd is k_L, Ks is k_G and Ns is s; without a Ks there is no highlight.

@@ -7,7 +7,7 @@ use crate::scene::normals::MISSING;
 use std::collections::BTreeSet;
 
 /// Notes of vertices' colours, smoothing groups and other statements; `mesh` is as the file has it, without normals made for it.
-pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, notes: &mut Vec<String>) {
+pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let colours: usize = points.iter().map(|chunk| chunk.colours).sum();
     if colours > 0 {
         let (vertices, has) = (counted(colours, "vertex"), if colours == 1 { "has" } else { "have" });
@@ -29,11 +29,11 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, notes: &mut Vec<
     }
     let mut asked = Asked::default();
     points.iter().for_each(|chunk| asked.extend(&chunk.asked));
-    notes.extend(asked.notes("statement"));
+    notes.extend(asked.notes("statement", quotes));
 }
 
 /// Notes of the materials that some triangle has.
-pub(super) fn of_materials(asked: &[Asked], mesh: &Mesh, notes: &mut Vec<String>) {
+pub(super) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     if asked.iter().all(Asked::is_empty) {
         return;
     }
@@ -41,5 +41,5 @@ pub(super) fn of_materials(asked: &[Asked], mesh: &Mesh, notes: &mut Vec<String>
     mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
     let mut all = Asked::default();
     asked.iter().zip(used).filter(|(_, used)| *used).for_each(|(asked, _)| all.add_material(asked));
-    notes.extend(all.notes("material"));
+    notes.extend(all.notes("material", quotes));
 }

@@ -8,7 +8,7 @@ fn read(text: &str) -> Result<ObjFile> {
 }
 
 fn nowhere() -> Reach<'static> {
-    Reach { folder: Path::new("/nowhere"), beyond: false }
+    Reach { folder: Path::new("/nowhere"), permitted: Permitted { beyond: false, quotes: true } }
 }
 
 const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -33,8 +33,9 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         ),
         (format!("{CORNERS}f -4 -2 -1\n"), "expected -3 to -1"),
         (format!("{CORNERS}f 1 2 99999999999999999999999\n"), "expected 1 to 3"),
-        (format!("{CORNERS}f 1//1 2//2 3//3\n"), "the file has no normal at all"),
-        (format!("{CORNERS}f 1 2\n"), "test.obj:4: a face of 2 corners; expected three or more"),
+        (format!("{CORNERS}f 1//0 2//0 3//0\n"), "the file has no normal at all"),
+        (format!("{CORNERS}f 1 2\n"), "test.obj:5: no triangles: 3 vertices"),
+        (format!("{CORNERS}f 1 4\nf 1 2 3\n"), "test.obj:4: vertex index `4`"),
         (format!("{CORNERS}f 1 2 3.5\n"), "`3.5` in `3.5` is not an index"),
         (format!("{CORNERS}f / / /\n"), "is not an index"),
         (format!("{CORNERS}f 1/1/1/1 2 3\n"), "test.obj:4:"),
@@ -67,6 +68,27 @@ fn a_mistake_after_continued_lines_has_its_own_line() {
 }
 
 #[test]
+fn normals_that_the_file_lacks_are_made_and_told() {
+    for face in ["f 1//1 2//2 3//3", "f 1//1 2//1 3//-1", "f 1//2 2 3"] {
+        let file = read(&format!("{CORNERS}{face}\n{face}\nf 1 2 3\n")).unwrap();
+        assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
+        let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
+        assert!(note.starts_with("line 4: 2 faces name normals (vn) that the file lacks"), "{note}");
+    }
+    let some = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2//1 3//1\nf 1//1 2//1 3//2\n")).unwrap();
+    assert_eq!(some.mesh.corner_normals(&some.mesh.triangles[0]), [glam::Vec3::X; 3]);
+    assert_eq!(some.mesh.corner_normals(&some.mesh.triangles[1]), [glam::Vec3::Z; 3]);
+    assert!(some.notes[0].starts_with("line 6: 1 face names normals"), "{:?}", some.notes);
+}
+
+#[test]
+fn faces_of_fewer_than_three_corners_are_left_out_and_told() {
+    let file = read(&format!("{CORNERS}f 1 2\nf 1 2 3\nf 3\nf\n")).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 1);
+    assert_eq!(file.notes, ["line 4: 3 faces of fewer than three corners are left out"]);
+}
+
+#[test]
 fn normals_at_some_corners_only_are_generated_at_all() {
     let file = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2 3\n")).unwrap();
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
@@ -84,7 +106,7 @@ fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     std::os::unix::fs::symlink("/dev/zero", inner.join("endless.mtl")).unwrap();
     let path = inner.join("test.obj");
     std::fs::write(&path, format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
-    let file = super::read(&path, beyond).unwrap();
+    let file = super::read(&path, Permitted { beyond, quotes: true }).unwrap();
     let material = *file.mesh.material(&file.mesh.triangles[0]);
     (material != crate::scene::Material::default(), file.notes)
 }
@@ -114,7 +136,7 @@ fn a_material_file_outside_the_folder_or_missing_is_a_note() {
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
-    let reach = Reach { folder: folder.path(), beyond: false };
+    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
     let text = format!("mtllib m.mtl\n{CORNERS}{obj}\nf 1 2 3\n");
     parse("test.obj", reach, text.as_bytes()).unwrap().notes
 }
@@ -185,11 +207,8 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
     let without =
         "o a\ng b c\ns 1\nmg off\nvt 0 0\nv 0 0 0 1\nvp 1\nbevel off\nusemap off\n# l 1 2\n\nf 1/1 2/1 3/1";
     assert_eq!(notes_of(without, ""), Vec::<String>::new());
-    assert_eq!(
-        notes_of("s off\nvn 0 0 1\nf 1//1 2//1 3//1", "").len(),
-        1,
-        "only the last face lacks normals"
-    );
+    let last_lacks_normals = "s off\nvn 0 0 1\nf 1//1 2//1 3//1";
+    assert_eq!(notes_of(last_lacks_normals, "").len(), 1);
 }
 
 #[test]
@@ -208,8 +227,13 @@ fn a_material_file_that_is_something_else_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), b"\x89PNG\r\n\x1a\n").unwrap();
     let text = format!("mtllib m.mtl\n{CORNERS}f 1 2 3\n");
-    let notes =
-        parse("test.obj", Reach { folder: folder.path(), beyond: false }, text.as_bytes()).unwrap().notes;
+    let notes = parse(
+        "test.obj",
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } },
+        text.as_bytes(),
+    )
+    .unwrap()
+    .notes;
     assert!(notes[0].contains("`m.mtl` is a PNG picture and is not read"), "{notes:?}");
 }
 

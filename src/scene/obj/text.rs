@@ -27,6 +27,8 @@ impl Mistake {
 pub(super) struct Source<'a> {
     pub name: &'a str,
     pub text: &'a [u8],
+    /// Whether messages may quote it.
+    pub quotes: bool,
 }
 
 impl Source<'_> {
@@ -38,7 +40,13 @@ impl Source<'_> {
     /// The mistake with its file and line, and the line itself where it can be shown.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
-        let message = format!("{}:{}: {}", self.name, self.line(mistake.offset), mistake.message);
+        let line = &self.text[before.len()..];
+        let expected = expected(line);
+        let line_number = self.line(mistake.offset);
+        if !self.quotes {
+            return Error::withheld(self.name, line_number, expected);
+        }
+        let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         // Only UTF-8 text has the same offsets in the error as in the file.
@@ -49,6 +57,20 @@ impl Source<'_> {
             }
             _ => Error::input(message),
         }
+        .with_help(format!("expected {expected}"))
+    }
+}
+
+/// What a statement ought to be: said in place of a text that may not be quoted.
+fn expected(line: &[u8]) -> &'static str {
+    match keyword(line).0 {
+        b"v" => "`v x y z`: three finite numbers within +-1e12",
+        b"vn" => "`vn x y z`: three finite numbers",
+        b"f" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
+        b"newmtl" => "`newmtl NAME`",
+        b"Kd" | b"Ks" => "one or three numbers from 0 to 1e6",
+        b"Ns" => "a number from 0 to 1e6",
+        _ => "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`",
     }
 }
 

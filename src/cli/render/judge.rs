@@ -1,0 +1,39 @@
+//! Whether a picture is right: finite always, and with `--verify` the reference's.
+
+use super::report::Verified;
+use crate::error::{Error, Result};
+use crate::image::Radiance;
+use crate::reference::reference;
+use crate::scene::Scene;
+use crate::strategy::Strategy;
+use crate::verify::{Verdict, verify};
+use std::path::Path;
+
+/// A picture with a value that is no number, or infinite, is a failed run even where nobody asked for `--verify`.
+pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
+    let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
+    let found = image.pixels[(y * image.width + x) as usize];
+    let message =
+        format!("the picture is wrong: {count} pixels are not finite; the first, ({x}, {y}), is {found:?}");
+    Err(Error::run(message).with_help(format!(
+        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; the picture is kept, to be looked at: {}",
+        saved.display()
+    )))
+}
+
+/// Compares a picture, and the number of its pixels that hit something, with the reference.
+pub(super) fn check(
+    scene: &Scene,
+    (image, hits): (&Radiance, usize),
+    strategy: &Strategy,
+    saved: &Path,
+) -> Result<Verified> {
+    let expected = reference(scene, [image.width, image.height], strategy.culling);
+    let verdict = verify(image, Some(hits), &expected, scene.display);
+    let Verdict { max_difference, uncertain_pixels, .. } = verdict;
+    if verdict.ok {
+        return Ok(Verified { max_difference, uncertain_pixels });
+    }
+    let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
+    Err(error.with_help(format!("it is kept, to be looked at: {}", saved.display())))
+}

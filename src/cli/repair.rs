@@ -1,0 +1,41 @@
+//! `raycl repair`: damaged lines out of a folder's journals.
+
+use crate::error::{Error, Result};
+use crate::experiment::Lock;
+use crate::record::{Repaired, repair};
+use std::path::PathBuf;
+
+/// Arguments of `raycl repair`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl repair results/quick
+  raycl run configs/quick.toml --resume      measures again what was damaged")]
+pub struct Args {
+    /// A folder that `raycl run` wrote
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Takes damaged lines out of records, samples and rounds, and keeps each file as it was beside it.
+pub fn run(args: Args) -> Result<()> {
+    if !args.folder.join("records.jsonl").is_file() {
+        let error =
+            Error::input(format!("{} holds no results: records.jsonl is missing", args.folder.display()));
+        return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
+    }
+    let _lock = Lock::take(&args.folder)?;
+    let repaired = repair(&args.folder)?;
+    if args.json {
+        return super::print_json(&serde_json::json!({ "repaired": repaired }));
+    }
+    if repaired.is_empty() {
+        return super::print("no line is damaged");
+    }
+    let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
+        format!("{}: {damaged} damaged taken out, {kept} kept; as it was: {}", file.display(), copy.display())
+    };
+    super::print(repaired.iter().map(line).collect::<Vec<_>>().join("\n"))
+}

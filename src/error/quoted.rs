@@ -1,0 +1,53 @@
+//! What messages show of a file's text: no line that is too long to be read, and nothing that would steer a terminal.
+
+/// Longer lines of a file are not shown, nor longer messages that quote one.
+pub(super) const SHOWN_LINE_BYTES: usize = 400;
+
+/// A sentence without its middle where it is too long to be read, and without what would steer a terminal.
+pub fn shortened(text: impl Into<String>) -> String {
+    let text = printable(text.into());
+    if text.len() <= SHOWN_LINE_BYTES {
+        return text;
+    }
+    let head = &text[..boundary(&text, SHOWN_LINE_BYTES / 2)];
+    let tail = &text[boundary(&text, text.len() - SHOWN_LINE_BYTES / 3)..];
+    format!("{head} ... {tail}")
+}
+
+/// Where the character at `place` begins.
+pub(super) fn boundary(text: &str, place: usize) -> usize {
+    (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+}
+
+/// The number, from 1, of the line that holds the byte at `offset`.
+pub fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
+}
+
+/// The text with long lines cut off, and how many bytes that took from before `place`.
+pub(super) fn cut_long_lines(text: String, place: usize) -> (String, usize) {
+    if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
+        return (text, 0);
+    }
+    let (mut kept, mut read, mut cut) = (String::new(), 0, 0);
+    for line in text.split_inclusive('\n') {
+        read += line.len();
+        let shown = match line.len() {
+            0..=SHOWN_LINE_BYTES => line.to_owned(),
+            _ => line[..boundary(line, SHOWN_LINE_BYTES / 2)].to_owned() + " ...\n",
+        };
+        cut += if read <= place { line.len() - shown.len() } else { 0 };
+        kept.push_str(&shown);
+    }
+    (kept, cut)
+}
+
+/// The text with question marks for what would steer a terminal; every other byte stays at its place.
+pub(super) fn printable(text: String) -> String {
+    let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
+    if !text.contains(steers) {
+        return text;
+    }
+    let shown = |c: char| if steers(c) { "?".repeat(c.len_utf8()) } else { c.to_string() };
+    text.chars().map(shown).collect()
+}

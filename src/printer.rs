@@ -1,0 +1,115 @@
+//! The one way to terminals and to Markdown for text that may be anybody's: names, files' words, drivers' messages. Control
+//! characters would move a terminal's cursor, rename its window or forge lines of a log: they are shown as `\u001b`, which
+//! JSON reads as well.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+use std::io::Write as _;
+
+/// Whether a character steers who shows it: controls, and those that turn the direction of writing.
+fn steers(c: char) -> bool {
+    c.is_control() && c != '\n' && c != '\t' || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// The text with what would steer a terminal shown as its code.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    escaped(text, steers)
+}
+
+fn escaped(text: &str, refused: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&refused) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        match refused(c) {
+            // Writing to a String cannot fail.
+            true => drop(write!(shown, "\\u{:04x}", u32::from(c))),
+            false => shown.push(c),
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// The same in one line.
+pub fn line(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| steers(c) || c == '\n' || c == '\t')
+}
+
+/// The text that a program itself has coloured: colours stay (`ESC [ 1 ; 31 m`), everything else that steers does not.
+/// What is put into it from elsewhere has to be [`plain`] already.
+pub fn coloured(text: &str) -> Cow<'_, str> {
+    if !text.contains(steers) {
+        return Cow::Borrowed(text);
+    }
+    let (mut shown, mut rest) = (String::with_capacity(text.len()), text);
+    while let Some(at) = rest.find(steers) {
+        shown.push_str(&rest[..at]);
+        let length =
+            colour(&rest[at..]).unwrap_or_else(|| rest[at..].chars().next().map_or(1, char::len_utf8));
+        let piece = &rest[at..at + length];
+        shown.push_str(if colour(piece).is_some() { piece.into() } else { plain(piece) }.as_ref());
+        rest = &rest[at + length..];
+    }
+    Cow::Owned(shown + rest)
+}
+
+/// How many bytes the colour that a text begins with has.
+fn colour(text: &str) -> Option<usize> {
+    let inner = text.strip_prefix("\u{1b}[")?;
+    let digits = inner.find(|c: char| !c.is_ascii_digit() && c != ';')?;
+    inner[digits..].starts_with('m').then_some(2 + digits + 1)
+}
+
+/// Text in Markdown that stands for itself, in one line: what would be a heading, a link, a cell's end or HTML is escaped.
+pub fn markdown(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in escaped(&text.replace(['\n', '\t'], " "), steers).chars() {
+        if matches!(c, '\\' | '`' | '*' | '_' | '[' | ']' | '<' | '|' | '#' | '~' | '&' | '!') {
+            shown.push('\\');
+        }
+        shown.push(c);
+    }
+    shown
+}
+
+/// A line on standard error. A log that cannot be written is no reason to stop.
+pub fn tell(text: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{}", coloured(&text.to_string()));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_steers_a_terminal_is_shown_and_not_obeyed() {
+        let hostile = "a\u{1b}]0;title\u{7}\r\u{9b}2J\u{202e}\u{7f}b\tc\nd";
+        assert_eq!(plain(hostile), "a\\u001b]0;title\\u0007\\u000d\\u009b2J\\u202e\\u007fb\tc\nd");
+        assert_eq!(line("a\nb"), "a\\u000ab");
+        for harmless in ["", "naïve 8 x 8 µs", "a\n\tb"] {
+            assert!(matches!(plain(harmless), Cow::Borrowed(_)), "{harmless}");
+        }
+    }
+
+    #[test]
+    fn escapes_within_json_are_json() {
+        let text = serde_json::to_string("a\u{1b}\u{9b}\u{7f}\u{202e}").unwrap_or_default();
+        let read: String = serde_json::from_str(&plain(&text)).unwrap_or_default();
+        assert_eq!(read, "a\u{1b}\u{9b}\u{7f}\u{202e}");
+    }
+
+    #[test]
+    fn colours_of_the_program_stay() {
+        let text = "\u{1b}[1;31mred\u{1b}[0m \u{1b}]0;x\u{7} \u{1b}[2J \u{1b}[";
+        assert_eq!(coloured(text), "\u{1b}[1;31mred\u{1b}[0m \\u001b]0;x\\u0007 \\u001b[2J \\u001b[");
+    }
+
+    #[test]
+    fn markdown_stands_for_itself() {
+        assert_eq!(
+            markdown("# a | b\n<img src=x> [l](u) *c* `d` \u{1b}"),
+            "\\# a \\| b \\<img src=x> \\[l\\](u) \\*c\\* \\`d\\` \\\\u001b"
+        );
+    }
+}

@@ -1,0 +1,190 @@
+//! The one way to the files that users name: ordinary files only, and no more of them than the table allows.
+
+use std::fs::{File, Metadata};
+use std::io::{Error, ErrorKind, Read as _, Result};
+use std::path::Path;
+
+/// What a file is read as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A scene or an experiment.
+    Toml,
+    /// An MTL file.
+    Materials,
+    /// What `raycl peak` wrote of a device.
+    Peaks,
+    /// A file of `--cl-dir`.
+    Kernel,
+    /// An OBJ file: memory is asked first.
+    Mesh,
+    /// A picture to be compared: its decoder has a limit of its own.
+    Picture,
+    /// What a run says of itself: `plan.json`, `environment.json`.
+    Results,
+    /// A picture that a report shows.
+    Shown,
+}
+
+/// How many MiB of a file are read at most, by what it is read as; `None`: as memory allows. `docs/scenes.md` and
+/// `docs/reliability.md` say the same.
+const LIMITS_MIB: [(Kind, &str, Option<u64>); 8] = [
+    (Kind::Toml, "a TOML file", Some(16)),
+    (Kind::Materials, "a material file", Some(16)),
+    (Kind::Peaks, "a device's figures", Some(16)),
+    (Kind::Kernel, "a kernel file", Some(1)),
+    (Kind::Mesh, "a mesh", None),
+    (Kind::Picture, "a picture", None),
+    (Kind::Results, "a run's plan or environment", Some(64)),
+    (Kind::Shown, "a picture of results", Some(64)),
+];
+
+/// Opens an ordinary file. Pipes and devices, which may never answer or never end, are refused at once.
+///
+/// # Errors
+/// What the system says, or that it is no ordinary file.
+pub fn open(path: &Path) -> Result<File> {
+    // Opening a pipe waits for its writer: the name is asked first, and the file once more.
+    ordinary(&path.metadata()?)?;
+    let file = File::open(path)?;
+    ordinary(&file.metadata()?)?;
+    Ok(file)
+}
+
+fn ordinary(found: &Metadata) -> Result<()> {
+    match (found.is_file(), found.is_dir()) {
+        (true, _) => Ok(()),
+        (_, true) => {
+            Err(Error::new(ErrorKind::IsADirectory, "it is a folder, and an ordinary file is wanted"))
+        }
+        _ => Err(Error::new(
+            ErrorKind::InvalidInput,
+            "it is no ordinary file but a pipe, a socket or a device, of which none is read",
+        )),
+    }
+}
+
+/// The whole of an ordinary file.
+///
+/// # Errors
+/// As [`open`] and [`rest`].
+pub fn bytes(path: &Path, kind: Kind) -> Result<Vec<u8>> {
+    rest(open(path)?, Vec::new(), kind)
+}
+
+/// The same as text.
+///
+/// # Errors
+/// As [`bytes`], or that it is not UTF-8.
+pub fn text(path: &Path, kind: Kind) -> Result<String> {
+    utf8(bytes(path, kind)?)
+}
+
+/// A file's bytes as text.
+///
+/// # Errors
+/// That they are not UTF-8.
+pub fn utf8(bytes: Vec<u8>) -> Result<String> {
+    String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
+}
+
+/// A file of which `head` has been read, to its end: no more than its kind may have, and no more than it said it had where
+/// only memory limits it.
+///
+/// # Errors
+/// What the system says, or that the file is too large.
+pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
+    let length = file.metadata()?.len();
+    let Some((_, what, Some(limit_mib))) = LIMITS_MIB.iter().find(|(known, ..)| *known == kind) else {
+        return read_on(file, head, length);
+    };
+    let limit = limit_mib << 20;
+    let too_large = || Error::new(ErrorKind::FileTooLarge, format!("{what} has at most {limit_mib} MiB"));
+    if length > limit {
+        return Err(too_large());
+    }
+    // Files of /proc say they have nothing, and others grow.
+    let bytes = read_on(file, head, limit + 1)?;
+    if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
+}
+
+/// `head` and what follows it, up to a length.
+fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
+    let mut bytes = head;
+    let left = length.saturating_sub(bytes.len() as u64);
+    bytes.reserve_exact(file.metadata()?.len().min(length).saturating_sub(bytes.len() as u64) as usize);
+    file.take(left).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Whether a file lies in a folder or deeper, links followed: text of others' files is not shown to who wrote the name.
+pub fn lies_in(path: &Path, folder: &Path) -> bool {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_limit_is_kept_and_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        for (kind, what, limit_mib) in LIMITS_MIB {
+            let bytes_of = |length: u64| {
+                File::create(&path).unwrap().set_len(length).unwrap();
+                bytes(&path, kind).map(|bytes| bytes.len() as u64)
+            };
+            let limit = limit_mib.unwrap_or(20) << 20;
+            assert_eq!(bytes_of(limit).unwrap(), limit, "{what}");
+            match (limit_mib, bytes_of(limit + 1)) {
+                (Some(mib), Err(error)) => {
+                    assert_eq!(error.to_string(), format!("{what} has at most {mib} MiB"));
+                }
+                (None, Ok(length)) => assert_eq!(length, limit + 1, "{what}"),
+                (_, other) => panic!("{what}: {other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn what_was_read_before_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, "abcdef").unwrap();
+        for kind in [Kind::Toml, Kind::Mesh] {
+            let mut file = open(&path).unwrap();
+            let mut head = vec![0; 4];
+            file.read_exact(&mut head).unwrap();
+            assert_eq!(rest(file, head, kind).unwrap(), b"abcdef");
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn devices_pipes_and_folders_are_refused_without_waiting() {
+        use rustix::fs::{CWD, FileType, Mode, mknodat};
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        mknodat(CWD, &pipe, FileType::Fifo, Mode::RWXU, 0).unwrap();
+        for path in [&pipe, Path::new("/dev/zero"), Path::new("/dev/null")] {
+            assert!(open(path).unwrap_err().to_string().contains("no ordinary file"), "{}", path.display());
+        }
+        assert!(open(folder.path()).unwrap_err().to_string().contains("folder"));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_that_leads_out_of_a_folder_lies_outside() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("inner");
+        std::fs::create_dir(&inner).unwrap();
+        let [outside, inside, link] = [folder.path().join("a"), inner.join("a"), inner.join("b")];
+        std::fs::write(&outside, "").unwrap();
+        std::fs::write(&inside, "").unwrap();
+        std::os::unix::fs::symlink(&outside, &link).unwrap();
+        assert!(lies_in(&inside, &inner) && lies_in(&inside, folder.path()));
+        assert!(!lies_in(&outside, &inner) && !lies_in(&link, &inner) && !lies_in(&inner.join("c"), &inner));
+    }
+}

@@ -1,0 +1,97 @@
+//! Taking damaged lines out of a folder's journals, keeping a copy of each as it was.
+
+use super::{AnchorSample, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
+use crate::error::{Error, Result};
+use serde::de::DeserializeOwned;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// A journal that was repaired.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Repaired {
+    /// It.
+    pub file: PathBuf,
+    /// How it was.
+    pub copy: PathBuf,
+    /// Lines that were taken out.
+    pub damaged: usize,
+    /// Lines that are left.
+    pub kept: usize,
+}
+
+/// Repairs a folder's journals; none of a folder without damage. Who calls has the folder to himself.
+pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
+    let repaired = [
+        repair_file(&folder.join("records.jsonl"), is_a::<Record>)?,
+        repair_file(&folder.join("samples.jsonl"), is_a::<Sample>)?,
+        repair_file(&folder.join("rounds.jsonl"), is_a::<RoundLoad>)?,
+        repair_file(&folder.join("anchors.jsonl"), is_a::<AnchorSample>)?,
+    ];
+    Ok(repaired.into_iter().flatten().collect())
+}
+
+fn is_a<T: DeserializeOwned>(line: &[u8]) -> bool {
+    serde_json::from_slice::<T>(line).is_ok()
+}
+
+fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repaired>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let failed = |error| {
+        Error::input(format!("cannot repair {}: {error}", path.display()))
+            .with_help("name a folder that `raycl run` wrote, whose files are its own")
+    };
+    own_file(path).and_then(|()| ordinary(path)).map_err(failed)?;
+    let bytes = std::fs::read(path).map_err(failed)?;
+    let is_kept = |line: &&[u8]| line.ends_with(b"\n") && (line.trim_ascii().is_empty() || is_whole(line));
+    let (kept, damaged): (Vec<&[u8]>, Vec<&[u8]>) =
+        bytes.split_inclusive(|&byte| byte == b'\n').partition(is_kept);
+    if damaged.is_empty() {
+        return Ok(None);
+    }
+    let copy = keep_copy(path, &bytes).map_err(failed)?;
+    write_whole(path, &kept.concat())?;
+    Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
+}
+
+/// Writes the bytes beside a file under a name that nobody has, to the disk.
+fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
+    let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
+    let mut number = 1;
+    loop {
+        match std::fs::File::create_new(named(number)) {
+            Ok(mut file) => {
+                file.write_all(bytes)?;
+                file.sync_all()?;
+                return Ok(named(number));
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => number += 1,
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::read_lines;
+    use super::*;
+
+    #[test]
+    fn damaged_lines_go_and_a_copy_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("samples.jsonl");
+        let good = "{\"key\":\"a\",\"round\":0,\"ms\":1.5}\n";
+        for (place, text) in
+            [format!("{good}nonsense\n{good}{{\"key\":"), format!("\0\n{good}")].iter().enumerate()
+        {
+            std::fs::write(&path, text).unwrap();
+            let [repaired] = &repair(folder.path()).unwrap()[..] else { panic!("one file was damaged") };
+            assert_eq!((repaired.damaged, repaired.kept), [(2, 2), (1, 1)][place]);
+            assert_eq!(std::fs::read_to_string(&repaired.copy).unwrap(), *text);
+            assert!(read_lines::<Sample>(&path).unwrap().damaged.is_empty());
+            assert!(repair(folder.path()).unwrap().is_empty());
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
+    }
+}

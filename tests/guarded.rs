@@ -1,0 +1,252 @@
+//! What raycl reads, and what it shows of it: ordinary files within limits, and text only of files that the user named or
+//! that lie beside the one that names them.
+
+use crate::binary::{Place, TRIANGLE, has};
+use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+/// What no message may show of a file that the user did not name.
+const SECRET: &str = "hunter2";
+
+const CONFIG: &str = r#"question = "?"
+expectation = "!"
+scenes = ["scene.toml"]
+image_sizes = [[8, 5]]
+local_sizes = [4]
+strategies = ["naive"]
+"#;
+
+/// A file outside of the folder `inner` whose scene or config names it.
+fn place(outer: (&str, &str), inner: (&str, &str)) -> Place {
+    let place = Place::with(&[outer]);
+    std::fs::create_dir(place.path("inner")).expect("a folder");
+    std::fs::write(place.path("inner").join(inner.0), inner.1).expect("a file");
+    place
+}
+
+fn object(file: &str) -> String {
+    format!("[[object]]\nobj = \"{file}\"\n")
+}
+
+#[test]
+fn pipes_and_devices_are_refused_at_once_wherever_a_file_is_named() {
+    let place = Place::with(&[
+        ("scene.toml", TRIANGLE),
+        ("zero.toml", &object("/dev/zero")),
+        ("piped.toml", &object("pipe")),
+        ("config.toml", &CONFIG.replace("scene.toml", "pipe")),
+    ]);
+    mknodat(CWD, place.path("pipe"), FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
+    for file in ["/dev/zero", "/dev/stdin", "pipe"] {
+        for command in ["render", "run"] {
+            has(&place.mistake(&[command, file], 2), &[file, "no ordinary file", "help:"]);
+        }
+        let compared = place.mistake(&["compare-images", file, file], 2);
+        has(&compared, &[file, "no ordinary file", "help:"]);
+    }
+    for (command, file) in [("render", "zero.toml"), ("render", "piped.toml"), ("run", "config.toml")] {
+        has(&place.mistake(&[command, file], 2), &["help:"]);
+    }
+}
+
+#[test]
+fn what_is_too_large_is_refused_with_the_limit() {
+    let place = Place::with(&[
+        ("scene.toml", TRIANGLE),
+        ("mesh.obj", "mtllib large.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+    ]);
+    let file = std::fs::File::create(place.path("large.toml")).expect("a file");
+    std::io::Write::write_all(&mut &file, b"name = \"x\"\n").expect("a line");
+    file.set_len((16 << 20) + 1).expect("a long file");
+    for command in ["render", "run"] {
+        has(&place.mistake(&[command, "large.toml"], 2), &["large.toml", "a TOML file has at most 16 MiB"]);
+    }
+    std::fs::create_dir_all(place.path("cl/cast")).expect("a folder");
+    std::fs::write(place.path("cl/cast/shade.cl"), vec![b'/'; (1 << 20) + 1]).expect("a file");
+    let kernel = place.mistake(&["kernel", "naive", "--cl-dir", "cl"], 2);
+    has(&kernel, &["shade.cl", "a kernel file has at most 1 MiB"]);
+}
+
+#[test]
+fn text_of_a_mesh_elsewhere_is_not_shown() {
+    let [secret, vertex, face] = [
+        format!("root:{SECRET}:1:\nnext\n"),
+        format!("v 0 {SECRET} 0\n"),
+        format!("v 0 0 0\nf 1 1 {SECRET}\n"),
+    ];
+    for (text, line) in [
+        (&secret, "3: expected a mesh"),
+        (&vertex, "1: expected `v x y z`"),
+        (&face, "2: expected `f 1 2 3`"),
+    ] {
+        let place = place(("outer.obj", text), ("scene.toml", &object("../outer.obj")));
+        let said = place.mistake(&["render", "inner/scene.toml"], 2);
+        has(&said, &["outer.obj", line, "help:", "not shown"]);
+        assert!(!said.contains(SECRET), "{said}");
+        // Who names it may read it.
+        if !text.starts_with("root") {
+            has(&place.mistake(&["render", "outer.obj"], 2), &[SECRET]);
+        }
+        std::fs::write(place.path("beside.toml"), object("outer.obj")).expect("a scene");
+        if !text.starts_with("root") {
+            has(&place.mistake(&["render", "beside.toml"], 2), &[SECRET]);
+        }
+    }
+}
+
+#[test]
+fn text_of_a_scene_elsewhere_is_not_shown() {
+    let [key, value, syntax, shape] = [
+        (format!("{SECRET} = 1\n"), "1: expected one of `name`"),
+        (format!("shadow_bias = \"{SECRET}\"\n"), "1: expected a finite number"),
+        (format!("name = 1\n= {SECRET} =\n"), "2"),
+        (format!("[[object]]\nshape = \"{SECRET}\"\n"), "2: expected what a scene has there (not a shape)"),
+    ];
+    for (text, line) in [key, value, syntax, shape] {
+        let place =
+            place(("outer.toml", &text), ("config.toml", &CONFIG.replace("scene.toml", "../outer.toml")));
+        let said = place.mistake(&["run", "inner/config.toml", "--dry-run"], 2);
+        has(&said, &["outer.toml", line, "help:"]);
+        assert!(!said.contains(SECRET), "{said}");
+        has(&place.mistake(&["render", "outer.toml"], 2), &[SECRET]);
+    }
+}
+
+#[test]
+fn words_of_a_mesh_elsewhere_are_in_no_note() {
+    let mesh =
+        format!("{SECRET} 1\nmtllib {SECRET}.mtl\nusemtl {SECRET}\nv 0 0 -1\nv 1 0 -1\nv 0 1 -1\nf 1 2 3\n");
+    let place = place(("outer.obj", &mesh), ("scene.toml", &object("../outer.obj")));
+    let notes = |path: &str| raycl::scene::load_scene(&place.path(path)).expect("a scene").notes.join("\n");
+    let (told, shown) = (notes("inner/scene.toml"), notes("outer.obj"));
+    assert!(!told.contains(SECRET), "{told}");
+    assert_eq!(told.lines().filter(|note| note.contains("outer.obj")).count(), 3, "{told}");
+    assert_eq!(shown.matches(SECRET).count(), 3, "{shown}");
+}
+
+#[test]
+fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
+    let place = Place::with(&[("outer.cl", SECRET)]);
+    std::fs::create_dir_all(place.path("cl/cast")).expect("a folder");
+    let refused = |text: &str| {
+        std::fs::write(place.path("cl/cast/shade.cl"), text).expect("a file");
+        place.mistake(&["kernel", "naive", "--cl-dir", "cl"], 2)
+    };
+    has(&refused("#include \"cast/shade.cl\"\n"), &["cast/shade.cl includes cast/shade.cl", "help:"]);
+    has(&refused("#include \"cast/entry.cl\"\n"), &["include themselves", "help:"]);
+    for (text, said) in [
+        ("#include \"../outer.cl\"\n", "lies outside"),
+        ("#include \"/etc/passwd\"\n", "lies outside"),
+        ("# include \"../outer.cl\"\n", "does not follow"),
+        ("#include </etc/passwd>\n", "does not follow"),
+    ] {
+        let message = refused(text);
+        has(&message, &[said, "help:"]);
+        assert!(!message.contains(SECRET) && !message.contains("root:"), "{message}");
+    }
+}
+
+#[test]
+fn values_that_leave_single_precision_are_refused_with_their_line() {
+    let scene = |from: &str, to: &str| {
+        assert!(TRIANGLE.contains(from));
+        let place = Place::with(&[("scene.toml", &TRIANGLE.replace(from, to))]);
+        place.mistake(&["render", "scene.toml"], 2)
+    };
+    let faces = "faces = [[0, 1, 2]]";
+    for (from, to, said) in [
+        ("power = 10", "power = 3e38", &["scene.toml:8", "from 0 to 1e28"][..]),
+        (
+            "[[object]]",
+            "[[light]]\nposition = [0, 0, -2]\npower = 1e28\n\n[[object]]\nmaterial = { k_l = 1e6 }",
+            &["scene.toml:12", "a light's power", "single precision"],
+        ),
+        (faces, "faces = [[0, 1, 2]]\nmaterial = { k_l = 3e38 }", &["scene.toml:13", "from 0 to 1e6"]),
+        (
+            faces,
+            "faces = [[0, 1, 2]]\nmaterial = { k_g = 1, shininess = 1e30 }",
+            &["scene.toml:13", "from 0 to 1e6"],
+        ),
+        (faces, "faces = [[0, 1, 2]]\ntranslation = [1e13, 0, 0]", &["scene.toml:10", "within +-1e12"]),
+        ("[1, 3, 1]", "[1e13, 3, 1]", &["scene.toml:7", "a light is at", "within +-1e12"]),
+    ] {
+        let message = scene(from, to);
+        has(&message, said);
+        has(&message, &["help:"]);
+    }
+    let mesh = "mtllib a.mtl\nusemtl x\nv 0 1 -2\nv -1.9 -1 -2\nv 1.6 -0.5 -2\nf 1 2 3\n";
+    for (line, said) in
+        [("Kd 3e38", "`3e38` in Kd"), ("Ks 1 2 1e7", "`1e7` in Ks"), ("Ns 1e7", "`1e7` in Ns")]
+    {
+        let place = Place::with(&[("a.obj", mesh), ("a.mtl", &format!("newmtl x\n{line}\n"))]);
+        has(&place.mistake(&["render", "a.obj"], 2), &["a.mtl:2", said, "from 0 to 1e6", "help:"]);
+    }
+}
+
+#[test]
+fn a_picture_that_is_not_finite_is_a_failed_run_that_names_its_pixel() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let device = crate::binary::device();
+    let from = "working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));";
+    place.kernels(
+        "cast/shade.cl",
+        from,
+        "working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), 1.0f / 0.0f));",
+    );
+    let render =
+        ["render", "scene.toml", "--cl-dir", "kernels", "--strategy", "naive", "--local-size", "8x8"];
+    let size = ["--width", "40", "--height", "30", "--device", &device];
+    let said = place.mistake(&[&render[..], &size].concat(), 1);
+    has(&said, &["pixels are not finite; the first, (", "inf", "help:", "scene.png"]);
+}
+
+#[test]
+fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("out")).expect("a folder");
+    let record = serde_json::to_string(&raycl::record::Record { key: "a".into(), ..Default::default() })
+        .expect("JSON");
+    let text = format!("{record}\nrubbish \u{1b}]0;x\u{7}\n{record}\n");
+    std::fs::write(place.path("out/records.jsonl"), &text).expect("a journal");
+    place.raycl(&["report", "out"]).assert().success();
+    has(&place.text("out/summary.md"), &["1 damaged line of records.jsonl, the first line 2, left out"]);
+    has(
+        &place.output(&["repair", "out"]),
+        &["records.jsonl: 1 damaged taken out, 2 kept", "records.jsonl.damaged-1"],
+    );
+    assert_eq!(place.text("out/records.jsonl"), format!("{record}\n{record}\n"));
+    assert_eq!(place.text("out/records.jsonl.damaged-1"), text);
+    has(&place.output(&["repair", "out"]), &["no line is damaged"]);
+    has(&place.mistake(&["repair", "nowhere"], 2), &["nowhere holds no results", "help:"]);
+}
+
+#[test]
+fn nothing_of_a_name_steers_a_terminal() {
+    let hostile = "\u{1b}]0;title\u{7}\u{9b}2J";
+    let name = format!("{hostile}.toml");
+    let steers = |text: &str| text.contains(|c: char| c.is_control() && c != '\n');
+    let place = Place::with(&[
+        (&name, "name = "),
+        (
+            "a.toml",
+            &object(
+                &format!("{hostile}.obj")
+                    .escape_default()
+                    .to_string()
+                    .replace("\\u{1b}", "\\u001b")
+                    .replace("\\u{7}", "\\u0007")
+                    .replace("\\u{9b}", "\\u009b"),
+            ),
+        ),
+        ("named.toml", &TRIANGLE.replace("little", "\\u001b]0;title\\u0007")),
+    ]);
+    for file in [&name, "a.toml", &format!("{hostile}.obj"), &format!("{hostile}.png")] {
+        for command in ["render", "run", "repair"] {
+            let said = place.mistake(&[command, file], 2);
+            assert!(!steers(&said), "{said:?}");
+        }
+    }
+    let device = crate::binary::device();
+    let said =
+        place.output(&["render", "named.toml", "--width", "16", "--height", "10", "--device", &device]);
+    assert!(!steers(&said) && said.contains("\\u001b]0;title\\u0007"), "{said:?}");
+}
