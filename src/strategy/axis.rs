@@ -44,10 +44,14 @@ pub trait Axis: Sized + Copy + Eq + 'static {
                 Self::INFO.name,
                 names.join(", ")
             ));
-            match nearest(name, names) {
-                Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-                None => error,
-            }
+            error.with_help(match nearest(name, names) {
+                Some(meant) => format!("did you mean '{meant}'?"),
+                None if Self::INFO.listed.is_empty() => {
+                    "`raycl strategies` says what each means; a file in a folder that --cl-dir names is a value, too"
+                        .to_owned()
+                }
+                None => "`raycl strategies` says what each means".to_owned(),
+            })
         })
     }
 }

@@ -98,10 +98,10 @@ strategy! {
 fn unknown_axis(axis: &str) -> Error {
     let names: Vec<_> = AXES.iter().map(|info| info.name).collect();
     let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
-    match nearest(axis, names) {
-        Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-        None => error,
-    }
+    error.with_help(match nearest(axis, names) {
+        Some(meant) => format!("did you mean '{meant}'?"),
+        None => "`raycl strategies` says what each decides".to_owned(),
+    })
 }
 
 impl std::fmt::Display for Strategy {
