@@ -1,5 +1,7 @@
 //! Words of the command line that were called otherwise once: who types the old one is told the new one.
 
+use super::Cli;
+use clap::CommandFactory as _;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 
@@ -16,6 +18,9 @@ pub fn explain(mut error: clap::Error) -> clap::Error {
         _ => false,
     };
     let Some((_, _, new)) = RENAMED.iter().find(|(kind, old, _)| typed(*kind, old)) else { return error };
+    if new.strip_prefix("--").is_some_and(|option| !has_option(&error, option)) {
+        return error;
+    }
     for guessed in [ContextKind::SuggestedSubcommand, ContextKind::SuggestedArg] {
         error.remove(guessed);
     }
@@ -24,10 +29,18 @@ pub fn explain(mut error: clap::Error) -> clap::Error {
     error
 }
 
+/// Whether the subcommand whose usage the error shows has an option.
+fn has_option(error: &clap::Error, option: &str) -> bool {
+    let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return false };
+    let (usage, command) = (usage.to_string(), Cli::command());
+    let is_shown = |name: &str| usage.split_whitespace().any(|word| word == name);
+    let shown = command.get_subcommands().find(|subcommand| is_shown(subcommand.get_name()));
+    shown.is_some_and(|subcommand| subcommand.get_arguments().any(|own| own.get_long() == Some(option)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::Cli;
     use clap::Parser as _;
 
     #[test]
@@ -42,6 +55,10 @@ mod tests {
             assert_eq!(error.to_string().matches("tip:").count(), 1, "{error}");
             assert!(error.to_string().contains(new), "{error}");
         }
+        // Not where there is no such option.
+        let other =
+            explain(Cli::try_parse_from(["raycl", "render", "a.toml", "--limits"]).expect_err("no option"));
+        assert!(!other.to_string().contains("--peak"), "{other}");
         let other = explain(Cli::try_parse_from(["raycl", "peek"]).expect_err("a misspelt word"));
         assert!(other.to_string().contains("'peak'"), "{other}");
     }

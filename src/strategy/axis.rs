@@ -1,7 +1,6 @@
 //! The axes. Values that are code are files under `cl/`, one in each family that takes them, whose headers say what they
 //! are; all others have their name and a line that explains it here. This is the only list of them.
 
-use super::LISTED;
 use super::header::Header;
 use super::values::{header_of, values_of};
 use crate::error::{Error, Result, nearest};
@@ -45,10 +44,14 @@ pub trait Axis: Sized + Copy + Eq + 'static {
                 Self::INFO.name,
                 names.join(", ")
             ));
-            match nearest(name, names) {
-                Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-                None => error.with_help(LISTED),
-            }
+            error.with_help(match nearest(name, names) {
+                Some(meant) => format!("did you mean '{meant}'?"),
+                None if Self::INFO.listed.is_empty() => {
+                    "`raycl strategies` says what each means; a file in a folder that --cl-dir names is a value, too"
+                        .to_owned()
+                }
+                None => "`raycl strategies` says what each means".to_owned(),
+            })
         })
     }
 }

@@ -101,10 +101,10 @@ const LISTED: &str = "`raycl strategies` lists every axis, its values and the pr
 fn unknown_axis(axis: &str) -> Error {
     let names: Vec<_> = AXES.iter().map(|info| info.name).collect();
     let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
-    match nearest(axis, names) {
-        Some(meant) => error.with_help(format!("did you mean '{meant}'?")),
-        None => error.with_help(LISTED),
-    }
+    error.with_help(match nearest(axis, names) {
+        Some(meant) => format!("did you mean '{meant}'?"),
+        None => "`raycl strategies` says what each decides".to_owned(),
+    })
 }
 
 impl std::fmt::Display for Strategy {
