@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-long mutants test-intel test-browser fuzz lint bench
+.PHONY: help setup setup-tests build demo test test-long mutants test-intel test-browser fuzz lint figures bench
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -43,6 +43,9 @@ lint: setup ## check format and lints, as CI does
 	cargo fmt --check
 	cargo clippy --all-targets --locked -- -D warnings
 	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
+
+figures: build ## make the figures of README.md, docs/paper.md and docs/performance.md of the stored records
+	$(RAYCL) figures
 
 bench: build ## measure the fast strategies
 	$(RAYCL) run configs/beyond.toml --out results/beyond --resume

@@ -9,7 +9,7 @@
 //! those that are something else; [`memory`] says what the host can hold, [`load`] what else it does; [`record`] keeps what
 //! was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
 //! anybody else's.
-//! [`cli`] holds one file a subcommand.
+//! [`cli`] holds one file a subcommand; [`documents`] makes the figures of this repository's documents of its stored records.
 
 pub mod accel;
 pub mod anchor;
@@ -17,6 +17,7 @@ pub mod cli;
 pub mod config;
 pub mod device;
 pub mod device_lock;
+pub mod documents;
 pub mod error;
 pub mod experiment;
 pub mod filetype;

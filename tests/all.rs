@@ -13,6 +13,7 @@ mod device_lock;
 mod edits;
 #[cfg(unix)]
 mod faults;
+mod figures;
 mod formats;
 mod goldens;
 #[cfg(unix)]

@@ -53,6 +53,7 @@ fn json_has_every_field() {
         "frame_ms",
         "save_ms",
         "total_ms",
+        "frame_rays_per_s",
         "primary_rays_per_s",
         "shadow_rays_per_s",
         "tests_per_s",
@@ -78,6 +79,7 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     let (place, size) = (place(), ["--width", "32", "--height", "20"]);
     let fused = report(&place, &[&["scene.toml", "--strategy", "naive"], &size[..]].concat());
     assert!(fused["primary_ms"].is_null() && fused["shadow_ms"].is_null(), "{fused}");
+    assert!(fused["primary_rays_per_s"].is_null() && fused["frame_rays_per_s"].is_number(), "{fused}");
     assert!(fused["shadow_rays_per_s"].is_null() && fused["tests_per_s"].is_number(), "{fused}");
     assert_eq!(fused["preset"], "naive");
     // A rasteriser does not test every ray against every triangle.

@@ -6,6 +6,7 @@ pub mod compare_images;
 pub mod compile;
 pub mod completions;
 pub mod devices;
+pub mod figures;
 pub mod kernel;
 pub mod noise;
 pub mod occupancy;
@@ -89,6 +90,9 @@ enum Command {
     Noise(noise::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
+    /// Make the figures of the documents of stored records, for contributors
+    #[command(hide = true)]
+    Figures(figures::Args),
     /// Print completions for a shell
     Completions(completions::Args),
 }
@@ -122,6 +126,7 @@ impl Cli {
             Command::Peak(args) => peak::run(args),
             Command::Noise(args) => noise::run(args),
             Command::Occupancy(args) => occupancy::run(args),
+            Command::Figures(args) => figures::run(args),
             Command::Completions(args) => completions::run(args),
         }
     }

@@ -34,7 +34,7 @@ use std::time::Instant;
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
   raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4
   raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
-  raycl render scenes/gourd.toml --json --repeat 10 | jq .primary_rays_per_s
+  raycl render scenes/gourd.toml --json --repeat 10 | jq .frame_rays_per_s
 
 `raycl strategies` lists presets and axes, `raycl devices` the devices.")]
 pub struct Args {

@@ -6,6 +6,7 @@
 mod batch;
 mod compare;
 mod enough;
+mod modes;
 mod order;
 mod paired;
 mod ranking;
@@ -16,6 +17,7 @@ mod summary;
 pub use batch::batch_size;
 pub use compare::Verdict;
 pub use enough::{MIN_SAMPLES, not_enough};
+pub use modes::Modes;
 pub use order::round_order;
 pub use paired::{Interval, Paired, PairedSample, Standing};
 pub use ranking::Ranking;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::modes::{to_mind, two_modes};
 use super::numbers::{align_points, by, duration, ms, significant};
 use super::summary::{Group, few_names, groups, not_enough, quartiles, scene_notes};
 use super::terminal::percent;
@@ -11,7 +12,7 @@ use super::types::{HOST, Record};
 use crate::printer::{line, markdown};
 
 /// Columns of a table.
-const COLUMNS: usize = 10;
+const COLUMNS: usize = 11;
 const HEADER: [&str; COLUMNS] = [
     "strategy",
     "local size",
@@ -19,15 +20,16 @@ const HEADER: [&str; COLUMNS] = [
     "IQR ms",
     "95% interval ms",
     "n",
-    "Mrays/s",
+    "frame Mrays/s",
+    "primary Mrays/s",
     "Gtests/s",
     "of peak",
     "outcome",
 ];
 /// Columns of words stand to the left, numbers to the right.
-const LEFT: [usize; 2] = [0, 9];
+const LEFT: [usize; 2] = [0, 10];
 /// Columns whose points are aligned.
-const DECIMAL: [usize; 4] = [2, 3, 6, 7];
+const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
 /// The summary as Markdown. Everything in it comes from the records, and from the notes of who read them.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
@@ -54,8 +56,8 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text.push_str(
         "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
          quartiles. The interval is that of the median, 95%, by how far launches lie apart; ratios are of samples taken close in time, with their \
-         own intervals. Those that do not surely take more than a hundredth longer than the fastest are a tie. Fewer than five samples in a launch have neither interval nor rank. \
-         Where a driver keeps compiled programs all launches run the same one. Rays are primary rays; tests are primary rays x triangles over the time of the \
+         own intervals. Two modes: the samples lie around two values, by the dip test, and their median may be of either. Those that do not surely take more than a hundredth longer than the fastest are a tie. Fewer than five samples in a launch have neither interval nor rank. \
+         Where a driver keeps compiled programs all launches run the same one. Frame rays are all of a frame, primary and shadow, over its time; primary rays are those of a primary pass of their own, over its time. Tests are primary rays x triangles over the time of the \
          primary pass, or of the frame where passes are fused. \"of peak\" is their arithmetic as a part of the multiply-adds that \
          the device was measured to do.\n",
     );
@@ -151,11 +153,18 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
         number(quartiles(record).map(|[q1, q3]| q3 - q1), |iqr| significant(iqr, 2)),
         interval.or(not_enough(record)).unwrap_or("-".into()),
         samples(record),
-        number(record.rays_per_s, |rays| significant(rays / 1e6, 3)),
+        number(record.frame_rays_per_s(), |rays| significant(rays / 1e6, 3)),
+        number(record.primary_rays_per_s(), |rays| significant(rays / 1e6, 3)),
         number(record.tests_per_s, |tests| significant(tests / 1e9, 3)),
         number(record.limit_fraction, percent),
-        record.outcome.name().into(),
+        outcome(record),
     ]
+}
+
+/// "measured", "measured, two modes".
+fn outcome(record: &Record) -> String {
+    let modes = if two_modes(record).is_some() { ", two modes" } else { "" };
+    format!("{}{modes}", record.outcome.name())
 }
 
 /// "10", "15 in 3".
@@ -190,10 +199,9 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
 
 /// What to mind in reading some times.
 fn warnings(group: &Group<'_>) -> String {
-    let warned =
-        group.ranking().all().into_iter().filter_map(|record| Some((record, record.warning.as_ref()?)));
+    let warned = group.ranking().all().into_iter().filter_map(|record| Some((record, to_mind(record)?)));
     let lines: String =
-        warned.map(|(record, warning)| format!("- {}: {}\n", title(record), line(warning))).collect();
+        warned.map(|(record, warning)| format!("- {}: {}\n", title(record), line(&warning))).collect();
     if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
 }
 

@@ -59,7 +59,8 @@ fn invalidity(outcome: Outcome) -> &'static str {
 fn measurements(record: &Record) -> Vec<Value> {
     let numbers = [
         ("time", record.median_ms, "ms"),
-        ("primary_rays", record.rays_per_s, "1/s"),
+        ("frame_rays", record.frame_rays_per_s(), "1/s"),
+        ("primary_rays", record.primary_rays_per_s(), "1/s"),
         ("triangle_tests", record.tests_per_s, "1/s"),
         ("max_relative_difference", record.max_difference, ""),
     ];

@@ -2,6 +2,7 @@
 
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
+use super::modes::to_mind;
 use super::numbers::{by, duration, ms, significant};
 use super::summary::{Group, groups, not_enough, scene_notes};
 use super::together::fewest;
@@ -116,7 +117,7 @@ fn few(record: &Record) -> String {
 
 /// Marks a time that comes with a warning.
 fn mark(record: &Record) -> &'static str {
-    if record.warning.is_some() { "!" } else { "" }
+    if to_mind(record).is_some() { "!" } else { "" }
 }
 
 /// Why there is no time, in a word: what is too small, or what failed.
@@ -146,7 +147,7 @@ fn legend(groups: &[Group<'_>]) -> String {
             "n=... not enough samples: fewer than five in a launch have no rank, however fast they look\n",
         );
     }
-    let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, one.warning.as_ref()?)));
+    let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, to_mind(one)?)));
     if let Some((record, warning)) = warned.clone().next() {
         let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
         let count = warned.count();

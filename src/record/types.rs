@@ -139,7 +139,8 @@ pub struct Record {
     /// Device time of preparing records of triangles, where that is done once a scene; part of no frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
-    /// Primary rays a second.
+    /// Primary rays per second of the primary pass, or of the frame where passes are fused: two things, which is why no view
+    /// shows it. See [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
     /// Shadow rays of a frame: one a light for every pixel that hits.
     pub shadow_rays: Option<u64>,
@@ -232,10 +233,29 @@ impl Record {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
+    /// Primary rays per second of the primary pass; none where passes are fused.
+    pub fn primary_rays_per_s(&self) -> Option<f64> {
+        Some(self.pixels() / positive(self.primary_ms)? * 1e3)
+    }
+
+    /// Rays of the frame, primary and shadow, per second of the frame: the same thing for every strategy. None where the
+    /// shadow rays were not counted, as those of baselines in records of earlier versions.
+    pub fn frame_rays_per_s(&self) -> Option<f64> {
+        Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
+    }
+
+    fn pixels(&self) -> f64 {
+        self.image_size.iter().map(|side| f64::from(*side)).product()
+    }
+
     /// Whether it is a caster on the host.
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }
+}
+
+fn positive(ms: Option<f64>) -> Option<f64> {
+    ms.filter(|ms| *ms > 0.0)
 }
 
 /// What a strategy's text of before an axis was there stands for.
@@ -261,6 +281,20 @@ mod tests {
         assert_eq!((old.axis("records"), old.axis("vectors")), (Some("each-test"), Some("private")));
         assert_eq!((new.axis("records"), new.axis("vectors")), (Some("once"), None));
         assert_eq!(of("serial-f32").axis("records"), None);
+    }
+
+    #[test]
+    fn rays_per_second_are_one_thing_in_all_rows() {
+        let fused = Record {
+            image_size: [800, 500],
+            median_ms: Some(10.0),
+            shadow_rays: Some(200_000),
+            ..Record::default()
+        };
+        let separate = Record { primary_ms: Some(4.0), shadow_ms: Some(6.0), ..fused.clone() };
+        assert_eq!([&fused, &separate].map(Record::frame_rays_per_s), [Some(6e7), Some(6e7)]);
+        assert_eq!([&fused, &separate].map(Record::primary_rays_per_s), [None, Some(1e8)]);
+        assert_eq!(Record { shadow_rays: None, ..fused }.frame_rays_per_s(), None);
     }
 
     #[test]

@@ -121,6 +121,13 @@ fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     places.len()
 }
 
+/// The exponent of the power law nearest to points (x, y) at three places or more, and its standard error.
+pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
+    let fit = Fit::of(&points.iter().map(mark).collect::<Vec<_>>())?;
+    Some([fit.exponent, fit.error])
+}
+
 /// The power law nearest to some marks: y = exp(offset) x^exponent, by least squares in logarithms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fit {

@@ -19,6 +19,7 @@ mod words;
 pub use claims::OTHER_CONTRADICTIONS;
 pub use compare::{Against, Comparison, Pair};
 pub use environment::quote;
+pub(crate) use growth::exponent;
 pub use page::Page;
 pub use reproduction::Reproduction;
 

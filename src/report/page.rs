@@ -11,7 +11,7 @@ use super::{growth, occupancy, overview, view};
 use crate::error::{Error, Result};
 use crate::record::{
     Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, not_enough, percent, ratio,
-    significant,
+    significant, to_mind, two_modes,
 };
 use askama::Template;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
@@ -63,10 +63,12 @@ pub struct Row {
     size: String,
     items: u32,
     median: String,
+    two_modes: bool,
     interval: String,
     n: usize,
     slower: String,
-    rays: String,
+    frame_rays: String,
+    primary_rays: String,
     tests: String,
     made: String,
     peak: String,
@@ -265,18 +267,20 @@ fn row(record: &Record, best: Option<&Record>, wins: bool) -> Row {
         size: size_name(record),
         items: record.local_size.map_or(0, |[across, down]| across * down),
         median: number(time, &ms),
+        two_modes: two_modes(record).is_some(),
         interval: interval(record).map(interval_text).or(not_enough(record)).unwrap_or_default(),
         n: record.samples_ms.len(),
         slower: best
             .and_then(|best| ratio(record, best))
             .map_or(String::new(), |ratio| format!("{}×", significant(ratio.middle, 3))),
-        rays: number(record.rays_per_s, &|rays| significant(rays / 1e6, 3)),
+        frame_rays: number(record.frame_rays_per_s(), &|rays| significant(rays / 1e6, 3)),
+        primary_rays: number(record.primary_rays_per_s(), &|rays| significant(rays / 1e6, 3)),
         tests: number(record.tests_per_s, &|tests| significant(tests / 1e9, 3)),
         outcome: record.outcome.name(),
         made: super::words::made(record).unwrap_or_default(),
         peak: number(record.limit_fraction, &percent),
         why: match time {
-            Some(_) => record.warning.clone().unwrap_or_default(),
+            Some(_) => to_mind(record).unwrap_or_default(),
             None => first_line(record).to_owned(),
         },
         wins,

@@ -137,7 +137,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells could not run. Point at one for its \
                    interval or its reason."
         .to_owned();
-    Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: String::new() }
+    Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
 
 fn cell(record: &Record, best: f64, wins: bool) -> Cell {
@@ -192,7 +192,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let caption = format!(
         "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it. Fewer than five samples have no bars.{shown}"
     );
-    Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: String::new() })
+    Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }
 
 fn strip_row(record: &Record) -> Option<Row> {

@@ -2,7 +2,7 @@
 
 use super::plot::look::Look;
 use crate::record::{
-    Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant,
+    Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant, to_mind,
 };
 
 /// Series names and their looks: a strategy looks the same wherever it is shown.
@@ -66,7 +66,7 @@ pub fn tip(record: &Record) -> String {
     lines.extend(made(record));
     lines
         .extend(record.limit_fraction.map(|part| format!("{} of the device's multiply-adds", percent(part))));
-    lines.extend(record.warning.clone());
+    lines.extend(to_mind(record));
     lines.join("\n")
 }
 

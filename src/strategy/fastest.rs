@@ -23,7 +23,7 @@ const PIXELS_OF_LARGE_TILES: usize = 6_000_000;
 const PIXELS_A_TRIANGLE_OF_LARGE_TILES: usize = 25;
 
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
-/// (docs/performance.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
+/// (docs/log.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
 /// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
 /// tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane operations that
 /// were timed. Where triangles are much smaller than pixels, the rays of a tile go apart.

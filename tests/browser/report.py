@@ -1,7 +1,7 @@
 """Opens raycl's pages in Chromium, from files, as a reader does: points, clicks, types, looks for errors.
 
 Usage: report.py SYNTHETIC RESULTS [REPRODUCTION], folders with report.html (the last: reproduction.html).
-Screenshots are left beside the pages. Needs Debian's chromium, chromium-driver and python3-selenium.
+Screenshots are left beside the pages. AXE names axe-core's axe.min.js. Needs Debian's chromium, chromium-driver and python3-selenium.
 """
 import os
 import sys
@@ -46,6 +46,38 @@ def check_clean(driver, page):
     assert not driver.find_elements(By.CSS_SELECTOR, "[onerror], [onload], main script"), f"{page}: markup was injected"
     wide = driver.execute_script("return document.documentElement.scrollWidth - innerWidth")
     assert wide <= 0, f"{page} is {wide} pixels too wide"
+
+
+def check_phone(driver, page):
+    """Every plot is whole within the window, with its legend; nothing in it has to be scrolled sideways."""
+    said = driver.execute_script("""
+        const out = [], seen = e => e.getClientRects().length > 0, edge = document.documentElement.clientWidth + 0.5;
+        for (const svg of document.querySelectorAll('svg.chart')) {
+            if (!seen(svg)) continue;
+            const box = svg.getBoundingClientRect(), name = svg.getAttribute('aria-label');
+            if (box.left < -0.5 || box.right > edge) out.push(`${name}: from ${box.left} to ${box.right}`);
+            const around = svg.parentElement;
+            if (around.scrollWidth > around.clientWidth + 1) out.push(`${name}: scrolls sideways`);
+            for (const part of svg.querySelectorAll('text, .mark, .entry')) {
+                const own = part.getBoundingClientRect();
+                if (own.width > 0 && (own.left < box.left - 2 || own.right > box.right + 2))
+                    out.push(`${name}: '${part.textContent.slice(0, 60)}' is cut off`);
+            }
+        }
+        return [out, [...document.querySelectorAll('svg.chart')].filter(seen).length]""")
+    assert said[1] > 0 and not said[0], f"{page}, as wide as a phone: {said[0]}"
+
+
+def check_contrast(driver, page, look):
+    """axe-core finds no text of too little contrast."""
+    driver.set_script_timeout(300)
+    driver.execute_script(Path(os.environ["AXE"]).read_text())
+    found = driver.execute_async_script("""
+        const done = arguments[arguments.length - 1];
+        axe.run(document, {runOnly: ['color-contrast']}).then(
+            r => done(r.violations.flatMap(v => v.nodes.map(n => `${n.target}: ${n.any.map(a => a.message)}`))),
+            e => done([String(e)]))""")
+    assert not found, f"{page}, {look}: {found[:10]}"
 
 
 def tip(driver):
@@ -189,6 +221,10 @@ def screenshots(page, stem):
                                        {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": True})
             load(driver, page)
             check_clean(driver, page)
+            if look == "phone":
+                check_phone(driver, page)
+            if stem != "synthetic":  # 2,000 points take axe-core minutes.
+                check_contrast(driver, page, look)
             driver.save_screenshot(str(folder / f"{stem}-{look}.png"))
             plots = driver.find_elements(By.CSS_SELECTOR, ".view:not([hidden]) .plot, .claims")
             if plots:

@@ -55,11 +55,13 @@ pub struct Report {
     pub save_ms: f64,
     /// The whole command.
     pub total_ms: f64,
-    /// Over the primary pass, or the frame where passes are fused.
-    pub primary_rays_per_s: f64,
+    /// Primary and shadow rays of a frame over its time.
+    pub frame_rays_per_s: f64,
+    /// Primary rays over the primary pass, where there is one.
+    pub primary_rays_per_s: Option<f64>,
     /// Over the shadow pass, where there is one.
     pub shadow_rays_per_s: Option<f64>,
-    /// Primary rays x triangles over the same time as primary rays; none where not every triangle is tested.
+    /// Primary rays x triangles over the primary pass, or the frame where passes are fused; none where not every triangle is tested.
     pub tests_per_s: Option<f64>,
     /// Frames the times are medians of.
     pub frames: u32,
@@ -104,6 +106,7 @@ impl Report {
         let [width, height] = workload.image_size;
         let (pixels, triangles) = (f64::from(width) * f64::from(height), scene.mesh.triangles.len());
         let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
+        let shadow_rays = (cast.hits * scene.lights.len()) as f64;
         let per_s = |count: f64, ms: f64| count / ms * 1e3;
         Self {
             scene: scene.name.clone(),
@@ -124,11 +127,9 @@ impl Report {
             shade_ms: cast.times.shade_ms,
             frame_ms: cast.times.frame_ms,
             read_ms: cast.read_ms,
-            primary_rays_per_s: per_s(pixels, primary_ms),
-            shadow_rays_per_s: cast
-                .times
-                .shadow_ms
-                .map(|ms| per_s((cast.hits * scene.lights.len()) as f64, ms)),
+            frame_rays_per_s: per_s(pixels + shadow_rays, cast.times.frame_ms),
+            primary_rays_per_s: cast.times.primary_ms.map(|ms| per_s(pixels, ms)),
+            shadow_rays_per_s: cast.times.shadow_ms.map(|ms| per_s(shadow_rays, ms)),
             tests_per_s: strategy
                 .tests_every_triangle()
                 .then(|| per_s(pixels * triangles as f64, primary_ms)),
@@ -194,10 +195,11 @@ impl Report {
     }
 
     fn speeds(&self) -> Vec<String> {
-        let primary = format!("{} primary", per_second(self.primary_rays_per_s, "rays"));
+        let frame = format!("{} of the frame", per_second(self.frame_rays_per_s, "rays"));
+        let primary = self.primary_rays_per_s.map(|rate| format!("{} primary", per_second(rate, "rays")));
         let shadow = self.shadow_rays_per_s.map(|rate| format!("{} shadow", per_second(rate, "rays")));
         let tests = self.tests_per_s.map(|rate| per_second(rate, "tests"));
-        std::iter::once(primary).chain(shadow).chain(tests).collect()
+        std::iter::once(frame).chain(primary).chain(shadow).chain(tests).collect()
     }
 }
 

@@ -28,8 +28,8 @@ struct Report {
     upload_ms: f64,
     /// The longest of the devices' transfers.
     read_ms: f64,
-    /// Pixels over the longest device time of a frame, shading and shadow rays included.
-    primary_rays_per_s: f64,
+    /// Primary and shadow rays over the longest device time of a frame.
+    frame_rays_per_s: f64,
     devices: Vec<Row>,
     /// Frames the times are medians of.
     frames: u32,
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         args.verify.then(|| check(&scene, (&image, hits), &strategy, target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
-    let pixels = f64::from(args.width) * f64::from(args.height);
+    let rays = f64::from(args.width) * f64::from(args.height) + (hits * scene.lights.len()) as f64;
     let frame_ms = longest(|row| row.frame_ms);
     let report = Report {
         scene: scene.name.clone(),
@@ -117,7 +117,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         frame_ms,
         upload_ms: longest(|row| row.upload_ms),
         read_ms: longest(|row| row.read_ms),
-        primary_rays_per_s: pixels / frame_ms * 1e3,
+        frame_rays_per_s: rays / frame_ms * 1e3,
         devices: rows,
         frames: args.repeat,
         total_ms: ms_since(start),

@@ -1,5 +1,6 @@
 //! A heat map: rows by columns, dark for slow, light for fast, hatched where there is no time.
 
+use super::layout::LETTER;
 use super::legend::shorten;
 use super::palette::{FAINT, INK};
 use super::svg::{Anchor, Svg, number};
@@ -59,7 +60,7 @@ impl HeatMap {
         let worst = self.worst();
         let mut svg = Svg::default();
         svg.text("title", [16.0, 18.0], Anchor::Start, &self.title);
-        let hatch = self.hatch(&mut svg);
+        let hatch = self.hatch(&mut svg, "wide");
         for (place, name) in self.columns.iter().enumerate() {
             let x = LEFT + (place as f64 + 0.5) * column;
             svg.text_in("faint", FAINT, [x, TOP - 9.0], Anchor::Middle, name);
@@ -81,7 +82,7 @@ impl HeatMap {
         svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
     }
 
-    fn worst(&self) -> f64 {
+    pub(super) fn worst(&self) -> f64 {
         let cells = self.rows.iter().flat_map(|(_, cells)| cells);
         let slower = cells.filter_map(|cell| match cell {
             Cell::Time { slower, .. } => Some(*slower),
@@ -90,9 +91,9 @@ impl HeatMap {
         slower.fold(2.0, f64::max)
     }
 
-    /// Defines the hatching and returns how to refer to it.
-    fn hatch(&self, svg: &mut Svg) -> String {
-        let id = format!("hatch-{}", self.id);
+    /// Defines the hatching of one form of the map and returns how to refer to it.
+    pub(super) fn hatch(&self, svg: &mut Svg, form: &str) -> String {
+        let id = format!("hatch-{}-{form}", self.id);
         svg.open("defs", &[]);
         svg.open(
             "pattern",
@@ -116,25 +117,7 @@ impl HeatMap {
 
     /// The colour scale and what the codes mean; returns where it ends.
     fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
-        const STEPS: usize = 44;
-        let step = SCALE_WIDTH / STEPS as f64;
-        for place in 0..STEPS {
-            let colour = hex(viridis(1.0 - place as f64 / (STEPS - 1) as f64));
-            let x = number(LEFT + place as f64 * step);
-            svg.element(
-                "rect",
-                &[
-                    ("x", &x),
-                    ("y", &number(top)),
-                    ("width", &number(step + 0.3)),
-                    ("height", &10),
-                    ("fill", &colour),
-                ],
-            );
-        }
-        svg.text_in("faint small", FAINT, [LEFT, top + 24.0], Anchor::Start, "fastest");
-        let worst = format!("{worst:.1} times as slow");
-        svg.text_in("faint small", FAINT, [LEFT + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
+        draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
             "faint small",
             FAINT,
@@ -145,15 +128,40 @@ impl HeatMap {
         let mut y = top + 24.0;
         for (code, meaning) in &self.codes {
             y += 19.0;
-            svg.element(
-                "rect",
-                &[("x", &LEFT), ("y", &number(y - 11.0)), ("width", &20), ("height", &14), ("fill", &hatch)],
-            );
-            svg.text("small label", [LEFT + 10.0, y], Anchor::Middle, code);
-            svg.text_in("faint small", FAINT, [LEFT + 28.0, y], Anchor::Start, &shorten(meaning, 110));
+            let width = draw_legend_cell(svg, [LEFT, y], code, hatch);
+            svg.text_in("faint small", FAINT, [LEFT + width + 8.0, y], Anchor::Start, &shorten(meaning, 110));
         }
         y + 14.0
     }
+}
+
+/// The colours from the fastest to the slowest, and what they are.
+pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
+    const STEPS: usize = 44;
+    let step = SCALE_WIDTH / STEPS as f64;
+    for place in 0..STEPS {
+        let colour = hex(viridis(1.0 - place as f64 / (STEPS - 1) as f64));
+        let x = number(left + place as f64 * step);
+        let width = number(step + 0.3);
+        svg.element(
+            "rect",
+            &[("x", &x), ("y", &number(top)), ("width", &width), ("height", &10), ("fill", &colour)],
+        );
+    }
+    svg.text_in("faint small", FAINT, [left, top + 24.0], Anchor::Start, "fastest");
+    let worst = format!("{worst:.1} times as slow");
+    svg.text_in("faint small", FAINT, [left + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
+}
+
+/// A hatched cell with a code, before what the code means; how wide it is.
+pub(super) fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
+    let width = (LETTER * code.chars().count() as f64 + 6.0).max(20.0);
+    svg.element(
+        "rect",
+        &[("x", &x), ("y", &number(y - 11.0)), ("width", &width), ("height", &14), ("fill", &hatch)],
+    );
+    svg.text("small label", [x + width / 2.0, y], Anchor::Middle, code);
+    width
 }
 
 fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f64, hatch: &str) {
@@ -162,7 +170,7 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
         Cell::Empty => {}
         Cell::Nothing { code, tip } => {
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, [x, y], width, "cell", hatch);
+            rect(svg, [x, y], [width, ROW], "cell", hatch);
             svg.text("label", middle, Anchor::Middle, code);
             svg.close("g");
         }
@@ -170,17 +178,17 @@ fn draw_cell(svg: &mut Svg, cell: &Cell, [x, y]: [f64; 2], width: f64, worst: f6
             let place = 1.0 - slower.max(1.0).ln() / worst.ln();
             let colour = viridis(place);
             svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
-            rect(svg, [x, y], width, "cell", &hex(colour));
+            rect(svg, [x, y], [width, ROW], "cell", &hex(colour));
             svg.text_in("", ink_on(colour), middle, Anchor::Middle, text);
             if *wins {
-                ring(svg, [x, y], width);
+                ring(svg, [x, y], [width, ROW]);
             }
             svg.close("g");
         }
     }
 }
 
-fn rect(svg: &mut Svg, [x, y]: [f64; 2], width: f64, class: &str, fill: &str) {
+pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], class: &str, fill: &str) {
     svg.element(
         "rect",
         &[
@@ -188,7 +196,7 @@ fn rect(svg: &mut Svg, [x, y]: [f64; 2], width: f64, class: &str, fill: &str) {
             ("x", &number(x + 1.0)),
             ("y", &number(y + 1.0)),
             ("width", &number(width - 2.0)),
-            ("height", &(ROW - 2.0)),
+            ("height", &number(height - 2.0)),
             ("rx", &3),
             ("fill", &fill),
         ],
@@ -196,7 +204,7 @@ fn rect(svg: &mut Svg, [x, y]: [f64; 2], width: f64, class: &str, fill: &str) {
 }
 
 /// Two rings, so that one of them stands out from any ground.
-fn ring(svg: &mut Svg, [x, y]: [f64; 2], width: f64) {
+pub(super) fn ring(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
     for (inset, colour, stroke) in [(1.5, INK, 3.0), (4.0, "#ffffff", 1.5)] {
         svg.element(
             "rect",
@@ -205,7 +213,7 @@ fn ring(svg: &mut Svg, [x, y]: [f64; 2], width: f64) {
                 ("x", &number(x + inset)),
                 ("y", &number(y + inset)),
                 ("width", &number(width - 2.0 * inset)),
-                ("height", &(ROW - 2.0 * inset)),
+                ("height", &number(height - 2.0 * inset)),
                 ("rx", &3),
                 ("fill", &"none"),
                 ("stroke", &colour),
@@ -215,19 +223,40 @@ fn ring(svg: &mut Svg, [x, y]: [f64; 2], width: f64) {
     }
 }
 
-fn hex([red, green, blue]: [u8; 3]) -> String {
+pub(super) fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// Black or white, whichever is read better on a colour.
-fn ink_on(colour: [u8; 3]) -> &'static str {
-    let [red, green, blue] = colour.map(f64::from);
-    if 0.299 * red + 0.587 * green + 0.114 * blue > 128.0 { "#10161d" } else { "#ffffff" }
+/// Black or white, whichever is read better on a colour: the one of more contrast (WCAG 2.2).
+pub(super) fn ink_on(colour: [u8; 3]) -> &'static str {
+    let white = 1.05 / (luminance(colour) + 0.05);
+    let dark = (luminance(colour) + 0.05) / 0.05;
+    if dark > white { "#000000" } else { "#ffffff" }
+}
+
+/// The relative luminance of an sRGB colour, 0 to 1 (WCAG 2.2).
+fn luminance(colour: [u8; 3]) -> f64 {
+    let linear = |channel: u8| match f64::from(channel) / 255.0 {
+        part if part <= 0.04045 => part / 12.92,
+        part => ((part + 0.055) / 1.055).powf(2.4),
+    };
+    let [red, green, blue] = colour.map(linear);
+    0.2126 * red + 0.7152 * green + 0.0722 * blue
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_stands_on_any_colour_can_be_read() {
+        for place in 0..=100 {
+            let colour = viridis(f64::from(place) / 100.0);
+            let ink = if ink_on(colour) == "#ffffff" { 1.0 } else { 0.0 };
+            let [one, other] = [ink, luminance(colour)].map(|part| part + 0.05);
+            assert!(one.max(other) / one.min(other) >= 4.5, "{colour:?}");
+        }
+    }
 
     #[test]
     fn cells_say_their_time_or_why_there_is_none() {

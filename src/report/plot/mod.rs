@@ -2,6 +2,7 @@
 
 pub mod chart;
 pub mod heat;
+mod heat_narrow;
 mod layout;
 mod legend;
 pub mod look;

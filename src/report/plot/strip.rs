@@ -1,9 +1,10 @@
 //! Every sample of a few points as a dot, so that noise can be seen.
 
+use super::layout::{Layout, NARROW, WIDE};
 use super::legend::shorten;
 use super::palette::{FAINT, GRID, SERIES};
 use super::scale::{self, Kind, Scale};
-use super::svg::{Anchor, Svg, number};
+use super::svg::{Anchor, LINE, Svg, number};
 
 /// The samples of one point.
 #[derive(Clone, Debug)]
@@ -31,36 +32,61 @@ pub struct Strip {
     pub rows: Vec<Row>,
 }
 
-const LEFT: f64 = 262.0;
-const WIDTH: f64 = 510.0;
-const TOP: f64 = 34.0;
-const ROW: f64 = 34.0;
+/// Where the parts of a strip plot stand.
+#[derive(Clone, Copy)]
+struct Form {
+    layout: Layout,
+    /// A row's height.
+    row: f64,
+    /// What stands above its dots.
+    head: f64,
+}
+
+/// Names stand on the left.
+const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
+/// Names stand above.
+const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
 /// No row has more dots; where there are more samples, every second, third, ... is shown.
 const DOTS: usize = 120;
 
 impl Strip {
     /// The plot as SVG.
     pub fn svg(&self) -> String {
+        self.drawn(BESIDE)
+    }
+
+    /// The plot as SVG for a phone.
+    pub fn narrow_svg(&self) -> String {
+        self.drawn(ABOVE)
+    }
+
+    fn drawn(&self, form: Form) -> String {
+        let Form { layout, row, .. } = form;
         let reach = self.reach();
-        let across = Scale::between(Kind::Linear, [-reach, reach], [LEFT, LEFT + WIDTH]);
-        let bottom = TOP + self.rows.len() as f64 * ROW;
+        let right = layout.left + layout.width;
+        let across = Scale::between(Kind::Linear, [-reach, reach], [layout.left, right]);
+        let title = layout.lines(&self.title);
+        let top = layout.top + LINE * (title.len() - 1) as f64;
+        let bottom = top + self.rows.len() as f64 * row;
         let mut svg = Svg::default();
-        svg.text("title", [16.0, 18.0], Anchor::Start, &self.title);
+        svg.lines("title", [layout.left.min(16.0), 18.0], Anchor::Start, &title);
         for tick in across.ticks() {
             let Some(x) = across.place(tick) else { continue };
-            svg.line(if tick == 0.0 { "axis" } else { "grid" }, GRID, [x, TOP], [x, bottom]);
+            svg.line(if tick == 0.0 { "axis" } else { "grid" }, GRID, [x, top], [x, bottom]);
             let sign = if tick > 0.0 { "+" } else { "" };
             let label = format!("{sign}{}%", scale::label(tick));
             svg.text_in("faint", FAINT, [x, bottom + 17.0], Anchor::Middle, &label);
         }
-        for (place, row) in self.rows.iter().enumerate() {
-            draw_row(&mut svg, row, TOP + place as f64 * ROW, &across, reach);
+        for (place, one) in self.rows.iter().enumerate() {
+            draw_row(&mut svg, one, top + place as f64 * row, (&across, reach), form);
         }
-        let middle = LEFT + WIDTH / 2.0;
         let label =
             "a frame's device time against the point's median; within a row, earlier samples stand higher";
-        svg.text("label", [middle, bottom + 38.0], Anchor::Middle, label);
-        svg.finish([LEFT + WIDTH + 24.0, bottom + 50.0], &self.title, label)
+        let lines = layout.lines(label);
+        svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
+        let end = bottom + 50.0 + LINE * (lines.len() - 1) as f64;
+        let margin = if layout.legend_below { 12.0 } else { 24.0 };
+        svg.finish([right + margin, end], &self.title, label)
     }
 
     /// How far the axis reaches to both sides: past nearly all samples, but an outlier does not flatten the rest.
@@ -73,19 +99,32 @@ impl Strip {
     }
 }
 
-fn draw_row(svg: &mut Svg, row: &Row, top: f64, across: &Scale, reach: f64) {
-    let middle = top + ROW / 2.0;
-    let x = |deviation: f64| across.place(deviation.clamp(-reach, reach)).unwrap_or(LEFT);
+fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), form: Form) {
+    let Form { layout: Layout { left, width, .. }, head, .. } = form;
+    let x = |deviation: f64| across.place(deviation.clamp(-reach, reach)).unwrap_or(left);
     svg.open("g", &[("class", &"mark s0"), ("data-tip", &row.tip)]);
     svg.element(
         "rect",
-        &[("class", &"hit"), ("y", &top), ("width", &(LEFT + WIDTH)), ("height", &ROW), ("fill", &"none")],
+        &[
+            ("class", &"hit"),
+            ("y", &number(top)),
+            ("width", &number(left + width)),
+            ("height", &number(form.row)),
+            ("fill", &"none"),
+        ],
     );
-    svg.text("label", [LEFT - 92.0, middle + 4.0], Anchor::End, &shorten(&row.name, 26));
-    svg.text_in("faint", FAINT, [LEFT - 10.0, middle + 4.0], Anchor::End, &row.value);
+    if head > 0.0 {
+        svg.text("label", [left, top + 14.0], Anchor::Start, &shorten(&row.name, 32));
+        svg.text_in("faint", FAINT, [left + width, top + 14.0], Anchor::End, &row.value);
+    } else {
+        let middle = top + form.row / 2.0 + 4.0;
+        svg.text("label", [left - 92.0, middle], Anchor::End, &shorten(&row.name, 26));
+        svg.text_in("faint", FAINT, [left - 10.0, middle], Anchor::End, &row.value);
+    }
+    let (top, height) = (top + head, form.row - head);
     let bars = [
-        ("quartiles", row.quartiles, [top + 5.0, ROW - 10.0]),
-        ("sure", row.interval, [top + 3.0, ROW - 6.0]),
+        ("quartiles", row.quartiles, [top + 5.0, height - 10.0]),
+        ("sure", row.interval, [top + 3.0, height - 6.0]),
     ];
     for (class, ends, place) in bars {
         ends.iter().for_each(|ends| bar(svg, class, ends.map(x), place));
@@ -93,7 +132,7 @@ fn draw_row(svg: &mut Svg, row: &Row, top: f64, across: &Scale, reach: f64) {
     let every = row.deviations.len().div_ceil(DOTS).max(1);
     let last = row.deviations.len().saturating_sub(1).max(1) as f64;
     let dots = row.deviations.iter().enumerate().step_by(every).map(|(place, deviation)| {
-        let y = top + 7.0 + (ROW - 14.0) * place as f64 / last;
+        let y = top + 7.0 + (height - 14.0) * place as f64 / last;
         // A line of no length with round ends is a dot, and one path holds them all.
         format!("M{} {}h0", number(x(*deviation)), number(y))
     });

@@ -1,0 +1,41 @@
+//! `raycl figures`, for contributors: the documents' figures of stored records.
+
+use crate::documents::{Difference, Documents};
+use crate::error::{Error, Result};
+use std::path::PathBuf;
+
+/// Arguments of `raycl figures`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// raycl's repository
+    #[arg(default_value = ".", value_name = "DIR")]
+    root: PathBuf,
+    /// Write nothing: say where documents and records differ
+    #[arg(long)]
+    check: bool,
+}
+
+/// Makes the figures, or checks them. What no rewriting mends fails the command.
+pub fn run(args: Args) -> Result<()> {
+    let documents = Documents::read(&args.root)?;
+    let left = if args.check {
+        documents.differences()
+    } else {
+        let (changed, wrong) = documents.rewrite(&args.root)?;
+        super::print(format!("{changed} lines changed"))?;
+        wrong
+    };
+    match left.len() {
+        0 => Ok(()),
+        count => Err(Error::run(format!("{count} numbers have no record:\n{}", listed(&left)))
+            .with_help("CONTRIBUTING.md tells how a number gets its record")),
+    }
+}
+
+/// File, line, what stands there, what the records say.
+fn listed(differences: &[(&str, Difference)]) -> String {
+    let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
+        format!("{file}:{line}: '{stands}' stands there; the records say {records_say}")
+    };
+    differences.iter().map(one).collect::<Vec<_>>().join("\n")
+}

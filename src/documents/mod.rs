@@ -1,0 +1,90 @@
+//! The figures of the documents, made of stored records: every number in README.md, docs/paper.md and docs/performance.md is
+//! made here, or stands among the facts of docs/figures.toml.
+
+mod occupancy;
+mod of_record;
+mod page;
+mod published;
+mod query;
+mod reproduced;
+mod runs;
+mod sheet;
+mod sources;
+mod unrecorded;
+
+pub use page::Difference;
+
+use crate::error::{Error, Result};
+use crate::record::write_whole;
+use page::Page;
+use sheet::Sheet;
+use std::path::Path;
+
+/// The documents whose numbers have records.
+pub const DOCUMENTS: [&str; 3] = ["README.md", "docs/paper.md", "docs/performance.md"];
+
+/// The documents of a repository beside its records.
+pub struct Documents {
+    sheet: Sheet,
+    texts: Vec<(&'static str, String)>,
+}
+
+impl Documents {
+    /// Reads the documents of the repository at `root`, and their sheet.
+    pub fn read(root: &Path) -> Result<Self> {
+        let text = |name: &'static str| {
+            let path = root.join(name);
+            let text = std::fs::read_to_string(&path).map_err(|error| {
+                Error::unreadable("document", &path, &error, "run it in raycl's repository")
+            })?;
+            Ok((name, text))
+        };
+        Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
+    }
+
+    /// Where a text and the records differ.
+    pub fn check(&self, text: &str) -> Vec<Difference> {
+        let page = Page::of(text, &self.sheet);
+        page.stale.into_iter().chain(page.wrong).collect()
+    }
+
+    /// A document's text as it was read.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        self.texts.iter().find(|(own, _)| *own == name).map(|(_, text)| text.as_str())
+    }
+
+    /// Where a document and the records differ, by its name.
+    pub fn differences(&self) -> Vec<(&'static str, Difference)> {
+        let of = |(name, text): &(&'static str, String)| {
+            let name = *name;
+            self.check(text).into_iter().map(move |difference| (name, difference)).collect::<Vec<_>>()
+        };
+        let unused = self.unused().into_iter().map(|phrase| {
+            let records_say = "nothing asks for it: take it out".to_owned();
+            (sheet::SHEET, Difference { line: 0, stands: phrase, records_say })
+        });
+        self.texts.iter().flat_map(of).chain(unused).collect()
+    }
+
+    /// Facts and blocks that stand in no document.
+    fn unused(&self) -> Vec<String> {
+        let nowhere = |phrase: &&str| !self.texts.iter().any(|(_, text)| text.contains(*phrase));
+        let facts = self.sheet.facts.iter().map(String::as_str).filter(nowhere).map(str::to_owned);
+        let blocks = self.sheet.names().map(|name| format!("<!-- figures: {name} -->"));
+        facts.chain(blocks.filter(|block| nowhere(&block.as_str()))).collect()
+    }
+
+    /// Writes what the records say into the documents at `root`; how many lines changed, and what no rewriting mends.
+    pub fn rewrite(&self, root: &Path) -> Result<(usize, Vec<(&'static str, Difference)>)> {
+        let (mut changed, mut wrong) = (0, Vec::new());
+        for (name, text) in &self.texts {
+            let page = Page::of(text, &self.sheet);
+            changed += page.stale.len();
+            wrong.extend(page.wrong.into_iter().map(|difference| (*name, difference)));
+            if page.text != *text {
+                write_whole(&root.join(name), page.text.as_bytes())?;
+            }
+        }
+        Ok((changed, wrong))
+    }
+}

@@ -1,0 +1,27 @@
+//! Threads that a multiprocessor holds, computed.
+
+use super::of_record::{Form, Told};
+use crate::device::occupancy::{Limiter, multiprocessor, occupancy};
+use std::collections::HashMap;
+
+/// Of "groups=8 threads=1536 8x8" whole groups under two caps, as the paper's Figure 5 has it; of "capability=2.0
+/// registers=63 bytes-per-item=108 8x8" what such a multiprocessor holds, and what bounds it.
+pub fn threads(words: &[&str]) -> Result<Told, String> {
+    let given: HashMap<&str, &str> = words.iter().filter_map(|word| word.split_once('=')).collect();
+    let number = |key: &str| given.get(key).and_then(|text| text.parse::<u32>().ok());
+    let sides = words.iter().find_map(|word| word.split_once('x'));
+    let items =
+        sides.and_then(|(across, down)| Some(across.parse::<u32>().ok()? * down.parse::<u32>().ok()?));
+    let items = items.filter(|items| *items > 0).ok_or("a local size is missing, such as 8x8")?;
+    if let (Some(groups), Some(threads)) = (number("groups"), number("threads")) {
+        return Ok(Told::Number(f64::from(groups.min(threads / items) * items), Form::Count));
+    }
+    let sm = given.get("capability").ok_or("expected groups= and threads=, or capability= and registers=")?;
+    let sm = multiprocessor(sm).map_err(|error| error.to_string())?;
+    let bytes = u64::from(number("bytes-per-item").unwrap_or(0)) * u64::from(items);
+    let held = occupancy(sm, number("registers").ok_or("registers= is missing")?, bytes, items);
+    Ok(Told::Words(match held.limiter {
+        Limiter::CannotLaunch(_) => "cannot launch".to_owned(),
+        limiter => format!("{} ({limiter})", held.threads),
+    }))
+}

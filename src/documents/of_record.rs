@@ -1,0 +1,105 @@
+//! What a record tells, by the names that queries use.
+
+use crate::record::{Record, by, interval, median, significant};
+
+/// How a figure is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// With significant digits.
+    Measure,
+    /// Whole.
+    Count,
+    /// As hundredths.
+    Percent,
+    /// As a power of ten.
+    Power,
+}
+
+/// A figure of a record.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Told {
+    /// A number.
+    Number(f64, Form),
+    /// Words.
+    Words(String),
+    /// Why there is none: "infeasible".
+    Nothing(String),
+}
+
+type Number = fn(&Record) -> Option<f64>;
+
+/// The frame's median, which is meant where a query names no figure.
+pub const MEDIAN: &str = "ms";
+
+const NUMBERS: [(&str, Form, Number); 19] = [
+    (MEDIAN, Form::Measure, median),
+    ("primary-ms", Form::Measure, |record| record.primary_ms),
+    ("shadow-ms", Form::Measure, |record| record.shadow_ms),
+    ("shade-ms", Form::Measure, |record| record.shade_ms),
+    ("tests-per-s", Form::Measure, |record| record.tests_per_s),
+    ("shadow-rays-per-s", Form::Measure, |record| record.shadow_rays_per_s),
+    ("of-peak", Form::Percent, |record| record.limit_fraction),
+    ("difference", Form::Power, |record| record.max_difference),
+    ("uncertain", Form::Count, |record| record.uncertain_pixels.map(|count| count as f64)),
+    ("triangles", Form::Count, |record| record.triangles.map(|count| count as f64)),
+    ("local-bytes", Form::Count, |record| record.local_bytes.map(|bytes| bytes as f64)),
+    ("n", Form::Count, |record| Some(record.samples_ms.len() as f64)),
+    ("registers", Form::Count, |record| record.main_kernel()?.resources.registers.map(f64::from)),
+    ("spilled", Form::Count, |record| {
+        record.main_kernel()?.resources.spill_store_bytes.map(|bytes| bytes as f64)
+    }),
+    ("groups", Form::Count, |record| record.main_kernel()?.resident_groups.map(|count| count as f64)),
+    ("items", Form::Count, |record| {
+        let [across, down] = record.local_size?;
+        Some(record.main_kernel()?.resident_groups? as f64 * f64::from(across) * f64::from(down))
+    }),
+    ("occupancy", Form::Percent, |record| record.main_kernel()?.occupancy),
+    ("lanes", Form::Percent, |record| {
+        let [across, down] = record.local_size?;
+        let items = across * down;
+        Some(f64::from(items) / f64::from(items.next_multiple_of(32)))
+    }),
+    ("pixels", Form::Count, |record| Some(record.image_size.iter().map(|side| f64::from(*side)).product())),
+];
+
+type Text = fn(&Record) -> Option<String>;
+
+const TEXTS: [(&str, Text); 4] = [
+    ("local-size", |record| record.local_size.map(by)),
+    ("bounded-by", |record| record.main_kernel()?.occupancy_limited_by.clone()),
+    ("interval", |record| {
+        interval(record).map(|[low, high]| format!("{} to {}", significant(low, 3), significant(high, 3)))
+    }),
+    ("outcome", |record| Some(record.outcome.name().to_owned())),
+];
+
+/// Whether a word names a figure; instructions of PTX, such as `ld.global`, do.
+pub fn is_figure(word: &str) -> bool {
+    let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
+    is_instruction
+        || NUMBERS.iter().any(|(name, ..)| *name == word)
+        || TEXTS.iter().any(|(name, _)| *name == word)
+}
+
+/// A record's figure of a name.
+pub fn figure(record: &Record, name: &str) -> Told {
+    if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
+        return text(record).map_or_else(|| nothing(record), Told::Words);
+    }
+    let number = match NUMBERS.iter().find(|(known, ..)| *known == name) {
+        Some((_, form, of)) => of(record).map(|value| (value, *form)),
+        None => instructions(record, name).map(|count| (f64::from(count), Form::Count)),
+    };
+    number.map_or_else(|| nothing(record), |(value, form)| Told::Number(value, form))
+}
+
+/// How many instructions of a kind its main kernel has.
+fn instructions(record: &Record, name: &str) -> Option<u32> {
+    let census = record.main_kernel()?.census.as_ref()?;
+    Some(census.instructions.get(name).copied().unwrap_or(0))
+}
+
+fn nothing(record: &Record) -> Told {
+    let why = if median(record).is_some() { "not told" } else { record.outcome.name() };
+    Told::Nothing(why.to_owned())
+}

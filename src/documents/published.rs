@@ -1,0 +1,16 @@
+//! The paper's published times, and what its Figure 5 predicts.
+
+use super::of_record::{Form, Told};
+use crate::report::paper::curve;
+
+/// The published time of "SCENE PRESET WxH"; nothing where the figure has no point.
+pub fn published(words: &[&str]) -> Result<Told, String> {
+    let [scene, preset, size] = words[..] else {
+        return Err(format!("'{}' is no published point; expected \"SCENE PRESET WxH\"", words.join(" ")));
+    };
+    let (_, points) =
+        curve(scene, preset).ok_or_else(|| format!("no figure of the paper has {preset} on {scene}"))?;
+    let block = |(block, _): &&(u32, f64)| format!("{block}x{block}") == size;
+    let found = points.iter().find(block).map(|(_, ms)| Told::Number(*ms, Form::Count));
+    Ok(found.unwrap_or_else(|| Told::Nothing("no point".into())))
+}

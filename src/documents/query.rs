@@ -1,0 +1,257 @@
+//! Queries: which record a figure is of, which of its values, and how it is rounded.
+//!
+//! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life / local-vectors 8x8 still-life,
+//! 2 digits`. CONTRIBUTING.md documents it.
+
+use super::occupancy::threads;
+use super::of_record::{Form, MEDIAN, Told, figure, is_figure};
+use super::published::published;
+use super::sources::{Source, Sources};
+use crate::error::nearest;
+use crate::record::{Record, fewest, not_enough, ranking, ratio, significant};
+use crate::report::exponent;
+use crate::strategy::PRESETS;
+use serde_json::Value;
+
+/// Significant digits where nothing is said.
+const DIGITS: i32 = 3;
+/// The paper's published times, which are part of the program.
+const PUBLISHED: &str = "published";
+/// What a multiprocessor holds, which is computed.
+const OCCUPANCY: &str = "occupancy";
+/// Units that a value is given in: their name, and what it is multiplied by.
+const UNITS: [(&str, f64); 8] =
+    [("T", 1e-12), ("G", 1e-9), ("M", 1e-6), ("k", 1e-3), ("s", 1e-3), ("us", 1e3), ("%", 100.0), ("1", 1.0)];
+
+/// What a query asks for: one figure, or one over another.
+pub struct Query<'a> {
+    operands: Vec<(&'a str, Vec<&'a str>)>,
+    digits: Option<i32>,
+    factor: Option<f64>,
+}
+
+impl<'a> Query<'a> {
+    /// Reads a query.
+    pub fn parse(text: &'a str) -> Result<Self, String> {
+        let mut parts = text.split(", ");
+        let mut operands: Vec<(&str, Vec<&str>)> = Vec::new();
+        for operand in parts.next().unwrap_or_default().split(" / ") {
+            let (source, words) = match operand.split_once(": ") {
+                Some(parts) => parts,
+                None => (operands.first().map_or("", |(source, _)| source), operand),
+            };
+            operands.push((source.trim(), words.split_whitespace().collect()));
+        }
+        if operands.len() > 2 || operands[0].0.is_empty() {
+            return Err(format!("'{text}' is no query; expected \"SOURCE: WORDS\", one or one / another"));
+        }
+        let mut query = Self { operands, digits: None, factor: None };
+        for modifier in parts {
+            query.modify(modifier.trim())?;
+        }
+        Ok(query)
+    }
+
+    fn modify(&mut self, modifier: &str) -> Result<(), String> {
+        if let Some(digits) = modifier.strip_suffix(" digits").and_then(|count| count.parse().ok()) {
+            self.digits = Some(digits);
+            return Ok(());
+        }
+        let unit = UNITS.iter().find(|(name, _)| *name == modifier);
+        let unknown = || {
+            format!(
+                "'{modifier}' is neither \"N digits\" nor a unit: {}",
+                UNITS.map(|(name, _)| name).join(", ")
+            )
+        };
+        self.factor = Some(unit.ok_or_else(unknown)?.1);
+        Ok(())
+    }
+
+    /// What the records say, as it is written; `Err` says what is wrong with the query.
+    pub fn answer(&self, sources: &Sources) -> Result<Told, String> {
+        let told = match &self.operands[..] {
+            [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
+            [one] => {
+                let side = operand(sources, one)?;
+                let few = side.few();
+                (side.told, few)
+            }
+            [] => (Told::Nothing(String::new()), String::new()),
+        };
+        Ok(match told {
+            (Told::Number(value, form), few) => Told::Words(self.written(value, form) + &few),
+            (other, _) => other,
+        })
+    }
+
+    fn written(&self, value: f64, form: Form) -> String {
+        let digits = self.digits.unwrap_or(DIGITS);
+        match (self.factor, form) {
+            (Some(factor), _) => significant(value * factor, digits),
+            (None, Form::Measure) => significant(value, digits),
+            (None, Form::Count) => format!("{value:.0}"),
+            (None, Form::Percent) => significant(100.0 * value, self.digits.unwrap_or(2)),
+            (None, Form::Power) => format!("{value:.*e}", self.digits.unwrap_or(2).max(1) as usize - 1),
+        }
+    }
+}
+
+/// What one side of a query tells, and of which record where it is a frame's median.
+struct Side {
+    told: Told,
+    median_of: Option<Record>,
+}
+
+impl Side {
+    /// " (n = 3)" where so few samples have no say.
+    fn few(&self) -> String {
+        let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
+        few.map_or(String::new(), |record| format!(" (n = {})", fewest(record)))
+    }
+}
+
+fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side, String> {
+    match *name {
+        PUBLISHED => return Ok(Side { told: published(words)?, median_of: None }),
+        OCCUPANCY => return Ok(Side { told: threads(words)?, median_of: None }),
+        _ => {}
+    }
+    match &*sources.get(name)? {
+        Source::Json(value) => Ok(Side { told: at(value, words)?, median_of: None }),
+        Source::Folder(folder) => of_folder(&folder.records, words, name),
+    }
+}
+
+/// A ratio of two medians is that of samples close in time, as everywhere; of others it is what it says.
+fn quotient(one: &Side, other: &Side) -> Told {
+    if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
+        let few = || Told::Nothing("not enough samples".into());
+        return ratio(one, other).map_or_else(few, |ratio| Told::Number(ratio.middle, Form::Measure));
+    }
+    match (&one.told, &other.told) {
+        (Told::Number(one, _), Told::Number(other, _)) => Told::Number(one / other, Form::Measure),
+        (Told::Nothing(why), _) | (_, Told::Nothing(why)) => Told::Nothing(why.clone()),
+        _ => Told::Nothing("words".into()),
+    }
+}
+
+/// The value that a JSON pointer leads to.
+fn at(value: &Value, words: &[&str]) -> Result<Told, String> {
+    let pointer = words.concat();
+    match value.pointer(&pointer) {
+        Some(Value::Number(number)) if number.is_f64() => {
+            Ok(Told::Number(number.as_f64().unwrap_or_default(), Form::Measure))
+        }
+        Some(Value::Number(number)) => Ok(Told::Number(number.as_f64().unwrap_or_default(), Form::Count)),
+        Some(Value::String(text)) => Ok(Told::Words(text.clone())),
+        Some(Value::Null) => Ok(Told::Nothing("not measured".into())),
+        _ => Err(format!("nothing at '{pointer}'")),
+    }
+}
+
+fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, String> {
+    let mut picked: Vec<&Record> = records.iter().collect();
+    let (mut wanted, mut best, mut growth) = (MEDIAN, false, None);
+    for word in words {
+        match *word {
+            "best" => best = true,
+            "growth-with-triangles" => growth = Some("triangles"),
+            "growth-with-pixels" => growth = Some("pixels"),
+            figure if is_figure(figure) => wanted = figure,
+            word if records.iter().any(|record| is(record, word)) => picked.retain(|record| is(record, word)),
+            word if PRESETS.iter().any(|preset| preset.name == word) => picked.clear(),
+            word => return Err(format!("no record in {name} is of '{word}'{}", meant(records, word))),
+        }
+    }
+    if let Some(across) = growth {
+        return Ok(Side { told: grown(&picked, across), median_of: None });
+    }
+    if best {
+        picked = ranking(picked.iter().copied()).all().into_iter().take(1).collect();
+    }
+    match picked[..] {
+        [] => Ok(Side { told: Told::Nothing(String::new()), median_of: None }),
+        [one] => Ok(Side { told: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
+        _ => Err(format!("{} records of {name} are '{}'; expected one", picked.len(), words.join(" "))),
+    }
+}
+
+/// The exponent with which the best times of some records grow.
+fn grown(records: &[&Record], across: &str) -> Told {
+    let number = |record: &Record, name: &str| match figure(record, name) {
+        Told::Number(value, _) => Some(value),
+        _ => None,
+    };
+    let points: Vec<[f64; 2]> = records
+        .iter()
+        .filter_map(|record| Some([number(record, across)?, number(record, MEDIAN)?]))
+        .collect();
+    exponent(&points)
+        .map_or(Told::Nothing("too few".into()), |[exponent, _]| Told::Number(exponent, Form::Measure))
+}
+
+/// Whether a word is true of a record: its name, preset, scene, a baseline's strategy, its local size ("8x8"), its image's size
+/// ("@800x500"), how many triangles ("triangles=1026"), or a value of an axis ("width=8").
+fn is(record: &Record, word: &str) -> bool {
+    let size = |[across, down]: [u32; 2]| format!("{across}x{down}");
+    let axis = || match word.split_once('=') {
+        Some(("triangles", count)) => record.triangles.is_some_and(|own| own.to_string() == count),
+        Some((axis, value)) => record.axis(axis) == Some(value),
+        None => false,
+    };
+    [&record.name, &record.scene, &record.strategy].iter().any(|own| *own == word)
+        || record.local_size.is_some_and(|own| size(own) == word)
+        || word.strip_prefix('@').is_some_and(|word| size(record.image_size) == word)
+        || axis()
+}
+
+fn meant(records: &[Record], word: &str) -> String {
+    let names = records.iter().flat_map(|record| [record.name.as_str(), record.scene.as_str()]);
+    nearest(word, names).map_or(String::new(), |meant| format!("; did you mean '{meant}'?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+    use std::path::Path;
+
+    /// The answer from the folder of records that tests have.
+    fn answer(query: &str) -> Result<Told, String> {
+        let folders = BTreeMap::from([("old".to_owned(), "tests/data/old-results".to_owned())]);
+        let sources = Sources::new(Path::new(env!("CARGO_MANIFEST_DIR")), folders);
+        Query::parse(query)?.answer(&sources)
+    }
+
+    fn words(query: &str) -> String {
+        match answer(query) {
+            Ok(Told::Words(text)) => text,
+            other => panic!("{query}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn published_and_computed_figures() {
+        assert_eq!(words("published: teapot naive 8x8"), "10400");
+        assert_eq!(answer("published: teapot naive 14x14"), Ok(Told::Nothing("no point".into())));
+        assert_eq!(words("occupancy: groups=8 threads=1536 10x10"), "800");
+        assert_eq!(words("occupancy: capability=2.0 registers=63 16x16"), "512 (registers)");
+        assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4"), "10.8");
+        assert_eq!(words("published: teapot naive 1x1, s, 2 digits"), "163");
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_query_is_said() {
+        let wrong = |query: &str, part: &str| {
+            let error = answer(query).expect_err(query);
+            assert!(error.contains(part), "{error}");
+        };
+        wrong("8x8", "no query");
+        wrong("new: naive 8x8", "'new' is no source; expected one of old");
+        wrong("published: teapot naive 8x8, 3 digit", "neither");
+        wrong("old: naive 1x1 still-lfe", "did you mean 'still-life'?");
+        wrong("old: naive still-life", "expected one");
+        wrong("occupancy: capability=2.0 8x8", "registers= is missing");
+    }
+}

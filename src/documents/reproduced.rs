@@ -1,0 +1,84 @@
+//! The paper's claims and the answer in four lines, as `raycl reproduce` finds them.
+
+use super::sheet::{Device, line};
+use super::sources::Sources;
+use crate::report::Reproduction;
+use serde_json::Value;
+
+/// What is counted, in the order of the counts.
+const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
+
+/// What a reproduction says of the one device in it.
+fn found(sources: &Sources, device: &Device) -> Result<Value, String> {
+    let folders: Result<Vec<_>, _> = device.folders.iter().map(|name| sources.folder(name)).collect();
+    let json = Reproduction::of(&folders?).and_then(|page| page.json()).map_err(|error| error.to_string())?;
+    let mut value: Value = serde_json::from_str(&json).map_err(|error| error.to_string())?;
+    Ok(value["devices"][0].take())
+}
+
+/// The four lines of each device.
+pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
+    let mut lines = Vec::new();
+    for device in devices {
+        let answer = found(sources, device)?["answer"].take();
+        let said = |key: &str| code(answer[key].as_str().unwrap_or_default());
+        lines.push(format!("| {} | |", device.head));
+        lines.push("|---|---|".to_owned());
+        for (head, key) in [
+            ("best memory strategy", "memory_strategy"),
+            ("best local size", "local_size"),
+            ("why", "why"),
+            ("how sure", "how_sure"),
+        ] {
+            lines.push(format!("| **{head}** | {} |", said(key)));
+        }
+        lines.push(String::new());
+    }
+    lines.pop();
+    Ok(lines)
+}
+
+/// Counts, then a row a claim: one deciding comparison stands for all.
+pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
+    let found: Vec<Value> = devices.iter().map(|device| found(sources, device)).collect::<Result<_, _>>()?;
+    let of = |device: &Value| device["claims"].as_array().cloned().unwrap_or_default();
+    let all: Vec<Vec<Value>> = found.iter().map(of).collect();
+    let counts = devices.iter().zip(&all).map(|(device, claims)| counted(&device.head, claims));
+    let mut lines: Vec<String> = counts.collect();
+    lines.push(String::new());
+    let heads =
+        ["the paper says", "where"].into_iter().chain(devices.iter().map(|device| device.head.as_str()));
+    lines.push(line(heads));
+    lines.push(format!("|{}", "---|".repeat(2 + devices.len())));
+    for (place, claim) in all.first().into_iter().flatten().enumerate() {
+        let ours: Vec<String> = all.iter().map(|claims| decided(&claims[place])).collect();
+        let own = ["sentence", "place"].map(|key| claim[key].as_str().unwrap_or_default());
+        lines.push(line(own.into_iter().chain(ours.iter().map(String::as_str))));
+    }
+    Ok(lines)
+}
+
+/// "Of 35 claims on PoCL 0 held, 13 did not hold, ...".
+fn counted(head: &str, claims: &[Value]) -> String {
+    let count = |verdict: &str| claims.iter().filter(|claim| claim["verdict"] == verdict).count();
+    let counts = VERDICTS.map(|verdict| format!("{} {verdict}", count(verdict)));
+    format!("- {head}: of {} claims {}.", claims.len(), counts.join(", "))
+}
+
+/// The verdict, and the first comparison that says so.
+fn decided(claim: &Value) -> String {
+    let verdict = claim["verdict"].as_str().unwrap_or_default();
+    let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);
+    let mut deciding = lines.iter().filter(|line| line["verdict"] == verdict);
+    let first = deciding.next().or(lines.first()).and_then(|line| line["text"].as_str()).unwrap_or_default();
+    let more = match deciding.count() {
+        0 => String::new(),
+        more => format!(" (and {more} more)"),
+    };
+    format!("**{verdict}**: {}{more}", code(first))
+}
+
+/// Two underscores would be Markdown's bold.
+fn code(text: &str) -> String {
+    text.replace("__local", "`__local`")
+}

@@ -1,0 +1,37 @@
+//! Where the records come from: each folder's device, date, program and command.
+
+use super::sheet::line;
+use super::sources::Sources;
+use serde_json::Value;
+
+/// A row a folder.
+pub fn runs(sources: &Sources, names: &[String]) -> Result<Vec<String>, String> {
+    let heads = ["records", "device, driver", "begun (UTC)", "program", "command"];
+    let mut lines = vec![line(heads.into_iter()), format!("|{}", "---|".repeat(heads.len()))];
+    for name in names {
+        let environment = sources.folder(name)?.environment;
+        let text = |key: &str| environment[key].as_str().unwrap_or("not recorded").to_owned();
+        let started = text("started");
+        let begun = started.get(..16).unwrap_or(&started).replace('T', " ");
+        let (name, command) = (format!("`{name}`"), command(&environment));
+        let cells = [name, devices(&environment), begun, text("git_revision"), command];
+        lines.push(line(cells.iter().map(String::as_str)));
+    }
+    Ok(lines)
+}
+
+fn devices(environment: &Value) -> String {
+    let devices = environment["devices"].as_array().map_or(&[][..], Vec::as_slice);
+    let told = |device: &Value| {
+        let [name, driver] = ["device", "driver"].map(|key| device[key].as_str().unwrap_or("?").to_owned());
+        format!("{name}, {driver}")
+    };
+    devices.iter().map(told).collect::<Vec<_>>().join("; ")
+}
+
+/// Its words after the program's own name, which is a path of the machine that ran it.
+fn command(environment: &Value) -> String {
+    let words = environment["command_line"].as_array().map_or(&[][..], Vec::as_slice);
+    let words = words.iter().skip(1).filter_map(Value::as_str).map(crate::report::quote);
+    format!("`raycl {}`", words.collect::<Vec<_>>().join(" "))
+}

@@ -1,0 +1,215 @@
+//! `docs/figures.toml`: where records lie, the tables that are made of them, and the numbers that come of elsewhere.
+
+use super::of_record::Told;
+use super::query::Query;
+use super::reproduced::{answer, claims};
+use super::runs::runs;
+use super::sources::Sources;
+use crate::error::{Error, Result, line_of};
+use serde::Deserialize;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+/// The sheet's place in the repository.
+pub const SHEET: &str = "docs/figures.toml";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Wire {
+    sources: BTreeMap<String, String>,
+    facts: BTreeMap<String, Vec<String>>,
+    blocks: BTreeMap<String, Block>,
+}
+
+/// What stands between two markers.
+#[derive(Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+enum Block {
+    /// Rows by columns, a query a cell.
+    Table(Table),
+    /// The paper's claims beside what was measured.
+    Claims { devices: Vec<Device> },
+    /// The answer in four lines for each device.
+    Answer { devices: Vec<Device> },
+    /// Where records come from.
+    Runs { folders: Vec<String> },
+}
+
+/// A device of the reproduction, and the folders that it is read from.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Device {
+    /// What documents call it.
+    pub head: String,
+    /// Sources of the paper's configs.
+    pub folders: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    /// Of the first column.
+    head: String,
+    rows: Vec<Row>,
+    columns: Vec<Column>,
+}
+
+/// A row: words that its queries have in common, which are also its head unless that is given.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Row {
+    Words(String),
+    Headed { head: String, words: String, with: Option<String> },
+}
+
+impl Row {
+    fn head(&self) -> &str {
+        match self {
+            Self::Words(head) | Self::Headed { head, .. } => head,
+        }
+    }
+
+    fn words(&self) -> &str {
+        match self {
+            Self::Words(words) | Self::Headed { words, .. } => words,
+        }
+    }
+
+    /// How its numbers are rounded, after what the column says.
+    fn modifiers(&self) -> String {
+        match self {
+            Self::Headed { with: Some(with), .. } => format!(", {with}"),
+            _ => String::new(),
+        }
+    }
+}
+
+/// A column: its queries, with `{}` where the words of the row go.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Column {
+    head: String,
+    of: String,
+    /// What stands where no record is.
+    missing: Option<String>,
+    /// Which of its numbers are bold.
+    bold: Option<Bold>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Bold {
+    Least,
+    Most,
+}
+
+/// The sheet of a repository.
+pub struct Sheet {
+    /// Where its queries are answered from.
+    pub sources: Sources,
+    /// Phrases with numbers that no record holds: the paper's, options, versions, arithmetic. The longest first.
+    pub facts: Vec<String>,
+    blocks: BTreeMap<String, Block>,
+    made: RefCell<HashMap<String, Made>>,
+}
+
+/// A block's lines, or why it has none.
+type Made = std::result::Result<Vec<String>, String>;
+
+impl Sheet {
+    /// Reads the sheet of the repository at `root`.
+    pub fn read(root: &Path) -> Result<Self> {
+        let path = root.join(SHEET);
+        let text = std::fs::read_to_string(&path).map_err(|error| {
+            Error::unreadable("sheet of figures", &path, &error, "run it in raycl's repository")
+        })?;
+        let wire: Wire = toml::from_str(&text).map_err(|error| {
+            let line = error.span().map_or(1, |span| line_of(&text, span.start));
+            Error::input(format!("{SHEET}:{line}: {}", error.message()))
+        })?;
+        let mut facts: Vec<String> = wire.facts.into_values().flatten().collect();
+        facts.sort_by_key(|fact| std::cmp::Reverse(fact.len()));
+        Ok(Self {
+            sources: Sources::new(root, wire.sources),
+            facts,
+            blocks: wire.blocks,
+            made: RefCell::default(),
+        })
+    }
+
+    /// The lines of a block, which are made once.
+    pub fn block(&self, name: &str) -> Made {
+        if let Some(made) = self.made.borrow().get(name) {
+            return made.clone();
+        }
+        let made = self.make(name);
+        self.made.borrow_mut().insert(name.to_owned(), made.clone());
+        made
+    }
+
+    fn make(&self, name: &str) -> Made {
+        let block = self.blocks.get(name).ok_or_else(|| format!("{SHEET} has no block '{name}'"))?;
+        match block {
+            Block::Table(table) => self.table(table),
+            Block::Claims { devices } => claims(&self.sources, devices),
+            Block::Answer { devices } => answer(&self.sources, devices),
+            Block::Runs { folders } => runs(&self.sources, folders),
+        }
+    }
+
+    /// The names of all blocks.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.blocks.keys().map(String::as_str)
+    }
+
+    fn table(&self, table: &Table) -> Made {
+        let mut columns = Vec::new();
+        for column in &table.columns {
+            let cells: std::result::Result<Vec<_>, _> =
+                table.rows.iter().map(|row| self.cell(column, row)).collect();
+            columns.push(emboldened(cells?, column.bold));
+        }
+        let heads = std::iter::once(table.head.as_str())
+            .chain(table.columns.iter().map(|column| column.head.as_str()));
+        let row = |(place, row): (usize, &Row)| {
+            line(std::iter::once(row.head()).chain(columns.iter().map(|cells| cells[place].as_str())))
+        };
+        let rule = format!("|{}", "---|".repeat(table.columns.len() + 1));
+        Ok([line(heads), rule].into_iter().chain(table.rows.iter().enumerate().map(row)).collect())
+    }
+
+    fn cell(&self, column: &Column, row: &Row) -> std::result::Result<String, String> {
+        let query = column.of.replace("{}", row.words()) + &row.modifiers();
+        let told = Query::parse(&query).and_then(|query| query.answer(&self.sources));
+        match told.map_err(|error| format!("{query}: {error}"))? {
+            Told::Words(text) => Ok(text),
+            Told::Nothing(why) if !why.is_empty() => Ok(why),
+            _ => column
+                .missing
+                .clone()
+                .ok_or_else(|| format!("{query}: no record, and nothing is said for it to be missing")),
+        }
+    }
+}
+
+/// A row of Markdown.
+pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
+    format!("| {} |", cells.collect::<Vec<_>>().join(" | ")).replace("|  |", "| |")
+}
+
+/// A column with its least or greatest number bold.
+fn emboldened(mut cells: Vec<String>, bold: Option<Bold>) -> Vec<String> {
+    let Some(bold) = bold else { return cells };
+    let numbers =
+        cells.iter().enumerate().filter_map(|(place, cell)| Some((place, cell.parse::<f64>().ok()?)));
+    let by_size = |(_, a): &(usize, f64), (_, b): &(usize, f64)| a.total_cmp(b);
+    let chosen = match bold {
+        Bold::Least => numbers.min_by(by_size),
+        Bold::Most => numbers.max_by(by_size),
+    };
+    if let Some((place, _)) = chosen {
+        cells[place] = format!("**{}**", cells[place]);
+    }
+    cells
+}

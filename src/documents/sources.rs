@@ -1,0 +1,63 @@
+//! The stored records that figures are made of, each read once.
+
+use crate::record::Folder;
+use serde_json::Value;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// What a source holds.
+pub enum Source {
+    /// A folder of results.
+    Folder(Folder),
+    /// A file of another program, or of one command.
+    Json(Value),
+}
+
+/// Where sources lie: the first part of a name stands for a folder, the rest leads on from there.
+pub struct Sources {
+    root: PathBuf,
+    folders: BTreeMap<String, String>,
+    read: RefCell<HashMap<String, Rc<Source>>>,
+}
+
+impl Sources {
+    /// The sources of a repository, by the names that its sheet gives to folders.
+    pub fn new(root: &Path, folders: BTreeMap<String, String>) -> Self {
+        Self { root: root.to_owned(), folders, read: RefCell::default() }
+    }
+
+    /// The source of a name, such as "h200/figure-8"; a JSON file is named without its ending. Why there is none.
+    pub fn get(&self, name: &str) -> Result<Rc<Source>, String> {
+        if let Some(known) = self.read.borrow().get(name) {
+            return Ok(known.clone());
+        }
+        let source = Rc::new(self.read(name)?);
+        self.read.borrow_mut().insert(name.to_owned(), source.clone());
+        Ok(source)
+    }
+
+    /// A folder of results.
+    pub fn folder(&self, name: &str) -> Result<Folder, String> {
+        match &*self.get(name)? {
+            Source::Folder(folder) => Ok(folder.clone()),
+            Source::Json(_) => Err(format!("'{name}' is a file; expected a folder of results")),
+        }
+    }
+
+    fn read(&self, name: &str) -> Result<Source, String> {
+        let (first, rest) = name.split_once('/').unwrap_or((name, ""));
+        let folder = self.folders.get(first).ok_or_else(|| {
+            let known: Vec<_> = self.folders.keys().map(String::as_str).collect();
+            format!("'{first}' is no source; expected one of {}", known.join(", "))
+        })?;
+        let path = self.root.join(folder).join(rest);
+        let file = PathBuf::from(format!("{}.json", path.display()));
+        if !file.is_file() {
+            return Folder::read(&path).map(Source::Folder).map_err(|error| error.to_string());
+        }
+        let text = std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+        serde_json::from_str(&text).map(Source::Json).map_err(|error| format!("{}: {error}", file.display()))
+    }
+}

@@ -1,0 +1,127 @@
+//! Numbers that no record answers for.
+
+/// Whether a line stands in a fenced block of code.
+#[derive(Default)]
+pub struct Fences {
+    within: bool,
+}
+
+/// What a number in a code span must not be followed by: there are options and names in it, and no figures.
+const UNITS: [&str; 12] =
+    ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
+
+/// The words of a line with digits in them that are neither in code, nor names, nor in one of some facts; a fact that holds
+/// another comes before it.
+pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
+    if line.trim_start().starts_with("```") {
+        fences.within = !fences.within;
+        return Vec::new();
+    }
+    if fences.within {
+        return Vec::new();
+    }
+    let mut text = without_links(&without_code(without_place(line)));
+    for fact in facts {
+        text = without(&text, fact);
+    }
+    let words = text.split(|c: char| c.is_whitespace() || "|()[]*".contains(c));
+    let words = words.map(|word| word.trim_matches(|c: char| ".,:;\"'!?".contains(c)));
+    words.filter(|word| has_digit(word) && !is_name(word)).map(str::to_owned).collect()
+}
+
+/// A line of a list without its place there: "1. ".
+fn without_place(line: &str) -> &str {
+    line.split_once(". ").filter(|(place, _)| place.parse::<u8>().is_ok()).map_or(line, |(_, rest)| rest)
+}
+
+fn has_digit(word: &str) -> bool {
+    word.contains(|c: char| c.is_ascii_digit())
+}
+
+/// Names begin with a letter: H200, f32, AVX-512.
+fn is_name(word: &str) -> bool {
+    word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
+}
+
+/// A line without its code spans, unless one holds a number with a unit.
+fn without_code(line: &str) -> String {
+    let part = |(place, part): (usize, &str)| {
+        let is_code = place % 2 == 1 && !has_unit(part);
+        if is_code { "code".to_owned() } else { part.to_owned() }
+    };
+    line.split('`').enumerate().map(part).collect()
+}
+
+fn has_unit(code: &str) -> bool {
+    let words: Vec<&str> = code.split_whitespace().collect();
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    words.windows(2).any(|pair| is_number(pair[0]) && UNITS.contains(&pair[1]))
+        || words.iter().any(|word| word.strip_suffix('%').is_some_and(is_number))
+}
+
+/// A line without the targets of its links and pictures.
+fn without_links(line: &str) -> String {
+    let mut parts = line.split("](");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
+}
+
+/// A text without a phrase, where no letter, digit or further part of a number touches it.
+fn without(text: &str, phrase: &str) -> String {
+    let mut rest = text;
+    let mut kept = String::new();
+    while let Some(at) = rest.find(phrase) {
+        let (before, after) = (&rest[..at], &rest[at + phrase.len()..]);
+        let whole = kept.clone() + before;
+        let touches_before = whole.ends_with(|c: char| c.is_alphanumeric() || ".,-±~<>".contains(c))
+            && number_begins(phrase, &whole);
+        let alone = !touches_before && !number_goes_on(after);
+        kept = whole + if alone { " fact " } else { phrase };
+        rest = after;
+    }
+    kept + rest
+}
+
+/// Whether what stands before a phrase belongs to the same word.
+fn number_begins(phrase: &str, before: &str) -> bool {
+    let first_is_number = phrase.starts_with(|c: char| c.is_alphanumeric());
+    let part = before.ends_with(|c: char| c.is_alphanumeric() || c == '-' || c == '±');
+    let decimal = before.ends_with(['.', ','])
+        && before.trim_end_matches(['.', ',']).ends_with(|c: char| c.is_ascii_digit());
+    first_is_number && (part || decimal)
+}
+
+/// Whether what follows a phrase belongs to the same word.
+fn number_goes_on(after: &str) -> bool {
+    let mut next = after.chars();
+    match next.next() {
+        Some('.' | ',') => next.next().is_some_and(|c| c.is_ascii_digit()),
+        Some(c) => c.is_alphanumeric() || c == '%',
+        None => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(line: &str, facts: &[&str]) -> Vec<String> {
+        let facts: Vec<String> = facts.iter().map(|fact| (*fact).to_owned()).collect();
+        unrecorded(line, &facts, &mut Fences::default())
+    }
+
+    #[test]
+    fn numbers_without_a_record_are_found() {
+        assert_eq!(found("The H200 takes 3.2 ms, 17% of `width=4`.", &[]), ["3.2", "17%"]);
+        assert_eq!(found("A frame of `3.2 ms` at n=5", &[]), ["3.2", "n=5"]);
+        assert!(found("![x 1](images/a-2.png), [AVX-512](x-3)", &["x 1"]).is_empty());
+    }
+
+    #[test]
+    fn a_fact_answers_for_its_own_words_only() {
+        let facts = ["1026 triangles", "800 x 500", "8 blocks"];
+        assert!(found("1026 triangles at 800 x 500, 8 blocks.", &facts).is_empty());
+        assert_eq!(found("1027 triangles, 11026 triangles, 1.8 blocks", &facts), ["1027", "11026", "1.8"]);
+        assert_eq!(found("800 x 5000", &facts), ["800", "5000"]);
+    }
+}

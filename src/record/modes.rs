@@ -1,0 +1,71 @@
+//! What is to be minded in reading a record's median.
+
+use super::numbers::ms;
+use super::together::launches;
+use super::together::median;
+use super::types::Record;
+use crate::measure::Modes;
+
+/// A launch is of one mode where at most this part of its samples is of the other.
+const STRAYS: f64 = 0.1;
+
+/// The record's warning, and that its samples lie around two values.
+pub(crate) fn to_mind(record: &Record) -> Option<String> {
+    let parts: Vec<String> = record.warning.clone().into_iter().chain(two_modes(record)).collect();
+    (!parts.is_empty()).then(|| parts.join("; "))
+}
+
+/// "two modes: 108.9 ms (18 samples) and 174.5 ms (12), by launch"; none where one mode may have made them.
+pub(crate) fn two_modes(record: &Record) -> Option<String> {
+    median(record)?;
+    let modes = Modes::of(&record.samples_ms)?;
+    let ([fast, slow], [many, few]) = (modes.ms, modes.samples);
+    let whose = if is_by_launch(record, &modes) { ", by launch" } else { "" };
+    Some(format!("two modes: {} ms ({many} samples) and {} ms ({few}){whose}", ms(fast), ms(slow)))
+}
+
+/// Whether each launch is of one mode.
+fn is_by_launch(record: &Record, modes: &Modes) -> bool {
+    let of_one = |launch: &u32| {
+        let own = record.sample_launches.iter().zip(&record.samples_ms).filter(|(other, _)| *other == launch);
+        let (mut fast, mut all) = (0.0, 0.0);
+        for (_, ms) in own {
+            all += 1.0;
+            fast += f64::from(u8::from(*ms <= modes.parted_at_ms));
+        }
+        fast <= STRAYS * all || fast >= (1.0 - STRAYS) * all
+    };
+    launches(record) > 1 && record.sample_launches.iter().all(of_one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{measured, sampled};
+    use super::*;
+
+    /// Three launches of ten samples; the last is slow.
+    fn launches_of(speeds: [f64; 3]) -> Record {
+        let sample = |place: u32| {
+            (place / 10, speeds[place as usize / 10] * (1.0 + 0.001 * f64::from(place * 7 % 10)))
+        };
+        sampled("naive", (0..30).map(sample))
+    }
+
+    #[test]
+    fn a_launch_of_another_speed_is_said() {
+        let said = two_modes(&launches_of([110.0, 110.0, 170.0])).expect("two modes");
+        assert_eq!(said, "two modes: 110.5 ms (20 samples) and 170.8 ms (10), by launch");
+        assert_eq!(two_modes(&launches_of([110.0, 110.2, 109.9])), None);
+        assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
+    }
+
+    #[test]
+    fn speeds_that_change_within_a_launch_are_of_no_launch() {
+        let sample = |place: u32| {
+            (place / 10, if place.is_multiple_of(3) { 9.0 } else { 5.0 } + 0.01 * f64::from(place % 7))
+        };
+        let record = Record { warning: Some("it throttled".into()), ..sampled("naive", (0..30).map(sample)) };
+        let said = to_mind(&record).expect("two modes");
+        assert!(said.starts_with("it throttled; two modes: 5.0") && said.ends_with("(10)"), "{said}");
+    }
+}

@@ -1,0 +1,159 @@
+//! A heat map for phones: each row's name stands above its cells, which go on below where there are many, each under its
+//! column's name; the legend is below.
+
+use super::heat::{Cell, HeatMap, draw_legend_cell, draw_scale, hex, ink_on, rect, ring};
+use super::layout::{LETTER, NARROW};
+use super::palette::FAINT;
+use super::svg::{Anchor, LINE, Svg};
+use crate::image::viridis;
+
+/// Cells side by side.
+const ACROSS: usize = 6;
+const LEFT: f64 = 8.0;
+const HEIGHT: f64 = 36.0;
+/// What is between two rows.
+const GAP: f64 = 8.0;
+
+impl HeatMap {
+    /// The map as SVG, as wide as a phone.
+    pub fn narrow_svg(&self) -> String {
+        let width = NARROW.whole_width();
+        let mut svg = Svg::default();
+        let title = NARROW.lines(&self.title);
+        svg.lines("title", [LEFT, 18.0], Anchor::Start, &title);
+        let hatch = self.hatch(&mut svg, "narrow");
+        let mut y = 18.0 + LINE * title.len() as f64;
+        let worst = self.worst();
+        for (name, cells) in &self.rows {
+            y = self.narrow_row(&mut svg, name, cells, y, worst, &hatch);
+        }
+        let end = self.narrow_legend(&mut svg, y + GAP, worst, &hatch);
+        svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
+    }
+
+    /// A name and its cells from `y` on; where they end.
+    fn narrow_row(&self, svg: &mut Svg, name: &str, cells: &[Cell], y: f64, worst: f64, hatch: &str) -> f64 {
+        let names = NARROW.lines(name);
+        svg.lines("label", [LEFT, y + 12.0], Anchor::Start, &names);
+        let top = y + 2.0 + LINE * names.len() as f64;
+        let width = (NARROW.whole_width() - 2.0 * LEFT) / ACROSS as f64;
+        for (place, (column, cell)) in self.columns.iter().zip(cells).enumerate() {
+            let at = [LEFT + (place % ACROSS) as f64 * width, top + (place / ACROSS) as f64 * HEIGHT];
+            draw(svg, column, cell, (at, [width, HEIGHT]), (worst, hatch));
+        }
+        top + cells.len().div_ceil(ACROSS) as f64 * HEIGHT + GAP
+    }
+
+    /// The colours and what the codes mean, in as many lines as that takes; where it ends.
+    fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
+        draw_scale(svg, [LEFT, top], worst);
+        let mut y = top + 24.0 + LINE;
+        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: the winning set");
+        for (code, meaning) in &self.codes {
+            y += 19.0;
+            let width = draw_legend_cell(svg, [LEFT, y], code, hatch);
+            let room = NARROW.whole_width() - 2.0 * LEFT - width - 8.0;
+            for line in lines_of(meaning, (room / LETTER) as usize) {
+                svg.text_in("faint small", FAINT, [LEFT + width + 8.0, y], Anchor::Start, &line);
+                y += LINE;
+            }
+            y -= LINE;
+        }
+        y + 14.0
+    }
+}
+
+/// A text in lines of at most so many letters, but for longer words.
+fn lines_of(text: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut().filter(|line| line.chars().count() + 1 + word.chars().count() <= most) {
+            Some(line) => *line = format!("{line} {word}"),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+fn draw(
+    svg: &mut Svg,
+    column: &str,
+    cell: &Cell,
+    (at, size): ([f64; 2], [f64; 2]),
+    (worst, hatch): (f64, &str),
+) {
+    let [x, y] = [at[0] + size[0] / 2.0, at[1]];
+    let [small, large] = [[x, y + 14.0], [x, y + 29.0]];
+    match cell {
+        Cell::Empty => {}
+        Cell::Nothing { code, tip } => {
+            svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
+            rect(svg, at, size, "cell", hatch);
+            svg.text("small label", small, Anchor::Middle, column);
+            svg.text("label", large, Anchor::Middle, code);
+            svg.close("g");
+        }
+        Cell::Time { slower, text, wins, tip } => {
+            let colour = viridis(1.0 - slower.max(1.0).ln() / worst.ln());
+            svg.open("g", &[("class", &"mark"), ("data-tip", tip)]);
+            rect(svg, at, size, "cell", &hex(colour));
+            svg.text_in("", ink_on(colour), small, Anchor::Middle, column);
+            svg.text_in("", ink_on(colour), large, Anchor::Middle, text);
+            if *wins {
+                ring(svg, at, size);
+            }
+            svg.close("g");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map() -> HeatMap {
+        let time = |slower: f64| Cell::Time {
+            slower,
+            text: format!("{slower}"),
+            wins: slower == 1.0,
+            tip: "ms".into(),
+        };
+        let none = Cell::Nothing { code: "L".into(), tip: "110592 B > 49152 B".into() };
+        let sizes = ["1x1", "2x2", "4x4", "6x6", "8x8", "10x10", "12x12", "16x16"];
+        HeatMap {
+            id: "teapot".into(),
+            title: "teapot".into(),
+            x_label: "local size".into(),
+            columns: sizes.map(str::to_owned).to_vec(),
+            rows: vec![(
+                "naive".into(),
+                (0..7).map(|place| time(1.0 + f64::from(place))).chain([none]).collect(),
+            )],
+            codes: vec![(
+                "L".into(),
+                "__local memory is too small for the triangles of the scene, by arithmetic".into(),
+            )],
+        }
+    }
+
+    /// Every x and width in it, of what has both.
+    fn ends(svg: &str) -> Vec<f64> {
+        let value = |part: &str, name: &str| -> Option<f64> {
+            part.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next()?.parse().ok())
+        };
+        svg.split("<rect")
+            .skip(1)
+            .filter_map(|part| part.split('>').next())
+            .filter_map(|part| Some(value(part, "x")? + value(part, "width")?))
+            .collect()
+    }
+
+    #[test]
+    fn every_cell_and_the_legend_are_as_wide_as_a_phone() {
+        let svg = map().narrow_svg();
+        assert_eq!(svg.matches("class=\"mark\"").count(), 8);
+        assert!(ends(&svg).len() > 50 && ends(&svg).iter().all(|end| *end <= NARROW.whole_width()), "{svg}");
+        assert!(svg.contains("16x16") && svg.contains("by arithmetic"));
+        assert!(svg.contains("hatch-teapot-narrow"), "a pattern is found by name in the whole page");
+    }
+}
