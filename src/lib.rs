@@ -10,9 +10,11 @@
 //! was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
 //! anybody else's.
 //! [`cli`] holds one file a subcommand; [`documents`] makes the figures of this repository's documents of its stored records.
+//! [`cache`] keeps between runs what can be made again.
 
 pub mod accel;
 pub mod anchor;
+pub mod cache;
 pub mod cli;
 pub mod config;
 pub mod device;

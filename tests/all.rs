@@ -20,6 +20,7 @@ mod goldens;
 mod guarded;
 #[cfg(unix)]
 mod hostile;
+mod kept;
 mod kernel;
 mod kernels;
 mod launches;

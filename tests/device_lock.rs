@@ -22,6 +22,7 @@ fn place() -> Place {
 fn start(place: &Place, arguments: &[&str], said: &str) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.args(arguments).current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));
+    command.env("RAYCL_CACHE_MIB", "0");
     let said = File::create(place.path(said)).expect("a file");
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said).spawn().expect("it starts")
 }

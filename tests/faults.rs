@@ -43,7 +43,7 @@ impl Ground {
         command.arg("run").arg(&self.config).arg("--out").arg(&self.out);
         command.args(["--quiet", "--device", &device]).args(arguments);
         // Tests that do not test the lock of devices do not wait for each other.
-        command.env("RAYCL_LOCK_DIR", self.folder.path().join("locks"));
+        command.env("RAYCL_LOCK_DIR", self.folder.path().join("locks")).env("RAYCL_CACHE_MIB", "0");
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }

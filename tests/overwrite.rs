@@ -92,7 +92,7 @@ impl Watching {
         let device = device();
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
         command.args(["render", "scene.toml", "--watch", "--quiet", "--width", "24", "--height", "15"]);
-        command.args(["--device", &device]).current_dir(place.path(""));
+        command.args(["--device", &device]).current_dir(place.path("")).env("RAYCL_CACHE_MIB", "0");
         let mut child = command.stderr(Stdio::piped()).spawn().expect("it starts");
         let lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
         let (sender, receiver) = channel();

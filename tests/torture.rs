@@ -22,7 +22,7 @@ fn render(path: &Path, folder: &Path) -> Result<End, String> {
     let _ = std::fs::remove_file(&picture);
     let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.arg("render").arg(path).args(["--width", "24", "--height", "16", "--quiet", "--output"]);
-    let output = crate::binary::run(command.arg(&picture));
+    let output = crate::binary::run(command.arg(&picture).env("RAYCL_CACHE_MIB", "0"));
     let said = String::from_utf8(output.stderr).map_err(|_| "an error that is not UTF-8")?;
     if said.chars().any(|c| c.is_control() && c != '\n') {
         return Err(format!("control characters in {said:?}"));

@@ -41,6 +41,7 @@ impl Spawner for Noting {
 impl Worker for Noting {
     fn send(&mut self, request: &Request) {
         self.reply = match request {
+            Request::Build { .. } => Reply::Built(None),
             Request::Check { key, .. } => {
                 let record = Record { key: key.clone(), ..Record::default() };
                 Reply::Checked { record: Box::new(record), ready: true }
@@ -74,6 +75,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
         retry_failed: false,
         locks,
         spread: false,
+        ahead: None,
     };
     let mut results = Results::create(folder.path(), &Environment::default()).expect("results");
     let mut spawner = Noting { run, log: Arc::clone(log), reply: Reply::Started };

@@ -1,6 +1,7 @@
 //! Arguments that several subcommands read: a device, a strategy, a local size, `--set`.
 
-use crate::device::{Device, discover, pick_default, select};
+use crate::cache::Cache;
+use crate::device::{Device, DeviceInfo, default_place, pick_one, places};
 use crate::error::{Error, Result, nearest};
 use crate::sources::Sources;
 use crate::strategy::{AXES, PRESETS, Strategy, preset};
@@ -85,12 +86,11 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
 
 /// The one device to render on: the first that matches, or the most capable one.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
-    let devices = discover(sources)?;
-    let chosen = match pattern {
-        Some(pattern) => select(&devices, &[pattern.to_owned()])?.first().copied(),
-        None => pick_default(&devices),
+    let choose = |infos: &[DeviceInfo]| match pattern {
+        Some(pattern) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
+        None => Ok(default_place(infos)),
     };
-    chosen.cloned().ok_or_else(|| {
+    pick_one(&Cache::of_user(), sources, choose)?.ok_or_else(|| {
         Error::run("no OpenCL device is usable").with_help("`raycl devices` tells why of each")
     })
 }

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
 use crate::output::{Choice, OutFolder};
 use crate::program::made::is_ptx;
-use crate::program::{CACHE_DISABLE, MadeKernel, Sources};
+use crate::program::{CACHE_DISABLE, Kept, MadeKernel, Sources};
 use crate::scene::load_scene;
 use crate::strategy::Strategy;
 use serde::Serialize;
@@ -74,7 +74,7 @@ pub fn run(args: Args) -> Result<()> {
     strategies.iter().try_for_each(|strategy| strategy.check())?;
     let mut out = args.out.as_ref().map(|path| out_folder(&args, path)).transpose()?;
     let device = one_device(args.device.as_deref(), &sources)?;
-    let mut session = Session::open(&device, &sources, Arc::new(scene))?;
+    let mut session = Session::open(&device, &sources, Arc::new(scene))?.keeping(Kept::default());
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
         let (made, files) = compile(&args, &device, &mut session, strategy)?;
         if let Some(out) = &mut out {

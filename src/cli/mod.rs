@@ -1,5 +1,6 @@
 //! The command line: one file a subcommand, each with its `Args` and its `run`.
 
+pub mod cache;
 mod choice;
 pub mod compare;
 pub mod compare_images;
@@ -23,7 +24,7 @@ pub mod strategies;
 mod turn;
 mod watch;
 
-pub use output::{coloured, print, print_coloured, print_json, table};
+pub use output::{coloured, end_at_once, print, print_coloured, print_json, table};
 
 use std::ffi::OsString;
 
@@ -76,6 +77,9 @@ enum Command {
         /// List the devices instead
         #[arg(long)]
         list: bool,
+        /// Keep the program on standard input instead
+        #[arg(long, conflicts_with = "list")]
+        keep: bool,
         /// With the kernels of this folder
         #[arg(long, requires = "list")]
         cl_dir: Option<std::path::PathBuf>,
@@ -93,6 +97,8 @@ enum Command {
     /// Make the figures of the documents of stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
+    /// Show or clear what is kept between runs: compiled programs, lists of devices
+    Cache(cache::Args),
     /// Print completions for a shell
     Completions(completions::Args),
 }
@@ -116,10 +122,11 @@ impl Cli {
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
             // On a line of its own, whatever a driver has left on the line before.
-            Command::Worker { list: true, cl_dir } => {
+            Command::Worker { list: true, cl_dir, .. } => {
                 let sources = Sources::of(cl_dir)?;
                 print(format!("\n{}", crate::experiment::list_devices(&sources)?))
             }
+            Command::Worker { keep: true, .. } => render::keeping::serve(),
             Command::Worker { list: false, .. } => crate::experiment::serve(),
             Command::Kernel(args) => kernel::run(args),
             Command::Compile(args) => compile::run(args),
@@ -127,6 +134,7 @@ impl Cli {
             Command::Noise(args) => noise::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Figures(args) => figures::run(args),
+            Command::Cache(args) => cache::run(args),
             Command::Completions(args) => completions::run(args),
         }
     }

@@ -1,30 +1,36 @@
 //! `raycl render`: a picture of a scene, now.
 
+mod casting;
+mod guess;
 mod judge;
+pub(super) mod keeping;
+mod opening;
 mod report;
 mod split;
+mod timeline;
 
 use super::choice::{
-    StrategyText, is_axis, one_device, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
+    StrategyText, is_axis, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
 };
-use super::turn::hold;
 use super::watch::{RecursiveMode, watch};
-use crate::device::Device;
-use crate::error::{Error, Result};
-use crate::image::{Radiance, check_target, save};
-use crate::launch::{FrameTimes, Prepared, Queue, Refused, Session};
-use crate::measure::Summary;
+use crate::device::DeviceInfo;
+use crate::error::Result;
+use crate::image::{check_target, save, save_rgb8, shows_8_bits};
+use crate::launch::{Prepared, Refused, Session};
 use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
-use crate::scene::{Loaded, load_scene_with};
+use crate::scene::Loaded;
 use crate::strategy::{Strategy, Traversal, fastest};
+use casting::{Picture, cast};
 use judge::{check, refuse_not_finite};
+use opening::{Opened, open};
 use report::Report;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+use timeline::Timeline;
 
 /// Arguments of `raycl render`.
 #[derive(Debug, clap::Args)]
@@ -105,70 +111,81 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn render(args: &Args) -> Result<()> {
-    let start = Instant::now();
+    let mut timeline = if args.watch { Timeline::begin() } else { Timeline::of_process() };
     let target = target(args);
     check_target(&target)?;
     let sources = Sources::of(args.cl_dir.clone())?;
-    let Opened { loaded, device, queue, load_ms, discover_ms } = open(args, &sources)?;
+    timeline.ends("start");
+    let opened = open(args, &sources)?;
+    opened.tell(&mut timeline);
+    let Opened { loaded, device, queue, early, tree, .. } = opened;
     let Loaded { scene, notes } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) = strategy(args, &device, scene.mesh.triangles.len())?;
+    let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).verifying(args.verify);
+    let tree_was_built = tree.is_some();
+    let session = session.with_program(early).with_tree(tree);
     let prepared = prepare(args, session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
-    let cast = cast(args, &device, &prepared)?;
-    let (saved, save_ms) = timed(|| save(&cast.image, scene.display, &target));
-    saved?;
-    refuse_not_finite(&cast.image, target.path())?;
-    let verified =
-        args.verify.then(|| check(&scene, (&cast.image, cast.hits), &strategy, target.path())).transpose()?;
+    let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
+    let upload_ms = prepared.upload_ms();
+    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", upload_ms)];
+    timeline.ends_with("buffers", &parts);
+    // What is compared with the reference is radiance, whatever is saved.
+    let shown = (!args.verify && shows_8_bits(target.path())).then_some(scene.display);
+    let cast = cast(args, &device, &prepared, shown, &mut timeline)?;
+    match &cast.image {
+        Picture::Radiance(image) => save(image, scene.display, &target)?,
+        Picture::Shown(picture) => save_rgb8(picture, &target)?,
+    }
+    timeline.ends("save");
+    let mut verified = None;
+    if let Picture::Radiance(image) = &cast.image {
+        refuse_not_finite(image, target.path())?;
+        let check = || check(&scene, (image, cast.hits), &strategy, target.path());
+        verified = args.verify.then(check).transpose()?;
+    }
+    timeline.ends(if args.verify { "verify" } else { "report" });
+    // Kernels that somebody edits are not worth it.
+    let keeping = args.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
+    guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
+    timeline.ends("keep");
+    let keeping = keeping.then(|| KEEPING.to_owned());
+    let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
+    let (parts, total_ms) = timeline.into_parts();
     let report = Report {
-        load_ms,
-        discover_ms,
-        save_ms,
-        total_ms: ms_since(start),
+        load_ms: times[0],
+        discover_ms: times[1],
+        build_ms: times[2],
+        save_ms: times[3],
+        parts,
+        total_ms,
         frames: args.repeat,
         host_bytes: prepared.host_bytes,
         device_bytes: prepared.device_bytes(),
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(dirty_program()).collect(),
+        notes: notes.into_iter().chain(dirty_program()).chain(keeping).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
+    tell(args, &report, &device.info)
+}
+
+/// Prints the report; nothing is left to do then.
+fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     match (args.json, args.quiet) {
-        (true, _) => super::print_json(&report),
-        (false, true) => Ok(()),
-        (false, false) => super::print(report.text(&device.info)),
+        (true, _) => super::print_json(report)?,
+        (false, true) => {}
+        (false, false) => super::print(report.text(device))?,
     }
+    if !args.watch {
+        super::end_at_once();
+    }
+    Ok(())
 }
 
-/// A scene and an open device.
-struct Opened {
-    loaded: Loaded,
-    device: Device,
-    queue: Queue,
-    load_ms: f64,
-    discover_ms: f64,
-}
-
-/// Loads the scene while the drivers start, which takes them some 30 ms on one core.
-fn open(args: &Args, sources: &Sources) -> Result<Opened> {
-    // The driver stays on the thread that casts: not every one may be moved (Oclgrind's checks crash).
-    std::thread::scope(|scope| {
-        let scene = scope.spawn(|| timed(|| load_scene_with(&args.scene, &scene_overrides(args)?)));
-        let (opened, open_ms) = timed(|| -> Result<_> {
-            let device = one_device(args.device.as_deref(), sources)?;
-            let queue = Queue::open(device.platform, device.device)?;
-            Ok((device, queue))
-        });
-        let (loaded, load_ms) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
-        let (loaded, (device, queue)) = (loaded?, opened?);
-        // What loading hides of it took no time.
-        let discover_ms = (open_ms - load_ms).max(0.0);
-        Ok(Opened { loaded, device, queue, load_ms, discover_ms })
-    })
-}
+const KEEPING: &str = "a process of its own keeps the program, so that the next start need not compile it";
 
 /// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
 fn prepare(
@@ -216,9 +233,9 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
 }
 
 /// The strategy and local size asked for, or the fastest for the device.
-fn strategy(args: &Args, device: &Device, triangles: usize) -> Result<(Strategy, [u32; 2])> {
+fn strategy(args: &Args, device: &DeviceInfo, triangles: usize) -> Result<(Strategy, [u32; 2])> {
     let pixels = args.width as usize * args.height as usize;
-    let (best, best_local) = fastest(&device.info.limits, triangles, pixels)?;
+    let (best, best_local) = fastest(&device.limits, triangles, pixels)?;
     let mut strategy = match &args.strategy {
         Some(text) => parse_strategy(text)?,
         None => best,
@@ -232,55 +249,7 @@ fn strategy(args: &Args, device: &Device, triangles: usize) -> Result<(Strategy,
     let usual = if strategy == best {
         best_local
     } else {
-        strategy.local_size(&device.info.limits, if tiles { [1, 1] } else { [8, 8] })
+        strategy.local_size(&device.limits, if tiles { [1, 1] } else { [8, 8] })
     };
     Ok((strategy, args.local_size.unwrap_or(usual)))
-}
-
-/// A cast frame and what it took.
-struct Cast {
-    image: Radiance,
-    hits: usize,
-    times: FrameTimes,
-    build_ms: f64,
-    records_ms: f64,
-    read_ms: f64,
-}
-
-/// The first frame pays for memory that is touched, and often for code that is compiled, for the first time: it
-/// is timed only where it took longer than this, beside which neither counts.
-const LONG_FRAME_MS: f64 = 1000.0;
-
-fn cast(args: &Args, device: &Device, prepared: &Prepared) -> Result<Cast> {
-    let refused = |refused: Refused| refused.into_error(&device.info.name);
-    let caster = prepared.caster().map_err(refused)?;
-    // A picture alone disturbs, but it is no measurement: it never waits.
-    let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let frame = || caster.cast().map_err(Refused::at("the launch")).map_err(refused);
-    let first = frame()?;
-    // Some drivers compile a kernel when it is first launched: that is build time too.
-    let build_ms = prepared.program.build_ms + (first.host_ms - first.frame_ms).max(0.0);
-    let mut frames: Vec<_> = Some(first).filter(|first| first.frame_ms > LONG_FRAME_MS).into_iter().collect();
-    while frames.len() < args.repeat as usize {
-        frames.push(frame()?);
-    }
-    let (read, read_ms) = timed(|| caster.read());
-    let (image, hits) = read.map_err(Refused::at("reading the image")).map_err(refused)?;
-    let records_ms = caster.records_ms().unwrap_or(0.0);
-    Ok(Cast { image, hits, times: medians(&frames), build_ms, records_ms, read_ms })
-}
-
-fn medians(frames: &[FrameTimes]) -> FrameTimes {
-    let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
-        let times: Vec<f64> = frames.iter().filter_map(time).collect();
-        Summary::of(&times).map(|summary| summary.median_ms)
-    };
-    FrameTimes {
-        frame_ms: median(&|frame| Some(frame.frame_ms)).unwrap_or(0.0),
-        primary_ms: median(&|frame| frame.primary_ms),
-        shadow_ms: median(&|frame| frame.shadow_ms),
-        shade_ms: median(&|frame| frame.shade_ms),
-        host_ms: median(&|frame| Some(frame.host_ms)).unwrap_or(0.0),
-        ..FrameTimes::default()
-    }
 }

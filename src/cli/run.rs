@@ -7,11 +7,14 @@ mod two_kernels;
 
 use super::choice::parse_assignment;
 use super::progress::observer;
+use crate::cache::Cache;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices};
+use crate::experiment::{
+    Ahead, Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices,
+};
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Folder, Record, summary_terminal};
@@ -173,6 +176,7 @@ fn run_of<'a>(
         retry_failed: args.retry_failed,
         locks,
         spread: args.spread,
+        ahead: None,
     })
 }
 
@@ -203,18 +207,41 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     if !args.quiet {
         observer.says(&foreseen(&run, &out, &results.past().records)?.to_string());
     }
-    let workers = || Processes::new(run.jobs(&out, args.fault));
-    let measured = if args.spread {
-        let mut spawners: Vec<Box<dyn Spawner + Send>> = Vec::new();
-        for _ in &infos {
-            spawners.push(Box::new(workers()?));
+    let ahead = Ahead::default();
+    let keeps = Cache::of_user().keeps();
+    let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
+    let builders = if keeps { builders(&run, &out)? } else { Vec::new() };
+    let measured = ahead.beside(builders, args.hang_limit, &interrupted, || {
+        let workers = || Processes::new(run.jobs(&out, args.fault));
+        let workers = || workers().map(|workers| if keeps { workers.after_builders() } else { workers });
+        if args.spread {
+            let mut spawners: Vec<Box<dyn Spawner + Send>> = Vec::new();
+            for _ in &infos {
+                spawners.push(Box::new(workers()?));
+            }
+            run.execute_spread(&mut results, observer, spawners, &interrupted)
+        } else {
+            run.execute(&mut results, observer, &mut workers()?, &interrupted)
         }
-        run.execute_spread(&mut results, observer, spawners, &interrupted)
-    } else {
-        run.execute(&mut results, observer, &mut workers()?, &interrupted)
-    };
+    });
     let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
+    if !args.quiet {
+        ahead.tally().text().into_iter().for_each(|line| observer.says(&line));
+    }
     Ok((out, records))
+}
+
+/// The most processes that build programs at once: each opens the devices.
+const MOST_BUILDERS: usize = 8;
+
+/// Processes that build programs: as many as there are cores.
+fn builders(run: &Run<'_>, out: &Path) -> Result<Vec<Box<dyn Spawner + Send>>> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let builder = |_| {
+        let workers = Processes::new(run.jobs(out, None))?;
+        Ok(Box::new(workers) as Box<dyn Spawner + Send>)
+    };
+    (0..cores.min(MOST_BUILDERS)).map(builder).collect()
 }
 
 fn choice(args: &Args) -> Choice {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value, json};
 
+use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::sources::Sources;
 use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
@@ -47,7 +48,8 @@ fn axis_json(axis: &AxisInfo) -> Value {
 fn preset_json(preset: &Preset) -> Value {
     let axes: Map<_, _> =
         preset.strategy.axes().into_iter().map(|(axis, value)| (axis.to_owned(), value.into())).collect();
-    json!({ "name": preset.name, "about": preset.about, "axes": axes })
+    let meant_for = preset.meant_for.map(DeviceKind::name);
+    json!({ "name": preset.name, "about": preset.about, "meant_for": meant_for, "axes": axes })
 }
 
 fn text() -> String {
@@ -79,7 +81,8 @@ fn axis_text(axis: &AxisInfo) -> String {
 }
 
 fn preset_text(preset: &Preset, axes: &str) -> String {
-    format!("{}: {}\n  {axes}\n", preset.name, preset.about)
+    let kind = preset.meant_for.map(|kind| format!(" (meant for {})", kind.plural())).unwrap_or_default();
+    format!("{}: {}{kind}\n  {axes}\n", preset.name, preset.about)
 }
 
 /// The axes of `preset` whose values are not those of `base`.

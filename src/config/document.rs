@@ -78,6 +78,11 @@ impl Document {
         format!("{name}:{}", line_of(text, span.start - start))
     }
 
+    /// Whether `span` lies in what the command line laid over the file.
+    pub fn is_override(&self, span: &Range<usize>) -> bool {
+        self.overrides.iter().any(|over| over.start <= span.start)
+    }
+
     /// The file or the override that `span` lies in: its name, its text and where its spans begin.
     fn part(&self, span: &Range<usize>) -> (&str, &str, usize) {
         match self.overrides.iter().rev().find(|over| over.start <= span.start) {

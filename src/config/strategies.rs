@@ -7,7 +7,8 @@ use toml::Spanned;
 use super::document::Document;
 use super::sizes::local_sizes;
 use super::types::NamedStrategy;
-use super::wire::{Choices, StrategyEntry};
+use super::wire::{self, Choices, StrategyEntry};
+use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
@@ -22,8 +23,7 @@ struct Draft {
 /// Every strategy of the config, presets first; their names differ.
 pub fn expand(
     document: &Document,
-    names: &[Spanned<String>],
-    entries: &[Spanned<StrategyEntry>],
+    config: &wire::Experiment,
     sizes: &[[u32; 2]],
 ) -> Result<Vec<NamedStrategy>> {
     let mut all: Vec<NamedStrategy> = Vec::new();
@@ -43,32 +43,40 @@ pub fn expand(
         }
         Ok(())
     };
-    for name in names {
+    for name in &config.strategies {
         let preset = find(document, name)?;
-        add(vec![whole_preset(preset, sizes)], name.span())?;
+        add(vec![whole_preset(preset, sizes, meant_for(document, config, name))], name.span())?;
     }
-    for entry in entries {
-        add(product(document, entry, sizes)?, entry.span())?;
+    for entry in &config.strategy {
+        add(product(document, config, entry, sizes)?, entry.span())?;
     }
     Ok(all)
+}
+
+/// The kind of device that a preset is measured on: all, where the config says so or the command line names it.
+fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
+    let any = config.any_kind || document.is_override(&name.span());
+    find(document, name).ok().filter(|_| !any)?.meant_for
 }
 
 fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> {
     preset(name.get_ref()).map_err(|error| document.place(name.span(), error, "no such preset"))
 }
 
-fn whole_preset(preset: &Preset, sizes: &[[u32; 2]]) -> NamedStrategy {
+fn whole_preset(preset: &Preset, sizes: &[[u32; 2]], meant_for: Option<DeviceKind>) -> NamedStrategy {
     NamedStrategy {
         name: preset.name.into(),
         preset: Some(preset.name.into()),
         strategy: preset.strategy,
         local_sizes: sizes.to_vec(),
+        meant_for,
     }
 }
 
 /// Every combination of the entry's axes.
 fn product(
     document: &Document,
+    config: &wire::Experiment,
     entry: &Spanned<StrategyEntry>,
     sizes: &[[u32; 2]],
 ) -> Result<Vec<NamedStrategy>> {
@@ -94,7 +102,11 @@ fn product(
             drafts = vary(document, axis.name, choices, drafts, preset)?;
         }
     }
-    let finish = |draft| named(document, entry, draft, preset, &sizes, span.clone());
+    let meant_for = meant_for(document, config, name).filter(|_| !entry.any_kind);
+    let finish = |draft| {
+        let named = named(document, entry, draft, preset, &sizes, span.clone());
+        named.map(|named| NamedStrategy { meant_for, ..named })
+    };
     drafts.into_iter().map(finish).collect()
 }
 
@@ -156,6 +168,7 @@ fn named(
         preset: (draft.strategy == preset.strategy).then(|| preset.name.into()),
         strategy: draft.strategy,
         local_sizes: sizes.to_vec(),
+        meant_for: preset.meant_for,
     })
 }
 

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::device::DeviceLimits;
+use crate::device::{DeviceKind, DeviceLimits};
 use crate::error::Result;
 use crate::scene::{Loaded, load_scene_named_in};
 use crate::strategy::Strategy;
@@ -87,6 +87,16 @@ pub struct NamedStrategy {
     pub strategy: Strategy,
     /// Work-items of a work-group across and down.
     pub local_sizes: Vec<[u32; 2]>,
+    /// The kind of device that it is measured on: its preset's, unless the config or the command line asks for all.
+    pub meant_for: Option<DeviceKind>,
+}
+
+impl NamedStrategy {
+    /// Why it is not measured on devices of this kind, if so.
+    pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
+        let meant = self.meant_for.filter(|meant| *meant != kind)?;
+        Some(format!("meant for {}; any_kind = true in its entry measures it all the same", meant.plural()))
+    }
 }
 
 /// A caster on the host.

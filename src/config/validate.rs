@@ -22,7 +22,7 @@ const MOST_SAMPLES: i64 = 1_000_000;
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
     let scenes = scenes::expand(document, &wire, path)?;
     let local_sizes = local_sizes(document, &wire.local_sizes)?;
-    let strategies = strategies::expand(document, &wire.strategies, &wire.strategy, &local_sizes)?;
+    let strategies = strategies::expand(document, &wire, &local_sizes)?;
     let baselines = baselines(document, &wire.baselines)?;
     if strategies.is_empty() && baselines.is_empty() {
         let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");

@@ -31,6 +31,8 @@ pub struct Experiment {
     #[serde(default)]
     pub strategy: Vec<Spanned<StrategyEntry>>,
     #[serde(default)]
+    pub any_kind: bool,
+    #[serde(default)]
     pub baselines: Vec<Spanned<String>>,
     #[serde(default)]
     pub emulate: Emulate,
@@ -95,6 +97,7 @@ pub struct StrategyEntry {
     pub name: Option<Spanned<String>>,
     pub preset: Option<Spanned<String>>,
     pub local_sizes: Option<Spanned<Vec<Spanned<Size>>>>,
+    pub any_kind: bool,
     pub axes: Vec<(Spanned<String>, Spanned<Choices>)>,
     pub unknown: Vec<Spanned<String>>,
 }
@@ -162,7 +165,10 @@ impl<'de> Deserialize<'de> for Choices {
 impl StrategyEntry {
     /// Every key it may have.
     pub fn known_keys() -> Vec<&'static str> {
-        ["name", "preset", "local_sizes"].into_iter().chain(AXES.iter().map(|axis| axis.name)).collect()
+        ["name", "preset", "local_sizes", "any_kind"]
+            .into_iter()
+            .chain(AXES.iter().map(|axis| axis.name))
+            .collect()
     }
 }
 
@@ -181,6 +187,7 @@ impl<'de> Deserialize<'de> for StrategyEntry {
                         "name" => entry.name = Some(map.next_value()?),
                         "preset" => entry.preset = Some(map.next_value()?),
                         "local_sizes" => entry.local_sizes = Some(map.next_value()?),
+                        "any_kind" => entry.any_kind = map.next_value()?,
                         axis if AXES.iter().any(|info| info.name == axis) => {
                             let choices = map.next_value()?;
                             entry.axes.push((key, choices));

@@ -2,14 +2,14 @@
 //! with a strange answer makes its device unusable rather than raycl.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ocl::core::DeviceInfo as Query;
 
-use super::limits::native_width;
+use super::asked::Asked;
 use super::threads::threads_of;
 use super::variables;
-use super::{Device, DeviceInfo, DeviceKind, DeviceLimits, Hardware, LaneOperations};
+use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations};
 use crate::error::{Error, Result};
 use crate::sources::Sources;
 
@@ -38,9 +38,34 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
 
 /// Every device and every platform that has none. Errors at once when there is no platform.
 pub fn survey(sources: &Sources) -> Result<Survey> {
-    // Drivers start up when they are first listed, and PoCL 3.1 lists no device to a second thread meanwhile.
+    let _turn = turn();
+    let mut survey = Survey::default();
+    for platform in platforms()? {
+        let devices = devices_of(platform);
+        if devices.is_empty() {
+            survey.empty_platforms.push(platform.name().unwrap_or_else(|_| "unnamed".into()));
+        }
+        for device in devices {
+            let mut device = inspect(platform, device);
+            if device.info.unusable.is_none() {
+                device.info.limits.lane_operations =
+                    LaneOperations::find(&device.info, platform, device.device, sources)?;
+            }
+            survey.devices.push(device);
+        }
+    }
+    number_twins(survey.devices.iter_mut().map(|device| &mut device.info));
+    label(survey.devices.iter_mut().map(|device| &mut device.info));
+    Ok(survey)
+}
+
+/// Drivers start up when they are first listed, and PoCL 3.1 lists no device to a second thread meanwhile.
+fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-    let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
     if platform_count()? == 0 {
         return Err(no_platform());
     }
@@ -48,19 +73,29 @@ pub fn survey(sources: &Sources) -> Result<Survey> {
         Error::run(format!("the OpenCL platforms could not be listed: {error}"))
             .with_help("install an OpenCL driver, such as PoCL (`apt install pocl-opencl-icd`)")
     })?;
-    let mut survey = Survey::default();
-    for platform in platforms.into_iter().map(ocl::Platform::new) {
-        let devices = ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default();
-        if devices.is_empty() {
-            survey.empty_platforms.push(platform.name().unwrap_or_else(|_| "unnamed".into()));
-        }
-        for device in devices {
-            survey.devices.push(inspect(platform, device, sources)?);
-        }
-    }
-    number_twins(survey.devices.iter_mut().map(|device| &mut device.info));
-    label(survey.devices.iter_mut().map(|device| &mut device.info));
-    Ok(survey)
+    Ok(platforms.into_iter().map(ocl::Platform::new))
+}
+
+fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
+    ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
+}
+
+/// A device that was listed by an earlier start; none where there is no such device now, or it says anything else of itself.
+/// Of all platforms only its own starts its driver.
+pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
+    let _turn = turn();
+    let name = |platform: &ocl::Platform| platform.name().unwrap_or_default().trim().to_owned();
+    let namesakes = platforms().ok()?.filter(|platform| name(platform) == known.platform);
+    let devices =
+        namesakes.flat_map(|platform| devices_of(platform).into_iter().map(move |device| (platform, device)));
+    let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
+    // As twins are numbered.
+    let mut found =
+        inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
+    found.info.limits.lane_operations = known.limits.lane_operations;
+    found.info.twins_before = known.twins_before;
+    found.info.label.clone_from(&known.label);
+    (found.info == *known).then_some(found)
 }
 
 const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
@@ -113,8 +148,9 @@ fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-fn inspect(platform: ocl::Platform, device: ocl::Device, sources: &Sources) -> Result<Device> {
-    let mut asked = Asked { device, failure: None };
+/// What a device says of itself.
+fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
+    let mut asked = Asked::new(device);
     let kind = DeviceKind::from_type(asked.number(Query::Type));
     let extensions: Vec<String> =
         asked.text(Query::Extensions).split_whitespace().map(str::to_owned).collect();
@@ -140,10 +176,7 @@ fn inspect(platform: ocl::Platform, device: ocl::Device, sources: &Sources) -> R
     };
     info.threads = threads_of(&info.platform, kind, info.limits.compute_units);
     info.unusable = asked.why_unusable();
-    if info.unusable.is_none() {
-        info.limits.lane_operations = LaneOperations::find(&info, platform, device, sources)?;
-    }
-    Ok(Device { info, platform, device })
+    Device { info, platform, device }
 }
 
 /// Cores that this process may use, by affinity and control groups.
@@ -151,106 +184,10 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// A device under questioning, with the first question it failed to answer.
-struct Asked {
-    device: ocl::Device,
-    failure: Option<String>,
-}
-
-impl Asked {
-    fn limits(&mut self, is_cpu: bool) -> DeviceLimits {
-        DeviceLimits {
-            local_bytes: self.number(Query::LocalMemSize),
-            constant_bytes: self.number(Query::MaxConstantBufferSize),
-            global_bytes: self.number(Query::GlobalMemSize),
-            allocation_bytes: self.number(Query::MaxMemAllocSize),
-            work_group_size: self.number(Query::MaxWorkGroupSize) as usize,
-            work_item_sizes: self.work_item_sizes(),
-            compute_units: self.number(Query::MaxComputeUnits) as u32,
-            native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
-            is_cpu,
-            lane_operations: LaneOperations::Barriers, // until others are tried
-        }
-    }
-
-    fn why_unusable(mut self) -> Option<String> {
-        let available = self.number(Query::Available) != 0;
-        let compiler = self.number(Query::CompilerAvailable) != 0;
-        let profiling = self.number(Query::QueueProperties) & ocl::ffi::CL_QUEUE_PROFILING_ENABLE != 0;
-        if self.failure.is_some() {
-            return self.failure;
-        }
-        let reasons = [
-            (available, "its driver says that it is not available"),
-            (compiler, "its driver has no compiler for OpenCL C"),
-            (profiling, "its queues cannot time kernels (no profiling)"),
-        ];
-        reasons.into_iter().find(|(fine, _)| !fine).map(|(_, reason)| reason.to_owned())
-    }
-
-    /// An answer of 4 or 8 bytes: every scalar OpenCL answers with.
-    fn number(&mut self, query: Query) -> u64 {
-        self.numbers(query).first().copied().unwrap_or_default()
-    }
-
-    fn work_item_sizes(&mut self) -> [usize; 3] {
-        let sizes = self.numbers(Query::MaxWorkItemSizes);
-        std::array::from_fn(|axis| sizes.get(axis).map_or(1, |&size| size as usize))
-    }
-
-    fn text(&mut self, query: Query) -> String {
-        let bytes = self.bytes(query);
-        String::from_utf8_lossy(&bytes).trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
-    }
-
-    fn numbers(&mut self, query: Query) -> Vec<u64> {
-        let bytes = self.bytes(query);
-        let numbers = parse_numbers(&bytes);
-        if numbers.is_empty() {
-            self.fail(query, &format!("{} bytes", bytes.len()));
-        }
-        numbers
-    }
-
-    fn bytes(&mut self, query: Query) -> Vec<u8> {
-        match ocl::core::get_device_info_raw(self.device.as_core(), query as u32) {
-            Ok(bytes) => bytes,
-            Err(error) => {
-                self.fail(query, &error.to_string());
-                Vec::new()
-            }
-        }
-    }
-
-    fn fail(&mut self, query: Query, answer: &str) {
-        let answer = answer.split_whitespace().collect::<Vec<_>>().join(" ");
-        self.failure.get_or_insert(format!("it does not answer CL_DEVICE query {query:?}: {answer}"));
-    }
-}
-
-/// The 4-byte number, or the 8-byte numbers, in an answer; none when it is neither.
-fn parse_numbers(bytes: &[u8]) -> Vec<u64> {
-    if let Ok(word) = <[u8; 4]>::try_from(bytes) {
-        return vec![u64::from(u32::from_ne_bytes(word))];
-    }
-    let (words, rest) = bytes.as_chunks::<8>();
-    if rest.is_empty() { words.iter().map(|&word| u64::from_ne_bytes(word)).collect() } else { Vec::new() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::tests::example;
     use super::*;
-
-    #[test]
-    fn answers_are_read_by_their_length() {
-        assert_eq!(parse_numbers(&7_u32.to_ne_bytes()), [7]);
-        assert_eq!(parse_numbers(&(1_u64 << 40).to_ne_bytes()), [1 << 40]);
-        let sizes: Vec<u8> = [4096_u64, 64, 1].iter().flat_map(|size| size.to_ne_bytes()).collect();
-        assert_eq!(parse_numbers(&sizes), [4096, 64, 1]);
-        assert!(parse_numbers(&[1, 2, 3]).is_empty());
-        assert!(parse_numbers(&[]).is_empty());
-    }
 
     #[test]
     fn twins_are_numbered() {

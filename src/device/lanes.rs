@@ -61,8 +61,7 @@ impl LaneOperations {
         if hinted.is_empty() {
             return Ok(Self::default());
         }
-        let list = parameter_macro("probe_lanes", PROBE_LANES.iter());
-        let source = list + &sources.read_joined(PROBE)?;
+        let source = probe(sources)?;
         let right =
             |operations: &Self| try_out(*operations, &source, info, platform, device).unwrap_or(false);
         Ok(hinted.iter().copied().find(right).unwrap_or_default())
@@ -76,6 +75,12 @@ impl LaneOperations {
             _ => "-cl-std=CL1.2",
         }
     }
+}
+
+/// The text of the kernel that tries them.
+pub(super) fn probe(sources: &Sources) -> Result<String> {
+    let list = parameter_macro("probe_lanes", PROBE_LANES.iter());
+    Ok(list + &sources.read_joined(PROBE)?)
 }
 
 /// What may work, fastest first: `cl_nv_compiler_options` belongs to compilers that take inline PTX.

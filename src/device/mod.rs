@@ -1,8 +1,10 @@
 //! Which OpenCL devices there are, what they can hold, and which one is meant.
 
 mod alike;
+mod asked;
 mod discover;
 mod hardware;
+mod known;
 mod lanes;
 mod limits;
 pub mod occupancy;
@@ -13,11 +15,12 @@ pub mod variables;
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
 pub use hardware::Hardware;
+pub use known::pick_one;
 pub use lanes::LaneOperations;
 pub use limits::DeviceLimits;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
-pub use select::{pick_default, select, select_infos};
+pub use select::{default_place, pick_default, places, select, select_infos};
 pub use threads::thread_variables;
 
 use serde::{Deserialize, Serialize};
@@ -44,6 +47,16 @@ impl DeviceKind {
             Self::Gpu => "gpu",
             Self::Accelerator => "accelerator",
             Self::Other => "other",
+        }
+    }
+
+    /// Several of them, in words.
+    pub fn plural(self) -> &'static str {
+        match self {
+            Self::Cpu => "CPUs",
+            Self::Gpu => "GPUs",
+            Self::Accelerator => "accelerators",
+            Self::Other => "devices of no known kind",
         }
     }
 
@@ -145,9 +158,20 @@ impl DeviceInfo {
 
     /// Everything that names the device and its driver: what it is found by, and a part of keys.
     pub fn identity(&self) -> String {
-        let Self { platform, platform_version, name, driver, twins_before, .. } = self;
-        let twin = if *twins_before > 0 { format!(" | #{}", twins_before + 1) } else { String::new() };
-        format!("{platform} | {platform_version} | {name} | {driver}{twin}")
+        let twin =
+            if self.twins_before > 0 { format!(" | #{}", self.twins_before + 1) } else { String::new() };
+        format!("{}{twin}", self.model())
+    }
+
+    /// The same without what tells it from others of its model.
+    fn model(&self) -> String {
+        let Self { platform, platform_version, name, driver, .. } = self;
+        format!("{platform} | {platform_version} | {name} | {driver}")
+    }
+
+    /// Everything that decides what its driver compiles of a text.
+    pub fn compiler(&self) -> String {
+        std::iter::once(self.model()).chain(self.settings.iter().cloned()).collect::<Vec<_>>().join(" | ")
     }
 
     /// The state that decides its times beside its identity, a part of keys: compute units, cores and the driver's variables.
@@ -184,6 +208,12 @@ impl DeviceInfo {
     /// Whether its compiler takes options that make it print registers and spills, and its binaries are PTX.
     pub fn prints_resources(&self) -> bool {
         self.has_extension("cl_nv_compiler_options")
+    }
+
+    /// Whether its driver has the binary of what it compiled. PoCL compiles every kernel anew for it, for local sizes that are
+    /// told at the launch.
+    pub fn has_binaries_at_hand(&self) -> bool {
+        !self.platform.to_lowercase().contains("portable computing language")
     }
 
     /// Whether its extensions include `name`.

@@ -26,6 +26,16 @@ pub fn pick_default(devices: &[Device]) -> Option<&Device> {
     preferred(&infos).map(|place| &devices[place])
 }
 
+/// The same of devices that are not open, by its place.
+pub fn default_place(infos: &[DeviceInfo]) -> Option<usize> {
+    preferred(&infos.iter().collect::<Vec<_>>())
+}
+
+/// The places of the devices that the patterns mean, as [`select`] gives them.
+pub fn places(infos: &[DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
+    selected(&infos.iter().collect::<Vec<_>>(), patterns)
+}
+
 fn preferred(infos: &[&DeviceInfo]) -> Option<usize> {
     let rank = |kind| match kind {
         DeviceKind::Gpu => 0,

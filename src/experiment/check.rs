@@ -2,6 +2,7 @@
 
 use super::draft::Drafter;
 use super::oracle::Oracle;
+use super::protocol::Built;
 use super::ready::Ready;
 use super::{Pictures, Point, Refusal, Work, host, views};
 use crate::anchor::Anchor;
@@ -10,11 +11,13 @@ use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::launch::{Queue, Refused, Session};
+use crate::program::BuiltProgram;
 use crate::record::Record;
 use crate::scene::Scene;
 use crate::strategy::{Culling, Requirements, Strategy};
 use crate::verify::verify;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Checks points of one device one after another, and keeps what they share.
 pub struct Checker<'a> {
@@ -72,6 +75,13 @@ impl<'a> Checker<'a> {
         }))
     }
 
+    /// Builds a point's program, up to what its driver compiles at a launch, and keeps it; none where that cannot be.
+    pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
+        let Work::Kernel { strategy, local_size } = point.work else { return None };
+        let strategy = &self.drafter.experiment.strategies[strategy].strategy;
+        build_kernel(self.session(scene)?, strategy, local_size).ok()
+    }
+
     /// Casts a point once and compares its image with the reference, unless it is the one that was `verified` before, by its
     /// hash; fills in `record` on the way.
     pub fn check(
@@ -124,6 +134,23 @@ impl<'a> Checker<'a> {
     }
 }
 
+/// The image's size decides nothing that is compiled: one work-group is enough.
+const SMALLEST: [u32; 2] = [1, 1];
+
+fn build_kernel(
+    session: &mut Session,
+    strategy: &Strategy,
+    local_size: [u32; 2],
+) -> std::result::Result<Built, Refused> {
+    let prepared = session.prepare(strategy, SMALLEST, local_size)?;
+    let start = Instant::now();
+    let frame = prepared.caster()?.cast().map_err(Refused::at("the launch"))?;
+    prepared.program.keep();
+    let launch_ms = start.elapsed().as_secs_f64() * 1e3 - frame.frame_ms;
+    let BuiltProgram { build_ms, from_cache, .. } = prepared.program;
+    Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache })
+}
+
 /// Casts the first frame, which drivers may still compile for, and writes down what is learnt on the way to it.
 fn cast_kernel(
     session: &mut Session,
@@ -141,6 +168,7 @@ fn cast_kernel(
     record.program_hash = Some(spec.hash());
     let prepared = session.build(strategy, &workload, spec)?;
     record.build_ms = Some(prepared.program.build_ms);
+    record.build_from_cache = Some(prepared.program.from_cache);
     let caster = prepared.caster()?;
     record.records_ms = caster.records_ms();
     record.kernels = prepared.made(&caster, &prepared.program.log(), &prepared.program.ptx());

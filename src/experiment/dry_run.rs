@@ -18,6 +18,8 @@ pub struct Forecast {
     pub needs: Option<Requirements>,
     /// Why the device cannot hold it, if so.
     pub refused: Option<String>,
+    /// Why it is not measured there, if its preset is meant for devices of another kind.
+    pub not_for: Option<String>,
     /// What was passed over or made up when its scene was read.
     pub scene_notes: Vec<String>,
 }
@@ -30,7 +32,8 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
         let label = point.label(run.experiment);
         let scene_notes = scenes[point.scene].notes.clone();
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
-            return Forecast { label, device: HOST.to_owned(), needs: None, refused: None, scene_notes };
+            let device = HOST.to_owned();
+            return Forecast { label, device, needs: None, refused: None, not_for: None, scene_notes };
         };
         let info = run.devices[device];
         let strategy = &run.experiment.strategies[strategy].strategy;
@@ -43,6 +46,7 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
             device: info.label.clone(),
             needs: Some(Requirements::of(strategy, &workload)),
             refused: refused.map(|infeasible| infeasible.reason),
+            not_for: run.not_for(point, Some(info)),
             scene_notes,
         }
     };

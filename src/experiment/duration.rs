@@ -50,8 +50,8 @@ impl Run<'_> {
         };
         let mut all_ms = 0.0;
         for group in self.open_points(&self.plan())? {
-            let drafts: Vec<&Record> =
-                group.iter().map(|open| &open.record).filter(|record| !done.contains(&record.key)).collect();
+            let meant = group.iter().filter(|open| open.not_for.is_none()).map(|open| &open.record);
+            let drafts: Vec<&Record> = meant.filter(|record| !done.contains(&record.key)).collect();
             let known: Vec<Known> = drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect();
             expected.points[0] += drafts.len();
             expected.points[1] += known.len();

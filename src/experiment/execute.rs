@@ -1,15 +1,16 @@
 //! Running a plan: what its results lack is measured, group by group, and all is summarised.
 
 use super::group::OpenGroup;
-use super::keeper::Keeper;
+use super::keeper::{Keep as _, Keeper};
 use super::launches::{Waiting, serve};
 use super::open::Open;
 use super::spread::measure_spread;
 use super::supervisor::{Spawner, Supervisor};
-use super::{Observer, Results, Run};
+use super::{Observer, Refusal, Results, Run};
+use crate::device::DeviceKind;
 use crate::error::{Error, Result};
-use crate::record::{CurrentPlan, Record};
-use std::collections::HashSet;
+use crate::record::{CurrentPlan, Outcome, Record};
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
@@ -52,9 +53,11 @@ impl Run<'_> {
         let plan = self.plan();
         let groups = self.open_points(&plan)?;
         results.plan(&CurrentPlan::of(groups.iter().flatten().map(|open| &open.record)))?;
-        let keys: HashSet<&str> = groups.iter().flatten().map(|open| open.record.key.as_str()).collect();
-        let count = keys.len();
-        let counts = |record: &&Record| keys.contains(record.key.as_str()) && self.is_done(record);
+        let points: HashMap<&str, &Open> =
+            groups.iter().flatten().map(|open| (open.record.key.as_str(), open)).collect();
+        let count = points.len();
+        let counts =
+            |record: &&Record| points.get(record.key.as_str()).is_some_and(|open| self.is_done(record, open));
         let taken = results.past().records.iter().filter(counts).map(|record| record.key.clone());
         let mut missing = Missing { taken: taken.collect() };
         let done = missing.taken.len();
@@ -62,8 +65,16 @@ impl Run<'_> {
         observer.begins(count, count * launches);
         observer.resumes(done, done * launches);
         let mut keeper = Keeper { results, observer, done };
-        let groups = groups.into_iter().map(|group| OpenGroup::new(missing.of(group))).collect();
-        let end = measure(groups, &mut keeper);
+        let groups: Result<Vec<_>> = groups
+            .into_iter()
+            .map(|group| pass_over(missing.of(group), launches, &mut keeper).map(OpenGroup::new))
+            .collect();
+        let end = groups.and_then(|groups| {
+            if let Some(ahead) = self.ahead.filter(|_| self.builds_beside_timing()) {
+                ahead.order(groups.iter().flat_map(OpenGroup::points));
+            }
+            measure(groups, &mut keeper)
+        });
         keeper.observer.ends();
         let done = keeper.done;
         let shown = results.summarise(&self.experiment.question, &self.experiment.expectation);
@@ -71,8 +82,16 @@ impl Run<'_> {
         shown
     }
 
-    fn is_done(&self, record: &Record) -> bool {
-        !self.retry_failed || record.outcome.is_fine()
+    /// Whether programs of later groups are built while earlier ones are timed: where nothing that is timed needs the cores.
+    fn builds_beside_timing(&self) -> bool {
+        let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
+        !on_cores && self.experiment.baselines.is_empty()
+    }
+
+    /// Whether a record of a point is all there is to find out. One that was passed over may be asked for now.
+    fn is_done(&self, record: &Record, open: &Open) -> bool {
+        let asked_for = record.outcome == Outcome::OtherKind && open.not_for.is_none();
+        !asked_for && (!self.retry_failed || record.outcome.is_fine())
     }
 }
 
@@ -85,6 +104,21 @@ impl Missing {
     fn of(&mut self, group: Vec<Open>) -> Vec<Open> {
         group.into_iter().filter(|open| self.taken.insert(open.record.key.clone())).collect()
     }
+}
+
+/// Completes the records of points whose presets are meant for devices of another kind; the others are left.
+fn pass_over(group: Vec<Open>, launches: usize, keeper: &mut Keeper<'_>) -> Result<Vec<Open>> {
+    let mut left = Vec::new();
+    for mut open in group {
+        match open.not_for.take() {
+            None => left.push(open),
+            Some(reason) => {
+                keeper.keep(Refusal::new(Outcome::OtherKind, reason).write_into(open.record))?;
+                keeper.advances(launches);
+            }
+        }
+    }
+    Ok(left)
 }
 
 fn say_how_far(error: Error, done: usize, count: usize) -> Error {

@@ -1,22 +1,23 @@
 //! Points that are compared with each other, casters on the host among them: in every launch each is checked, then those that passed
 //! are timed together.
 
+mod timed;
+
 use super::Run;
 use super::complete::{Taken, complete};
 use super::keeper::Keep;
 use super::open::Open;
-use super::rounds::{End, Rounds, measure};
+use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor};
-use crate::anchor;
 use crate::device::DeviceInfo;
 use crate::device_lock::LockName;
 use crate::error::Result;
-use crate::launch::FrameTimes;
 use crate::load::Watch;
 use crate::measure::{StopReason, StoppingRule};
-use crate::record::{AnchorSample, Record, RoundLoad, judge};
+use crate::record::{Record, judge};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
+use timed::Timed;
 
 /// Points that are compared with each other, and how far they are.
 pub struct OpenGroup {
@@ -40,6 +41,11 @@ impl OpenGroup {
     /// How often it was visited.
     pub fn visits(&self) -> u32 {
         self.visits
+    }
+
+    /// Its points that are not done.
+    pub fn points(&self) -> &[Open] {
+        &self.points
     }
 
     /// Whether its points are casters on the host alone.
@@ -74,6 +80,9 @@ impl OpenGroup {
         let launches = run.experiment.timing.launches as usize;
         if self.visits == 0 {
             self.adopt(&run.stopping_rule(), launches, keeper);
+        }
+        if self.visits == 0 && self.whole < launches {
+            self.build(run, supervisor, keeper)?;
         }
         self.visits += 1;
         loop {
@@ -116,6 +125,16 @@ impl OpenGroup {
         keeper.advances(self.whole * self.points.len());
     }
 
+    /// Has the programs built, where that is done ahead.
+    fn build(&mut self, run: &Run<'_>, supervisor: &Supervisor<'_>, keeper: &mut impl Keep) -> Result<()> {
+        let Some(ahead) = run.ahead else { return Ok(()) };
+        // As a check does, it would disturb whoever measures.
+        let devices = lock_names(run, &self.points);
+        drop(run.locks.take_all(devices, &mut |line| keeper.says(line), supervisor.interrupted())?);
+        keeper.works_on("building programs");
+        ahead.need(&mut self.points, supervisor.interrupted())
+    }
+
     /// Checks every point; one that fails has its record.
     fn check(
         &mut self,
@@ -138,6 +157,10 @@ impl OpenGroup {
                         open.verified.clone_from(&record.image_hash);
                         open.record = *record;
                         open.record.check_ms = Some(start.elapsed().as_secs_f64() * 1e3);
+                        if let Some(built) = open.built {
+                            open.record.build_ms = Some(built.build_ms);
+                            open.record.build_from_cache = Some(built.from_cache);
+                        }
                     }
                     self.points.push(open);
                     continue;
@@ -228,85 +251,4 @@ fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.preset.clone_from(&draft.preset);
     record.kernels_of.clone_from(&draft.kernels_of);
     (record, ready)
-}
-
-/// A launch whose samples are kept as they come.
-struct Timed<'b, 's, K> {
-    points: &'b [Open],
-    run: &'b Run<'b>,
-    /// The launch's number in the folder, and among those of the group.
-    launch: u32,
-    number: usize,
-    start: Instant,
-    /// What else the machine does.
-    watch: Watch,
-    /// Workers that were lost before it began.
-    losses: usize,
-    supervisor: &'b mut Supervisor<'s>,
-    keeper: &'b mut K,
-    taken: Vec<Vec<Taken>>,
-    failed: HashSet<usize>,
-    /// Frames of each device: every so often its anchor is run.
-    casts: HashMap<usize, usize>,
-}
-
-/// Frames of a device to a run of its anchor: its time is known better than a point's, at a small part of what frames cost.
-const CASTS_PER_ANCHOR: usize = 6;
-
-impl<K: Keep> Timed<'_, '_, K> {
-    fn at_ms(&self) -> f64 {
-        // To the microsecond, which is enough to tell their order.
-        (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
-    }
-
-    /// Runs the anchor of a point's device where its turn has come. A look is too short for one.
-    fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
-        let open = &self.points[point];
-        let Some(device) = device_of(self.run, open).filter(|_| self.run.experiment.timing.launches > 1)
-        else {
-            return Ok(());
-        };
-        let casts = self.casts.entry(open.device).or_default();
-        *casts += 1;
-        if *casts % CASTS_PER_ANCHOR != 1 {
-            return Ok(());
-        }
-        let anchor = anchor::name(device)?;
-        let Some(times) = self.supervisor.anchor(open.task())? else { return Ok(()) };
-        let (device, launch, at_ms) = (open.record.device.clone(), self.launch, self.at_ms());
-        self.keeper.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
-    }
-}
-
-impl<K: Keep> Rounds for Timed<'_, '_, K> {
-    fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
-        let open = &self.points[point];
-        let launches = self.run.experiment.timing.launches;
-        let of = if launches > 1 { format!(", launch {} of {launches}", self.number) } else { String::new() };
-        self.keeper.works_on(&format!("timing {}{of}", open.label));
-        match self.supervisor.cast(open.task())? {
-            Some(Ok(times)) => Ok(Some(times)),
-            Some(Err(refusal)) => {
-                self.failed.insert(point);
-                self.keeper.keep(refusal.write_into(open.record.clone())).map(|()| None)
-            }
-            None => Ok(None),
-        }
-    }
-
-    fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()> {
-        let taken = Taken { launch: self.launch, at_ms: self.at_ms(), times: *times };
-        self.keeper.sample(&self.points[point].record.key, round, &taken)?;
-        self.taken[point].push(taken);
-        self.anchor(point, round)
-    }
-
-    fn ended(&mut self, round: u32) -> Result<()> {
-        let load = self.watch.look();
-        load.map_or(Ok(()), |load| self.keeper.load(&RoundLoad::of(self.launch, round, &load)))
-    }
-
-    fn is_broken(&self) -> bool {
-        self.supervisor.losses() > self.losses
-    }
 }

@@ -65,10 +65,18 @@ impl<'a> Hands<'a> {
     /// Does what a request asks.
     pub fn answer(&mut self, request: &Request) -> Result<Reply> {
         match request {
+            Request::Build { point } => self.build(*point),
             Request::Check { point, key, verified } => self.check(*point, key, verified.as_deref()),
             Request::Cast { point } => self.cast(*point),
             Request::Anchor => self.anchor(),
         }
+    }
+
+    fn build(&mut self, number: usize) -> Result<Reply> {
+        let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
+        self.turn_to(point)?;
+        let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
+        Ok(Reply::Built(self.checker.build(&point, &at.scene)))
     }
 
     fn check(&mut self, number: usize, key: &str, verified: Option<&str>) -> Result<Reply> {

@@ -5,6 +5,7 @@
 //! [`Run::execute`] asks a worker to check a point or to cast a frame of it, and the worker answers with a record
 //! or a sample; what becomes of a worker that dies or hangs is the supervisor's to decide.
 
+mod ahead;
 mod census;
 mod check;
 mod complete;
@@ -37,6 +38,7 @@ mod supervisor;
 mod views;
 mod worker;
 
+pub use ahead::{Ahead, Tally};
 pub use census::{find_devices, list_devices};
 pub use complete::Taken;
 pub use dry_run::{Forecast, dry_run};
@@ -48,7 +50,7 @@ pub use observer::Observer;
 pub use pictures::Pictures;
 pub use plan::{Plan, Point, Work};
 pub use process::Processes;
-pub use protocol::{Job, Reply, Request};
+pub use protocol::{Built, Job, Reply, Request};
 pub use refusal::Refusal;
 pub use results::{Past, Results};
 pub use run::Run;

@@ -1,9 +1,11 @@
 //! The points of a plan that are yet to be measured, each with what is known of it.
 
+use super::ahead::{Needs, Order, Program};
 use super::complete::Taken;
 use super::draft::{Drafter, Hashed};
 use super::supervisor::Task;
-use super::{Plan, Point, Run};
+use super::{Built, Plan, Point, Run, Work};
+use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::program::Sources;
 use crate::record::Record;
@@ -15,11 +17,15 @@ pub struct Open {
     /// The device whose worker runs it.
     pub device: usize,
     /// Its scene, by its number.
-    scene: usize,
+    pub scene: usize,
     /// For the observer.
     pub label: String,
     /// What is known of it.
     pub record: Record,
+    /// Why it is not measured on its device, which is of another kind than its preset is meant for.
+    pub not_for: Option<String>,
+    /// What building its program ahead took, where that was done for it.
+    pub built: Option<Built>,
     /// The hash of its picture, once that was compared with the reference.
     pub verified: Option<String>,
     /// Its samples of whole launches.
@@ -29,7 +35,17 @@ pub struct Open {
 impl Open {
     /// A point of which nothing is known but its draft: by its number, its device's and its scene's.
     pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
-        Self { point, device, scene, label, record, verified: None, taken: Vec::new() }
+        Self {
+            point,
+            device,
+            scene,
+            label,
+            record,
+            not_for: None,
+            built: None,
+            verified: None,
+            taken: Vec::new(),
+        }
     }
 
     /// What a worker is asked to run.
@@ -39,7 +55,27 @@ impl Open {
     }
 }
 
+impl Needs for Open {
+    fn order(&self) -> Option<Order> {
+        let hash = self.record.program_hash.clone().filter(|_| !self.record.is_baseline())?;
+        let scene = self.record.walks_tree().then_some(self.scene);
+        Some(Order { program: Program { device: self.device, hash, scene }, point: self.point })
+    }
+
+    fn hears(&mut self, built: Option<Built>) {
+        self.built = built;
+    }
+}
+
 impl Run<'_> {
+    /// Why a point is not measured on a device, which is of another kind than its preset is meant for.
+    pub(super) fn not_for(&self, point: &Point, device: Option<&DeviceInfo>) -> Option<String> {
+        match point.work {
+            Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].not_for(device?.kind),
+            Work::Host(_) => None,
+        }
+    }
+
     /// Every point of the plan with what is known of it, by groups. Scenes are loaded one at a time.
     pub(super) fn open_points(&self, plan: &Plan) -> Result<Vec<Vec<Open>>> {
         let drafters: Vec<_> =
@@ -67,7 +103,9 @@ impl Run<'_> {
                     // Casters on the host have no device: any worker will do.
                     let job = point.device.unwrap_or(0) + place * self.devices.len().max(1);
                     let label = point.label(self.experiment) + &name;
-                    open.push(Open::new([number, job, point.scene], label, record));
+                    let mut drafted = Open::new([number, job, point.scene], label, record);
+                    drafted.not_for = self.not_for(point, device);
+                    open.push(drafted);
                 }
                 held = Some((point.scene, at));
                 number += 1;

@@ -140,6 +140,7 @@ mod tests {
             preset: Some(preset.name.into()),
             strategy: preset.strategy,
             local_sizes: (1..=locals).map(|side| [side, 2 * side]).collect(),
+            meant_for: preset.meant_for,
         };
         Experiment {
             name: "test".into(),

@@ -21,12 +21,20 @@ const FAREWELL: Duration = Duration::from_secs(1);
 pub struct Processes {
     program: PathBuf,
     jobs: Vec<Job>,
+    /// Whether they may take programs from the driver's cache, which tells no registers.
+    trust_driver: bool,
 }
 
 impl Processes {
     /// `jobs[i]` is the job of the worker for device `i`.
     pub fn new(jobs: Vec<Job>) -> Result<Self> {
-        Ok(Self { program: this_program()?, jobs })
+        Ok(Self { program: this_program()?, jobs, trust_driver: false })
+    }
+
+    /// Workers for programs that others have built: what the compiler printed of them is kept with them.
+    #[must_use]
+    pub fn after_builders(self) -> Self {
+        Self { trust_driver: true, ..self }
     }
 }
 
@@ -54,7 +62,7 @@ impl Spawner for Processes {
         // What it says last goes into records: a message is enough.
         command.env("RUST_BACKTRACE", "0");
         // Registers are printed only by a compiler that compiles; who wants its cache sets the variable.
-        if std::env::var_os(CACHE_DISABLE).is_none() {
+        if !self.trust_driver && std::env::var_os(CACHE_DISABLE).is_none() {
             command.env(CACHE_DISABLE, "1");
         }
         let mut child = command.spawn().map_err(failed)?;

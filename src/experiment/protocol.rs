@@ -48,6 +48,15 @@ pub enum Census {
     },
 }
 
+/// What building a program took.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Built {
+    /// From the strategy to a kernel that can be launched, with keeping it for later.
+    pub build_ms: f64,
+    /// Whether it was kept since an earlier build, and nothing was compiled.
+    pub from_cache: bool,
+}
+
 /// What a worker is asked; numbers are places in the plan.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -60,6 +69,11 @@ pub enum Request {
         key: String,
         /// The hash of its picture, where an earlier launch compared that with the reference: the same needs no comparing.
         verified: Option<String>,
+    },
+    /// Build the program of a point and keep it.
+    Build {
+        /// Which.
+        point: usize,
     },
     /// Cast one frame of a point that passed; the first time after its warm-up.
     Cast {
@@ -76,7 +90,7 @@ impl Request {
         match self {
             Self::Check { point, .. } => Some((Step::Check, *point)),
             Self::Cast { point } => Some((Step::Cast, *point)),
-            Self::Anchor => None,
+            Self::Build { .. } | Self::Anchor => None,
         }
     }
 }
@@ -87,6 +101,8 @@ impl Request {
 pub enum Reply {
     /// To the job: the device is open.
     Started,
+    /// To a build; none where the point cannot be built, which its check will tell of.
+    Built(Option<Built>),
     /// To a check.
     Checked {
         /// What was found.

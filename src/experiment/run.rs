@@ -1,5 +1,6 @@
 //! A run: what is measured, on which devices, with which kernels.
 
+use super::ahead::Ahead;
 use super::protocol::Job;
 use super::{Fault, Plan};
 use crate::config::{Experiment, SceneChoice};
@@ -32,6 +33,8 @@ pub struct Run<'a> {
     pub locks: &'a Locks,
     /// Whether points are spread over the devices, which are alike, instead of each being measured on all.
     pub spread: bool,
+    /// Where programs are built before their points are checked; none builds each where it is checked.
+    pub ahead: Option<&'a Ahead>,
 }
 
 impl Run<'_> {

@@ -6,8 +6,9 @@ use super::draft::Drafter;
 use super::hands::Hands;
 use super::protocol::{Job, Reply, Request};
 use super::{Pictures, Plan};
+use crate::cache::Cache;
 use crate::config;
-use crate::device::{Device, discover};
+use crate::device::{Device, DeviceInfo, pick_one};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use serde::de::DeserializeOwned;
@@ -75,7 +76,8 @@ fn find(identity: &str, sources: &Sources) -> Result<Device> {
         Error::run("the device is gone: its driver no longer lists it")
             .with_help("`raycl devices` lists those that are there; what is measured is kept")
     };
-    discover(sources)?.into_iter().find(|device| device.info.identity() == identity).ok_or_else(gone)
+    let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
+    pick_one(&Cache::of_user(), sources, place)?.ok_or_else(gone)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {

@@ -8,14 +8,35 @@ use rayon::prelude::*;
 /// The 8-bit picture: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))` of each channel, evaluated
 /// in double precision; NaN becomes 0.
 pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
-    let thresholds = Thresholds::new(display);
+    let shown = Shown::new(display);
     let mut picture = RgbImage::new(image.width, image.height);
-    picture.par_chunks_mut(3 * 1024).zip(image.pixels.par_chunks(1024)).for_each(|(bytes, pixels)| {
-        for (byte, channel) in bytes.iter_mut().zip(pixels.as_flattened()) {
-            *byte = thresholds.value(*channel);
-        }
-    });
+    picture.par_chunks_mut(3 * TOGETHER).zip(image.pixels.par_chunks(TOGETHER)).for_each(
+        |(bytes, pixels)| {
+            pixels
+                .iter()
+                .zip(bytes.as_chunks_mut().0)
+                .for_each(|(pixel, bytes)| *bytes = shown.pixel(*pixel));
+        },
+    );
     picture
+}
+
+/// Pixels that a thread shows at a time.
+pub const TOGETHER: usize = 1024;
+
+/// How pixels are shown.
+pub struct Shown(Thresholds);
+
+impl Shown {
+    /// As the scene says.
+    pub fn new(display: Display) -> Self {
+        Self(Thresholds::new(display))
+    }
+
+    /// A pixel's 8-bit channels.
+    pub fn pixel(&self, radiance: [f32; 3]) -> [u8; 3] {
+        radiance.map(|channel| self.0.value(channel))
+    }
 }
 
 /// The transform itself, a channel at a time.

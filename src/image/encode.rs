@@ -1,10 +1,9 @@
 //! Pictures as bytes of a file, each with a place for raycl's [mark].
 
-use super::Radiance;
+use super::{Radiance, jpeg};
 use crate::output::mark::{self, Insert};
 use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use image::codecs::hdr::HdrEncoder;
-use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
 use std::fs::File;
@@ -29,9 +28,8 @@ pub fn jpeg(picture: &RgbImage, file: &mut File) -> Result<()> {
     let text = mark::blank();
     let length = (text.len() as u16 + 2).to_be_bytes();
     let comment = [b"\xff\xfe", &length[..], text.as_bytes()].concat();
-    encode(file, (JPEG_BEGIN_BYTES, comment), |writer| {
-        JpegEncoder::new_with_quality(writer, JPEG_QUALITY).encode_image(picture)
-    })
+    let encoded = jpeg::encode(picture, JPEG_QUALITY).map_err(Error::other)?;
+    encode(file, (JPEG_BEGIN_BYTES, comment), |writer| Ok(writer.write_all(&encoded)?))
 }
 
 pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {

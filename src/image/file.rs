@@ -78,9 +78,15 @@ pub fn check_png(target: &Target) -> Result<()> {
     target.check()
 }
 
-/// Writes an 8-bit picture as PNG, whole or not at all.
+/// Writes an 8-bit picture as PNG or, where the file's extension says so, as JPEG; whole or not at all.
 pub fn save_rgb8(picture: &RgbImage, target: &Target) -> Result<()> {
-    target.write(|file| png(picture, file))
+    let format = format(target.path())?;
+    target.write(|file| if format == Format::Jpeg { jpeg(picture, file) } else { png(picture, file) })
+}
+
+/// Whether a file of this name has 8 bits a channel, so that [`save_rgb8`] can write it.
+pub fn shows_8_bits(path: &Path) -> bool {
+    format(path).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
 }
 
 fn format(path: &Path) -> Result<Format> {

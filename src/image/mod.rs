@@ -5,11 +5,12 @@ mod compare;
 mod display;
 mod encode;
 mod file;
+mod jpeg;
 
 pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
-pub use display::to_rgb8;
-pub use file::{check_png, check_target, read_picture, save, save_rgb8};
+pub use display::{Shown, TOGETHER, to_rgb8};
+pub use file::{check_png, check_target, read_picture, save, save_rgb8, shows_8_bits};
 
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 use super::Queue;
 use crate::error::{Error, Result};
 use crate::program::preprocess::{Preprocessed, preprocess};
-use crate::program::{BuiltProgram, ProgramSpec};
+use crate::program::{BuiltProgram, Kept, ProgramSpec};
 use ocl::{Buffer, Kernel, MemFlags};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -38,8 +38,8 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
     let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
     let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");
     let spec = ProgramSpec { source, options: options.to_owned(), files: Vec::new() };
-    let program =
-        BuiltProgram::build(&queue.context, queue.device, &spec).map_err(|error| error.to_string())?;
+    let program = BuiltProgram::build(&queue.context, queue.device, &spec, &Kept::default())
+        .map_err(|error| error.to_string())?;
     let run = || -> ocl::Result<Vec<i64>> {
         let commands = queue.commands.clone();
         let answer = Buffer::<i64>::builder()

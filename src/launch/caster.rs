@@ -11,9 +11,11 @@ use super::setup::{Setup, Working, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue};
-use crate::image::Radiance;
+use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
+use crate::scene::Display;
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
+use image::RgbImage;
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use rayon::prelude::*;
@@ -109,6 +111,27 @@ impl Caster {
             (pixels, values.par_iter().filter(|pixel| pixel[3] > 0.0).count())
         })?;
         Ok((Radiance { width, height, pixels }, hits))
+    }
+
+    /// Reads the image of the last frame as it is shown, in place where the device shares the host's memory, and how many of its
+    /// pixels hit something; none where a pixel is not finite, which cannot be shown.
+    pub fn read_shown(&self, display: Display) -> Result<Option<(RgbImage, usize)>, LaunchError> {
+        self.check_heap()?;
+        let [width, height] = self.size;
+        let mut picture = RgbImage::new(width, height);
+        let shown = Shown::new(display);
+        let show = |(bytes, pixels): (&mut [u8], &[Float4])| {
+            for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
+                *bytes = shown.pixel([pixel[0], pixel[1], pixel[2]]);
+            }
+            let finite = pixels.iter().all(|pixel| (0..3).all(|channel| pixel[channel].is_finite()));
+            finite.then(|| pixels.iter().filter(|pixel| pixel[3] > 0.0).count())
+        };
+        let hits: Option<usize> =
+            read_with(&self.queue, &self.image, 0..width as usize * height as usize, |values| {
+                picture.par_chunks_mut(3 * TOGETHER).zip(values.par_chunks(TOGETHER)).map(show).sum()
+            })?;
+        Ok(hits.map(|hits| (picture, hits)))
     }
 
     /// Fails where the last kernel took more from the heap than there was.

@@ -39,7 +39,7 @@ pub use rays::Ray;
 pub use refused::Refused;
 pub use session::Session;
 pub use split::{Share, Split};
-pub use tree::stack_size;
+pub use tree::{HostTree, stack_size};
 
 use scene::DeviceScene;
 use tree::DeviceTree;

@@ -18,6 +18,8 @@ pub struct Prepared {
     pub spec: ProgramSpec,
     /// What became of it.
     pub program: BuiltProgram,
+    /// How long its build took after the scene was there.
+    pub build_wait_ms: f64,
     /// The host's memory that it needs, at the worst moment.
     pub host_bytes: u64,
     pub(super) queue: Queue,

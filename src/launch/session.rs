@@ -1,14 +1,15 @@
 //! The one way from a strategy to something that casts.
 
-use super::Queue;
 use super::held::Held;
 use super::prepared::Prepared;
 use super::refused::Refused;
 use super::shared_scene::SharedScene;
+use super::{HostTree, Queue};
+use crate::cache::Cache;
 use crate::device::{Builtins, Device, DeviceInfo, DeviceLimits};
 use crate::error::Result;
 use crate::memory::{Available, resident_bytes};
-use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use crate::scene::Scene;
 use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
@@ -23,6 +24,9 @@ pub struct Session {
     builtins: Builtins,
     compute_capability: Option<String>,
     verifies: bool,
+    kept: Kept,
+    early: Option<(ProgramSpec, BuiltProgram)>,
+    early_tree: Option<(Strategy, HostTree)>,
     shared: SharedScene,
     held: Held,
 }
@@ -43,6 +47,9 @@ impl Session {
             builtins: info.builtins(),
             compute_capability: info.hardware.compute_capability.clone(),
             verifies: false,
+            kept: Kept::of(Cache::of_user(), info),
+            early: None,
+            early_tree: None,
             shared: SharedScene::default(),
             held: Held::default(),
         }
@@ -58,6 +65,24 @@ impl Session {
     #[must_use]
     pub fn with_builtins(self, builtins: Builtins) -> Self {
         Self { builtins, ..self }
+    }
+
+    /// With compiled programs in another cache than the user's.
+    #[must_use]
+    pub fn keeping(self, kept: Kept) -> Self {
+        Self { kept, ..self }
+    }
+
+    /// With a program that was built before the scene was there: the next strategy may need it.
+    #[must_use]
+    pub fn with_program(self, early: Option<(ProgramSpec, BuiltProgram)>) -> Self {
+        Self { early, ..self }
+    }
+
+    /// With a tree that was built before the device was open.
+    #[must_use]
+    pub fn with_tree(self, early_tree: Option<(Strategy, HostTree)>) -> Self {
+        Self { early_tree, ..self }
     }
 
     /// Whether images are compared with the reference, which takes memory of the host beside them.
@@ -99,7 +124,9 @@ impl Session {
         let mut workload = Workload::of(&self.scene, image_size, local_size);
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
-            self.shared.build_tree(&self.queue, &self.scene, strategy).map_err(Refused::at("the tree"))?;
+            let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
+            let built = self.shared.build_tree(&self.queue, &self.scene, strategy, early);
+            built.map_err(Refused::at("the tree"))?;
         }
         workload.stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);
         Ok(workload)
@@ -118,8 +145,7 @@ impl Session {
         spec: ProgramSpec,
     ) -> std::result::Result<Prepared, Refused> {
         self.fits(strategy, workload)?;
-        let program =
-            BuiltProgram::build(&self.queue.context, self.queue.device, &spec).map_err(Refused::Build)?;
+        let (program, build_wait_ms) = self.program(&spec)?;
         let uploaded = self.shared.layout(&self.queue, &self.scene, strategy);
         let uploaded = uploaded.map_err(Refused::at("uploading the scene"))?;
         self.held.share(strategy, workload);
@@ -130,12 +156,24 @@ impl Session {
             workload: *workload,
             spec,
             program,
+            build_wait_ms,
             host_bytes: self.host_needs(strategy, workload).bytes(),
             uploaded,
             tree: self.shared.tree(strategy),
             compute_capability: self.compute_capability.clone(),
             frames: self.held.frames(),
         })
+    }
+
+    /// What was built early, or is built now, and how long that takes.
+    fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
+        if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
+            return Ok((program, 0.0));
+        }
+        let Queue { context, device, .. } = &self.queue;
+        let program = BuiltProgram::build(context, *device, spec, &self.kept).map_err(Refused::Build)?;
+        let build_ms = program.build_ms;
+        Ok((program, build_ms))
     }
 
     /// The host's memory that a strategy needs.

@@ -1,6 +1,6 @@
 //! What the strategies of a session share of its scene: layouts and trees on the device, each made when first asked for.
 
-use super::{DeviceScene, DeviceTree, LaunchError, Queue};
+use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
 use crate::scene::Scene;
 use crate::strategy::{Layout, LeafSize, NodeWidth, Strategy, Traversal};
 use std::collections::HashMap;
@@ -39,16 +39,20 @@ impl SharedScene {
         self.trees.get(&Kind::of(strategy).tree?).cloned()
     }
 
-    /// Builds and uploads the tree that a strategy walks, where it walks one.
+    /// Uploads the tree that a strategy walks, where it walks one: the one that was built early, or one that is built now.
     pub fn build_tree(
         &mut self,
         queue: &Queue,
         scene: &Scene,
         strategy: &Strategy,
+        early: Option<HostTree>,
     ) -> Result<(), LaunchError> {
-        if let (Some(kind), Some(tree)) =
-            (Kind::of(strategy).tree, DeviceTree::build(queue, &scene.mesh, strategy)?)
-        {
+        let built = match early {
+            Some(tree) => Some(tree),
+            None => HostTree::build(&scene.mesh, strategy)?,
+        };
+        if let (Some(kind), Some(tree)) = (Kind::of(strategy).tree, built) {
+            let tree = DeviceTree::upload(queue, &scene.mesh, strategy, tree)?;
             self.trees.insert(kind, Arc::new(tree));
         }
         Ok(())

@@ -5,8 +5,10 @@ use super::{LaunchError, Queue, Refused};
 use crate::accel::{
     PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
 };
+use crate::device::DeviceLimits;
+use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
-use crate::strategy::{Strategy, Traversal};
+use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload};
 use ocl::Buffer;
 use std::time::Instant;
 
@@ -26,6 +28,38 @@ pub(super) struct DeviceTree {
     pub build_ms: f64,
     /// How long uploading it took.
     pub upload_ms: f64,
+}
+
+/// A tree on the host, and how long it took to build.
+pub struct HostTree {
+    wide: WideBvh,
+    build_ms: f64,
+}
+
+impl HostTree {
+    /// A mesh's tree as `strategy` wants it; none where it wants none.
+    pub(super) fn build(mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
+        if !strategy.needs_tree() {
+            return Ok(None);
+        }
+        let start = Instant::now();
+        let wide = tree_of(mesh, strategy)?;
+        Ok(Some(Self { wide, build_ms: start.elapsed().as_secs_f64() * 1e3 }))
+    }
+
+    /// The same before a device is open, where host and device hold what the strategy needs; what stands in the way, and what is
+    /// wrong with the mesh, a session tells.
+    pub fn ahead(
+        mesh: &Mesh,
+        strategy: &Strategy,
+        workload: &Workload,
+        limits: &DeviceLimits,
+    ) -> Option<Self> {
+        let needs = HostNeeds::of(strategy, workload, limits.is_cpu, false);
+        needs.check(&Available::read(), resident_bytes().unwrap_or(0)).ok()?;
+        Requirements::check(strategy, workload, limits).ok()?;
+        Self::build(mesh, strategy).ok()?
+    }
 }
 
 /// Normals in leaf order, and the materials they name.
@@ -69,15 +103,13 @@ pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
 }
 
 impl DeviceTree {
-    /// Builds a mesh's tree as `strategy` wants it, and uploads it; none where it wants none.
-    pub fn build(queue: &Queue, mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
-        if !strategy.needs_tree() {
-            return Ok(None);
-        }
-        let start = Instant::now();
-        let wide = tree_of(mesh, strategy)?;
-        let build_ms = start.elapsed().as_secs_f64() * 1e3;
-
+    /// Uploads a mesh's tree for `strategy`.
+    pub fn upload(
+        queue: &Queue,
+        mesh: &Mesh,
+        strategy: &Strategy,
+        HostTree { wide, build_ms }: HostTree,
+    ) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let nodes = upload(queue, &wide.nodes)?;
         let leaves = upload_with(queue, TRIANGLE_WORDS * (wide.order.len() + PADDING_ROWS), |rows| {
@@ -86,13 +118,13 @@ impl DeviceTree {
         let tiles = strategy.traversal == Traversal::Tile;
         let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &wide.order)).transpose()?;
         queue.commands.finish()?;
-        Ok(Some(Self {
+        Ok(Self {
             nodes,
             leaves,
             surfaces,
             stack_size: stack_size_of(&wide),
             build_ms,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
-        }))
+        })
     }
 }

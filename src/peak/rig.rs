@@ -3,7 +3,7 @@
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::Queue;
-use crate::program::Sources;
+use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use ocl::builders::KernelBuilder;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
@@ -66,12 +66,9 @@ impl<'a> Rig<'a> {
         }
         let defines: String = defines.iter().map(|(name, value)| format!("-D {name}={value} ")).collect();
         let options = format!("{defines}-cl-std=CL1.2 -cl-kernel-arg-info");
-        let built = Program::builder()
-            .src(text)
-            .cmplr_opt(options)
-            .devices(self.queue.device)
-            .build(&self.queue.context);
-        built.map_err(|error| failed(format!("{file}: {error}")))
+        let spec = ProgramSpec { source: text, options, files: Vec::new() };
+        let built = BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &Kept::default());
+        built.map(|built| built.program).map_err(|error| failed(format!("{file}: {error}")))
     }
 
     /// A kernel of `items` work-items in groups of `group`; the caller adds its arguments.

@@ -1,9 +1,11 @@
 //! Compiling a [`ProgramSpec`] for a device.
 
 use super::ProgramSpec;
+use super::kept::{Kept, KeptProgram};
 use super::made::is_ptx;
-use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
+use ocl::enums::{DeviceInfo, DeviceInfoResult, ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
+use std::ffi::CString;
 use std::time::Instant;
 use thiserror::Error;
 
@@ -28,27 +30,63 @@ pub struct BuiltProgram {
     pub program: Program,
     /// How long the build took; drivers answer from their caches where they can.
     pub build_ms: f64,
+    /// Whether it was kept since an earlier build, and nothing was compiled.
+    pub from_cache: bool,
     device: Device,
     verbose: bool,
+    /// What the compiler said when it compiled what was kept.
+    kept_log: Option<String>,
+    kept: Kept,
+    key: String,
 }
 
 impl BuiltProgram {
-    /// Compiles.
-    pub fn build(context: &Context, device: Device, spec: &ProgramSpec) -> Result<Self, BuildError> {
+    /// Takes what was kept of an earlier build, or else compiles; keeps that at once where the driver has the binary at hand.
+    pub fn build(
+        context: &Context,
+        device: Device,
+        spec: &ProgramSpec,
+        kept: &Kept,
+    ) -> Result<Self, BuildError> {
         let start = Instant::now();
         let verbose = prints_resources(device);
-        let more = if verbose { format!(" {VERBOSE}") } else { String::new() };
-        let program = Program::builder()
-            .src(&spec.source)
-            .cmplr_opt(format!("{}{more}", spec.options))
-            .devices(device)
-            .build(context)
-            .map_err(|error| BuildError { log: compiler_log(&error.to_string()) })?;
-        Ok(Self { program, build_ms: start.elapsed().as_secs_f64() * 1e3, device, verbose })
+        let more = if verbose { VERBOSE } else { quieting(device) };
+        let options = format!("{} {more}", spec.options).trim_end().to_owned();
+        let key = kept.key(&spec.source, &options);
+        let found = kept.find(&key).and_then(|found| Some((load(context, device, &found, &options)?, found)));
+        let (program, kept_log) = match found {
+            Some((program, found)) => (program, Some(found.log)),
+            None => (compile(context, device, &spec.source, &options)?, None),
+        };
+        let build_ms = start.elapsed().as_secs_f64() * 1e3;
+        let from_cache = kept_log.is_some();
+        let kept = kept.clone();
+        let built = Self { program, build_ms, from_cache, device, verbose, kept_log, kept, key };
+        if built.kept.has_binaries_at_hand() {
+            built.keep();
+        }
+        Ok(built)
+    }
+
+    /// Keeps what was compiled for later builds; says whether that is kept now. Not every driver has the binary at hand.
+    pub fn keep(&self) -> bool {
+        if self.from_cache || !self.kept.keeps() {
+            return self.from_cache;
+        }
+        let log = self.log();
+        // Registers are printed when a compiler compiles: what a driver's cache has answered is without them.
+        if self.verbose && log.is_empty() {
+            return false;
+        }
+        let binary = self.binary();
+        !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log, binary })
     }
 
     /// What the compiler said; empty where it said nothing.
     pub fn log(&self) -> String {
+        if let Some(log) = &self.kept_log {
+            return log.clone();
+        }
         let log = self.program.build_info(self.device, ProgramBuildInfo::BuildLog);
         let log = log.map(|log| log.to_string()).unwrap_or_default();
         log.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
@@ -69,6 +107,30 @@ impl BuiltProgram {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }
     }
+}
+
+/// PoCL's compiler counts warnings on the terminal ("2 warnings generated."), of its own headers among them, and keeps them in no
+/// log.
+fn quieting(device: Device) -> &'static str {
+    let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
+        DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),
+        _ => None,
+    });
+    let pocl = platform.is_some_and(|name| name.to_lowercase().contains("portable computing language"));
+    if pocl { "-w" } else { "" }
+}
+
+/// A program from source.
+fn compile(context: &Context, device: Device, source: &str, options: &str) -> Result<Program, BuildError> {
+    let mut builder = Program::builder();
+    let builder = builder.src(source).cmplr_opt(options).devices(device);
+    builder.build(context).map_err(|error| BuildError { log: compiler_log(&error.to_string()) })
+}
+
+/// A program from a binary that was kept; none where the driver does not take it.
+fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -> Option<Program> {
+    let options = CString::new(options).ok()?;
+    Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
 }
 
 /// As [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), of a bare handle.

@@ -81,7 +81,7 @@ fn values(all: &[(&Record, Map<String, Value>)], names: &[String]) -> Map<String
 fn entry(record: &Record, mut entry: Map<String, Value>) -> Value {
     let error = match record.outcome {
         Outcome::Measured => None,
-        Outcome::Infeasible => Some("InvalidConfig"),
+        Outcome::Infeasible | Outcome::OtherKind => Some("InvalidConfig"),
         Outcome::BuildFailed => Some("CompilationFailedConfig"),
         Outcome::LaunchFailed | Outcome::WrongImage | Outcome::TimedOut | Outcome::Crashed => {
             Some("RuntimeFailedConfig")

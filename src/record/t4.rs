@@ -48,7 +48,7 @@ fn result(record: &Record) -> Value {
 fn invalidity(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Measured => "correct",
-        Outcome::Infeasible => "constraints",
+        Outcome::Infeasible | Outcome::OtherKind => "constraints",
         Outcome::BuildFailed => "compile",
         Outcome::LaunchFailed | Outcome::Crashed => "runtime",
         Outcome::WrongImage => "correctness",

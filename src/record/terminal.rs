@@ -177,6 +177,7 @@ fn meaning(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Measured => "measured",
         Outcome::Infeasible => "the device cannot hold it",
+        Outcome::OtherKind => "its preset is meant for devices of another kind",
         Outcome::BuildFailed => "its program did not compile",
         Outcome::LaunchFailed => "its kernel did not run",
         Outcome::WrongImage => "its image differs from the reference",

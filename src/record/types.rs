@@ -17,6 +17,8 @@ pub enum Outcome {
     Measured,
     /// The device cannot hold it; `reason` has the arithmetic.
     Infeasible,
+    /// Its preset is meant for devices of another kind: neither built nor timed.
+    OtherKind,
     /// The device's compiler refused the program.
     BuildFailed,
     /// The device refused or failed to run the kernel.
@@ -36,6 +38,7 @@ impl Outcome {
         match self {
             Self::Measured => "measured",
             Self::Infeasible => "infeasible",
+            Self::OtherKind => "other-kind",
             Self::BuildFailed => "build-failed",
             Self::LaunchFailed => "launch-failed",
             Self::WrongImage => "wrong-image",
@@ -44,9 +47,9 @@ impl Outcome {
         }
     }
 
-    /// Whether a run with this outcome succeeded: it was measured, or it was foreseen that it cannot be.
+    /// Whether a run with this outcome succeeded: it was measured, or it was foreseen that it cannot or need not be.
     pub fn is_fine(self) -> bool {
-        matches!(self, Self::Measured | Self::Infeasible)
+        matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
 }
 
@@ -131,8 +134,12 @@ pub struct Record {
     pub shade_ms: Option<f64>,
     /// The median of the host's clock around the same frames.
     pub host_median_ms: Option<f64>,
-    /// Assembling and compiling the program.
+    /// Building the program, up to what the driver compiles at its first launch where it was built ahead; for a program that
+    /// an earlier point has had built, taking it from the cache.
     pub build_ms: Option<f64>,
+    /// Whether the program was kept since an earlier build, and nothing was compiled; none in records of earlier versions.
+    #[serde(default)]
+    pub build_from_cache: Option<bool>,
     /// Checking it in its first launch: build, first frame, comparing with the reference.
     #[serde(default)]
     pub check_ms: Option<f64>,

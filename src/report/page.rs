@@ -161,7 +161,8 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
     let count = |wanted: &dyn Fn(&Record) -> bool| records.iter().filter(|record| wanted(record)).count();
     let measured = count(&|record| record.outcome == Outcome::Measured);
     let infeasible = count(&|record| record.outcome == Outcome::Infeasible);
-    let failed = records.len() - measured - infeasible;
+    let other_kind = count(&|record| record.outcome == Outcome::OtherKind);
+    let failed = records.len() - measured - infeasible - other_kind;
     let samples: usize = records.iter().map(|record| record.samples_ms.len()).sum();
     let different = |of: fn(&Group<'_>) -> String| {
         let mut all: Vec<_> = groups.iter().filter(|group| group.device != HOST).map(of).collect();
@@ -175,6 +176,7 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
         (records.len(), "point", "points"),
         (samples, "timed frame", "timed frames"),
         (infeasible, "does not fit", "do not fit"),
+        (other_kind, "is meant for another kind of device", "are meant for another kind of device"),
         (failed, "failed", "failed"),
     ];
     let named = facts.map(|(n, one, many)| (n.to_string(), if n == 1 { one } else { many }.to_owned()));

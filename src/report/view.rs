@@ -155,6 +155,7 @@ fn code(record: &Record) -> String {
             let word = word(record);
             word.split_whitespace().next().unwrap_or("none").chars().take(8).collect()
         }
+        Outcome::OtherKind => "kind".into(),
         Outcome::BuildFailed => "build".into(),
         Outcome::LaunchFailed => "launch".into(),
         Outcome::WrongImage => "wrong".into(),
@@ -167,6 +168,7 @@ fn code(record: &Record) -> String {
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
+        Outcome::OtherKind => "its preset is meant for devices of another kind",
         Outcome::BuildFailed => "its program did not compile",
         Outcome::LaunchFailed => "its kernel did not run",
         Outcome::WrongImage => "its image differs from the reference",

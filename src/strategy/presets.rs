@@ -4,6 +4,7 @@ use super::{
     Culling, Epsilons, Intersector, LISTED, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading,
     Strategy, TileSize, Traversal, Triangles, Vectors, Width,
 };
+use crate::device::DeviceKind;
 use crate::error::{Error, Result, nearest};
 
 /// A named strategy.
@@ -15,6 +16,8 @@ pub struct Preset {
     pub about: &'static str,
     /// Its value of every axis.
     pub strategy: Strategy,
+    /// The kind of device that it is for: on others it is measured where somebody asks for that. None where it is for all.
+    pub meant_for: Option<DeviceKind>,
 }
 
 /// The paper's kernel, before it is said where anything lives.
@@ -74,82 +77,103 @@ pub const PRESETS: &[Preset] = &[
         name: "naive",
         about: "the paper's first kernel: vectors from an in-kernel malloc, triangles in global memory",
         strategy: PAPER,
+        meant_for: None,
     },
     Preset {
         name: "naive-scratch",
         about: "naive without the malloc: vectors in a preallocated global buffer",
         strategy: Strategy { vectors: Vectors::GLOBAL, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "private",
         about: "the paper's static arrays, which failed to launch there",
         strategy: Strategy { vectors: Vectors::PRIVATE, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "local-vectors",
         about: "the paper's optimisation 1: vectors in __local memory",
         strategy: Strategy { vectors: Vectors::LOCAL, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "local-triangles",
         about: "the paper's optimisation 2: all triangles in __local memory",
         strategy: Strategy { triangles: Triangles::LOCAL, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "compounded",
         about: "both optimisations, which the paper could not compound",
         strategy: Strategy { vectors: Vectors::LOCAL, triangles: Triangles::LOCAL, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "constant-triangles",
         about: "vectors in private memory, triangles in __constant memory",
         strategy: Strategy { vectors: Vectors::PRIVATE, triangles: Triangles::CONSTANT, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "split-vertices",
         about: "the paper's next step: indexed, vertices in __local memory and normals in global",
         strategy: Strategy { triangles: Triangles::SPLIT_VERTICES, layout: Layout::INDEXED_16, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "split-normals",
         about: "its reverse: indexed, normals in __local memory and vertices in global",
         strategy: Strategy { triangles: Triangles::SPLIT_NORMALS, layout: Layout::INDEXED_16, ..PAPER },
+        meant_for: None,
     },
     Preset {
         name: "raster",
         about: "the paper's other next step: the book's rasteriser, shaded as the ray caster is",
         strategy: Strategy { traversal: Traversal::Raster, ..MODERN },
+        meant_for: None,
     },
-    Preset { name: "deferred", about: "private vectors, shaded once at the nearest hit", strategy: MODERN },
+    Preset {
+        name: "deferred",
+        about: "private vectors, shaded once at the nearest hit",
+        strategy: MODERN,
+        meant_for: None,
+    },
     Preset {
         name: "tiled",
         about: "deferred, with triangles streamed through __local memory",
         strategy: Strategy { triangles: Triangles::TILED, ..MODERN },
+        meant_for: None,
     },
     Preset {
         name: "watertight",
         about: "deferred, with the test that leaks no ray at edges and vertices",
         strategy: Strategy { intersector: Intersector::WATERTIGHT, ..MODERN },
+        meant_for: None,
     },
     Preset {
         name: "wide",
         about: "deferred, 16 rays a work-item in vector types: what a CPU wants",
         strategy: Strategy { width: Width::W16, ..MODERN },
+        meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "wide-common-origin",
         about: "wide, with edge planes prepared for the eye and each light",
         strategy: Strategy { width: Width::W16, intersector: Intersector::COMMON_ORIGIN, ..MODERN },
+        meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "wide-pixel-linear",
         about: "wide, with the camera's edge planes as linear functions of the pixel: fewest operations a test",
         strategy: Strategy { width: Width::W16, intersector: Intersector::PIXEL_LINEAR, ..MODERN },
+        meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "tiled-wide",
         about: "tiled, 4 rays a work-item: the plain test as a GPU wants it",
         strategy: Strategy { width: Width::W4, triangles: Triangles::TILED, ..MODERN },
+        meant_for: Some(DeviceKind::Gpu),
     },
     Preset {
         name: "tiled-pixel-linear",
@@ -160,6 +184,7 @@ pub const PRESETS: &[Preset] = &[
             triangles: Triangles::TILED,
             ..MODERN
         },
+        meant_for: Some(DeviceKind::Gpu),
     },
     Preset {
         name: "tiled-common-origin",
@@ -170,6 +195,7 @@ pub const PRESETS: &[Preset] = &[
             triangles: Triangles::TILED,
             ..MODERN
         },
+        meant_for: Some(DeviceKind::Gpu),
     },
     Preset {
         name: "bvh",
@@ -180,31 +206,37 @@ pub const PRESETS: &[Preset] = &[
             intersector: Intersector::WATERTIGHT,
             ..MODERN
         },
+        meant_for: None,
     },
     Preset {
         name: "bvh-packet",
         about: "deferred, packets of 16 rays walking a tree of eight children a node",
         strategy: Strategy { traversal: Traversal::Bvh, width: Width::W16, ..MODERN },
+        meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "tile",
         about: "tiles of 512 rays walking a tree together in vectors of 16: fastest for big scenes on a CPU",
         strategy: TILE,
+        meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "tile-watertight",
         about: "tile, with the test that leaks no ray at edges and vertices",
         strategy: Strategy { intersector: Intersector::WATERTIGHT, ..TILE },
+        meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "tile-group",
         about: "tiles of 64 rays, each shared by 32 work-items that walk a tree of 32 children a node: for big scenes on a GPU",
         strategy: TILE_GROUP,
+        meant_for: Some(DeviceKind::Gpu),
     },
     Preset {
         name: "tile-group-watertight",
         about: "tile-group with the test that leaks no ray at edges and vertices",
         strategy: Strategy { intersector: Intersector::WATERTIGHT, passes: Passes::Separate, ..TILE_GROUP },
+        meant_for: Some(DeviceKind::Gpu),
     },
 ];
 

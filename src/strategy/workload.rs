@@ -4,7 +4,7 @@ use super::{Strategy, Traversal};
 use crate::manifest::GROUP_LANES;
 
 /// The sizes a strategy's needs depend on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Workload {
     /// Triangles in the scene.
     pub triangles: usize,

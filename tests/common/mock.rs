@@ -132,6 +132,7 @@ impl Worker for MockWorker {
                 let ms = CASTS.fetch_add(1, Ordering::Relaxed) as f64 % 7.0 + 1.0;
                 Reply::Sample(FrameTimes::whole(ms, ms))
             }
+            Request::Build { .. } => Reply::Built(None),
             Request::Anchor => Reply::Sample(FrameTimes::whole(1.0, 1.0)),
         };
         let scene = Scene { request, requests: counts.requests };
@@ -174,6 +175,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
         retry_failed: false,
         locks: &locks,
         spread: false,
+        ahead: None,
     })
 }
 
@@ -200,7 +202,7 @@ pub fn count(records: &[Record], outcome: Outcome) -> usize {
 
 pub fn point_of(request: &Request) -> usize {
     match request {
-        Request::Check { point, .. } | Request::Cast { point } => *point,
+        Request::Build { point } | Request::Check { point, .. } | Request::Cast { point } => *point,
         Request::Anchor => usize::MAX,
     }
 }

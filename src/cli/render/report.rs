@@ -1,6 +1,7 @@
 //! What `raycl render` reports: as JSON, and as a person reads it.
 
-use super::Cast;
+use super::casting::Cast;
+use super::timeline::Part;
 use crate::device::{Device, DeviceInfo};
 use crate::launch::Prepared;
 use crate::memory::readable;
@@ -35,8 +36,10 @@ pub struct Report {
     pub discover_ms: f64,
     /// Building the tree over the triangles; 0 where the traversal has none.
     pub tree_ms: f64,
-    /// Compiling.
+    /// Building the program, what a driver compiles at the first launch with it.
     pub build_ms: f64,
+    /// Whether the program was kept since an earlier build, and nothing was compiled.
+    pub build_from_cache: bool,
     /// Bringing the scene to the device.
     pub upload_ms: f64,
     /// Device time of preparing records of triangles, once a scene; 0 where tests prepare them.
@@ -53,7 +56,9 @@ pub struct Report {
     pub read_ms: f64,
     /// Writing the picture.
     pub save_ms: f64,
-    /// The whole command.
+    /// Parts that follow each other, from the start of the process to this report.
+    pub parts: Vec<Part>,
+    /// Their sum: the whole command.
     pub total_ms: f64,
     /// Primary and shadow rays of a frame over its time.
     pub frame_rays_per_s: f64,
@@ -119,7 +124,7 @@ impl Report {
             local_size: workload.local_size,
             image_size: workload.image_size,
             tree_ms: prepared.tree_ms(),
-            build_ms: cast.build_ms,
+            build_from_cache: cast.from_cache,
             upload_ms: prepared.upload_ms(),
             records_ms: cast.records_ms,
             primary_ms: cast.times.primary_ms,
@@ -152,23 +157,11 @@ impl Report {
             format!("strategy  {preset}{}", self.strategy),
             format!("size      {width} x {height} pixels, local size {x} x {y}"),
         ];
-        let steps = [
-            ("load", self.load_ms),
-            ("discover", self.discover_ms),
-            ("tree", self.tree_ms),
-            ("build", self.build_ms),
-            ("upload", self.upload_ms),
-            ("records", self.records_ms),
-            ("kernel", self.frame_ms),
-            ("read", self.read_ms),
-            ("save", self.save_ms),
-            ("total", self.total_ms),
-        ];
-        for (step, ms) in
-            steps.into_iter().filter(|&(step, ms)| !["tree", "records"].contains(&step) || ms > 0.0)
-        {
-            let remark = if step == "kernel" { self.kernel_remark() } else { String::new() };
-            lines.push(format!("{step:<8}{ms:11.2} ms{remark}"));
+        let parts = self.parts.iter().map(|Part { part, ms }| (*part, *ms));
+        let shown =
+            parts.filter(|&(part, ms)| !["tree", "records", "keep", "report"].contains(&part) || ms >= 0.005);
+        for (part, ms) in shown.chain([("total", self.total_ms), ("kernel", self.frame_ms)]) {
+            lines.push(format!("{part:<8}{ms:11.2} ms{}", self.remark(part)));
         }
         lines.push(format!("speed     {}", self.speeds().join(", ")));
         lines.push(format!("memory    {}", self.memory()));
@@ -176,6 +169,16 @@ impl Report {
         lines.extend(self.notes.iter().map(|note| format!("note      {note}")));
         lines.push(format!("picture   {}", self.output));
         lines.join("\n")
+    }
+
+    /// What is to be said of a part.
+    fn remark(&self, part: &str) -> String {
+        match part {
+            "kernel" => self.kernel_remark(),
+            "build" if self.build_from_cache => " (from the cache)".to_owned(),
+            "casting" if self.frames > 1 => format!(" ({} frames and a first one)", self.frames),
+            _ => String::new(),
+        }
     }
 
     /// What the kernel's time is made of.

@@ -1,8 +1,9 @@
 //! `raycl render --devices`: one frame on several devices.
 
+use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
 use super::report::Verified;
-use super::{Args, medians, ms_since, scene_overrides, strategy, target, timed};
+use super::{Args, ms_since, scene_overrides, strategy, target, timed};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -84,7 +85,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
     // One strategy for all, as the pixels are to be the same.
-    let (strategy, local_size) = strategy(args, &devices[0], scene.mesh.triangles.len())?;
+    let (strategy, local_size) = strategy(args, &devices[0].info, scene.mesh.triangles.len())?;
     let image_size = [args.width, args.height];
     let split = Split {
         scene: Arc::clone(&scene),

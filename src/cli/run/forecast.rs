@@ -18,7 +18,7 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
         let cells = [
             point.label.clone(),
             point.device.clone(),
-            point.refused.clone().unwrap_or_else(|| "yes".to_owned()),
+            point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| "yes".to_owned()),
             bytes(|needs| needs.local_bytes),
             bytes(|needs| needs.constant_bytes),
             bytes(|needs| needs.scratch_bytes),
@@ -29,9 +29,15 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
     let mut notes: Vec<&String> = points.iter().flat_map(|point| &point.scene_notes).collect();
     notes.dedup();
     notes.into_iter().try_for_each(|note| print(format!("note: {note}")))?;
-    let refused = points.iter().filter(|point| point.refused.is_some()).count();
+    let other_kind = points.iter().filter(|point| point.not_for.is_some()).count();
+    let refused = points.iter().filter(|point| point.not_for.is_none() && point.refused.is_some()).count();
+    let others = match other_kind {
+        0 => String::new(),
+        1 => " and 1 is meant for devices of another kind".to_owned(),
+        count => format!(" and {count} are meant for devices of another kind"),
+    };
     print(format!(
-        "{} points, {refused} of which do not fit. Nothing was compiled or measured.\n{expected}.",
+        "{} points, {refused} of which do not fit{others}. Nothing was compiled or measured.\n{expected}.",
         points.len()
     ))
 }

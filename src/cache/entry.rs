@@ -1,0 +1,43 @@
+//! The bytes of an entry: a mark, the hash of all that follows, what it was kept under, what was kept.
+
+/// The first bytes; the number is the layout's.
+const MARK: &[u8] = b"raycl's cache 1\n";
+const HASH_BYTES: usize = 32;
+const LENGTH_BYTES: usize = 4;
+/// Hexadecimal digits of a key's hash in a file's name.
+const NAME_DIGITS: usize = 32;
+
+/// What a file is called.
+pub fn file_name(kind: &str, key: &str) -> String {
+    let hash = blake3::hash(key.as_bytes()).to_hex();
+    format!("{kind}-{}", &hash[..NAME_DIGITS])
+}
+
+/// Whether a file may be called so.
+pub fn is_name(name: &str) -> bool {
+    let digits = |hash: &str| hash.len() == NAME_DIGITS && hash.bytes().all(|byte| byte.is_ascii_hexdigit());
+    name.rsplit_once('-').is_some_and(|(kind, hash)| !kind.is_empty() && digits(hash))
+}
+
+/// The file of something kept under a key.
+pub fn sealed(key: &str, content: &[u8]) -> Vec<u8> {
+    let length = (key.len() as u32).to_le_bytes();
+    let rest = [&length[..], key.as_bytes(), content].concat();
+    [MARK, blake3::hash(&rest).as_bytes(), &rest].concat()
+}
+
+/// What a file keeps under this key, where all of it is as it was written.
+pub fn opened(mut file: Vec<u8>, key: &str) -> Option<Vec<u8>> {
+    let rest = file.strip_prefix(MARK)?;
+    let (hash, rest) = rest.split_at_checked(HASH_BYTES)?;
+    if blake3::hash(rest).as_bytes() != hash {
+        return None;
+    }
+    let (length, rest) = rest.split_at_checked(LENGTH_BYTES)?;
+    let length = u32::from_le_bytes(length.try_into().ok()?) as usize;
+    let (own_key, _) = rest.split_at_checked(length)?;
+    if own_key != key.as_bytes() {
+        return None;
+    }
+    Some(file.split_off(MARK.len() + HASH_BYTES + LENGTH_BYTES + length))
+}

@@ -1,0 +1,243 @@
+//! What raycl keeps between runs, of what it can make again: compiled programs, lists of devices. One file an entry, in a
+//! folder of the user's own. An entry that is corrupt, another's or not what it is looked up as counts as none.
+
+mod entry;
+mod folder;
+
+pub use folder::{LIMIT, limit_bytes};
+
+use entry::{file_name, opened, sealed};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// What files begin with that are being written, or that a killed process has left.
+const UNFINISHED: &str = ".unfinished-";
+
+/// The entries of a folder; nothing is kept where there is none.
+#[derive(Clone, Debug, Default)]
+pub struct Cache {
+    folder: Option<PathBuf>,
+    limit_bytes: u64,
+}
+
+/// A file of the cache.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// How large it is.
+    pub bytes: u64,
+    /// When it was used last.
+    pub used: SystemTime,
+}
+
+impl Cache {
+    /// The user's, as the environment says.
+    pub fn of_user() -> Self {
+        let limit_bytes = limit_bytes();
+        Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes }
+    }
+
+    /// One in this folder, of at most so many bytes.
+    pub fn at(folder: &Path, limit_bytes: u64) -> Self {
+        Self { folder: Some(folder.to_owned()), limit_bytes }
+    }
+
+    /// One that keeps nothing.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Where it lies.
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// The most bytes of all entries together.
+    pub fn limit_bytes(&self) -> u64 {
+        self.limit_bytes
+    }
+
+    /// Whether it keeps anything.
+    pub fn keeps(&self) -> bool {
+        self.folder.is_some()
+    }
+
+    /// What was kept as a `kind` under this key.
+    pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
+        let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
+        let content = opened(folder::read_own(&path)?, key)?;
+        // What is used stays longest.
+        let used = std::fs::File::open(&path).and_then(|file| file.set_modified(SystemTime::now()));
+        drop(used);
+        Some(content)
+    }
+
+    /// Keeps something; says whether it did. A disk that is full or cannot be written to costs time at the next run, no more.
+    pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
+        let Some(folder) = self.folder() else { return false };
+        let bytes = sealed(key, content);
+        if bytes.len() as u64 > self.limit_bytes || folder::make(folder).is_err() {
+            return false;
+        }
+        let kept = write(folder, &file_name(kind, key), &bytes).is_ok();
+        self.trim();
+        kept
+    }
+
+    /// Every entry, the one used last first.
+    pub fn entries(&self) -> Vec<Entry> {
+        let files = self.folder().and_then(|folder| std::fs::read_dir(folder).ok());
+        let mut entries: Vec<Entry> =
+            files.into_iter().flatten().filter_map(|file| entry_of(&file.ok()?)).collect();
+        entries.sort_by_key(|entry| std::cmp::Reverse(entry.used));
+        entries
+    }
+
+    /// Removes every entry; how many there were, and their bytes.
+    pub fn clear(&self) -> std::io::Result<(usize, u64)> {
+        let entries = self.entries();
+        for entry in &entries {
+            std::fs::remove_file(&entry.path)?;
+        }
+        Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
+    }
+
+    /// Removes what was not used for longest, until the rest is within the limit.
+    fn trim(&self) {
+        let mut left_bytes = 0;
+        for entry in self.entries() {
+            left_bytes += entry.bytes;
+            if left_bytes > self.limit_bytes {
+                let _ = std::fs::remove_file(&entry.path);
+            }
+        }
+    }
+}
+
+#[allow(
+    clippy::disallowed_methods,
+    reason = "a cache's folder is raycl's, and its entries can be made again"
+)]
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+    let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.persist(folder.join(name))?;
+    Ok(())
+}
+
+/// A file that the cache made, finished or not; never anybody else's.
+fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
+    let found = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
+    let name = file.file_name();
+    let name = name.to_str()?;
+    let ours = entry::is_name(name) || name.starts_with(UNFINISHED);
+    ours.then(|| Entry {
+        path: file.path(),
+        bytes: found.len(),
+        used: found.modified().unwrap_or(SystemTime::UNIX_EPOCH),
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    fn cache(limit_bytes: u64) -> (tempfile::TempDir, Cache) {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), limit_bytes);
+        (place, cache)
+    }
+
+    fn only_file(cache: &Cache) -> PathBuf {
+        let [entry] = cache.entries().try_into().unwrap();
+        entry.path
+    }
+
+    #[test]
+    fn what_is_kept_comes_back_by_its_key_and_kind_alone() {
+        let (_place, cache) = cache(10_000);
+        assert_eq!(cache.get("program", "key"), None);
+        assert!(cache.put("program", "key", b"content"));
+        assert_eq!(cache.get("program", "key").unwrap(), b"content");
+        assert_eq!((cache.get("program", "other"), cache.get("devices", "key")), (None, None));
+        assert!(cache.put("program", "key", b"newer"));
+        assert_eq!(cache.get("program", "key").unwrap(), b"newer");
+        assert_eq!(cache.entries().len(), 1);
+        assert_eq!(cache.clear().unwrap().0, 1);
+        assert_eq!(cache.get("program", "key"), None);
+        assert!(!Cache::none().put("program", "key", b"content"));
+    }
+
+    #[test]
+    fn a_changed_byte_anywhere_counts_as_no_entry() {
+        let (_place, cache) = cache(10_000);
+        assert!(cache.put("program", "key", b"content"));
+        let path = only_file(&cache);
+        let whole = std::fs::read(&path).unwrap();
+        for place in 0..whole.len() {
+            let mut broken = whole.clone();
+            broken[place] ^= 1;
+            std::fs::write(&path, broken).unwrap();
+            assert_eq!(cache.get("program", "key"), None, "byte {place}");
+        }
+        for length in 0..whole.len() {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert_eq!(cache.get("program", "key"), None, "{length} bytes");
+        }
+        std::fs::write(&path, whole).unwrap();
+        assert_eq!(cache.get("program", "key").unwrap(), b"content");
+    }
+
+    #[test]
+    fn an_entry_under_anothers_name_is_not_taken_for_it() {
+        let (_place, cache) = cache(10_000);
+        assert!(cache.put("program", "other", b"of another program"));
+        let name = cache.folder().unwrap().join(file_name("program", "key"));
+        std::fs::rename(only_file(&cache), name).unwrap();
+        assert_eq!(cache.get("program", "key"), None);
+    }
+
+    #[test]
+    fn what_was_not_used_for_longest_goes_first() {
+        let (_place, cache) = cache(1_000);
+        let day = Duration::from_secs(86_400);
+        for (key, days) in [("a", 3), ("b", 1), ("c", 2)] {
+            assert!(cache.put("program", key, &[0; 200]));
+            let file = std::fs::File::open(cache.folder().unwrap().join(file_name("program", key))).unwrap();
+            file.set_modified(SystemTime::now() - day * days).unwrap();
+        }
+        assert!(cache.get("program", "a").is_some(), "and so it was used");
+        assert!(cache.put("program", "d", &[0; 200]));
+        let kept = ["a", "b", "c", "d"].map(|key| cache.get("program", key).is_some());
+        assert_eq!(kept, [true, true, false, true]);
+        assert!(!cache.put("program", "e", &[0; 2_000]), "larger than all");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_others_may_write_is_not_trusted() {
+        use std::os::unix::fs::{PermissionsExt as _, symlink};
+        let (place, cache) = cache(10_000);
+        assert!(cache.put("program", "key", b"content"));
+        let (folder, file) = (cache.folder().unwrap().to_owned(), only_file(&cache));
+        let mode = |path: &Path, mode| {
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+        };
+        assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
+        mode(&folder, 0o777);
+        assert_eq!(cache.get("program", "key"), None);
+        mode(&folder, 0o700);
+        mode(&file, 0o666);
+        assert_eq!(cache.get("program", "key"), None);
+        mode(&file, 0o600);
+        assert!(cache.get("program", "key").is_some());
+        let elsewhere = place.path().join("elsewhere");
+        std::fs::rename(&file, &elsewhere).unwrap();
+        symlink(&elsewhere, &file).unwrap();
+        assert_eq!(cache.get("program", "key"), None);
+    }
+}

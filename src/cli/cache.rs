@@ -1,0 +1,100 @@
+//! `raycl cache`: what is kept between runs.
+
+use crate::cache::{Cache, LIMIT};
+use crate::error::{Error, Result};
+use crate::memory::readable;
+use serde::Serialize;
+
+/// Arguments of `raycl cache`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl cache
+  raycl cache clear
+  RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without it
+
+It lies in $XDG_CACHE_HOME/raycl, or ~/.cache/raycl, and holds compiled programs by their text, options, device, driver and \
+the driver's variables, and lists of devices. RAYCL_CACHE_MIB says how many MiB it may take (512); what was not used for \
+longest goes first. Everything in it can be made again: an entry that is corrupt is.")]
+pub struct Args {
+    #[command(subcommand)]
+    action: Option<Action>,
+    /// Print one JSON object
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, clap::Subcommand)]
+enum Action {
+    /// Say where it lies and how much is in it [default]
+    Show,
+    /// Remove all that is in it
+    Clear,
+    /// Print its folder
+    Path,
+}
+
+/// What `show` tells.
+#[derive(Serialize)]
+struct Shown {
+    /// Its folder; none where nothing is kept.
+    folder: Option<String>,
+    entries: usize,
+    bytes: u64,
+    limit_bytes: u64,
+}
+
+/// Shows, clears or names the cache.
+pub fn run(args: Args) -> Result<()> {
+    let cache = Cache::of_user();
+    match args.action.unwrap_or(Action::Show) {
+        Action::Show => show(&cache, args.json),
+        Action::Clear => clear(&cache, args.json),
+        Action::Path => super::print(folder(&cache)?),
+    }
+}
+
+fn folder(cache: &Cache) -> Result<String> {
+    let folder = cache.folder().map(|folder| folder.display().to_string());
+    folder.ok_or_else(|| Error::run("nothing is kept between runs").with_help(why_none(cache)))
+}
+
+fn why_none(cache: &Cache) -> String {
+    match cache.limit_bytes() {
+        0 => format!("{LIMIT} is 0; without it the cache takes at most 512 MiB"),
+        _ => "set XDG_CACHE_HOME or HOME to an absolute path".to_owned(),
+    }
+}
+
+fn show(cache: &Cache, json: bool) -> Result<()> {
+    let entries = cache.entries();
+    let shown = Shown {
+        folder: cache.folder().map(|folder| folder.display().to_string()),
+        entries: entries.len(),
+        bytes: entries.iter().map(|entry| entry.bytes).sum(),
+        limit_bytes: cache.limit_bytes(),
+    };
+    if json {
+        return super::print_json(&shown);
+    }
+    let Some(folder) = &shown.folder else {
+        return super::print(format!("Nothing is kept between runs: {}", why_none(cache)));
+    };
+    let (count, bytes) = (counted(shown.entries), readable(shown.bytes));
+    super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))
+}
+
+fn clear(cache: &Cache, json: bool) -> Result<()> {
+    let folder = folder(cache)?;
+    let (entries, bytes) = cache.clear().map_err(|error| {
+        Error::run(format!("the cache cannot be cleared: {error}")).with_help(format!("it lies in {folder}"))
+    })?;
+    if json {
+        let removed = Shown { folder: Some(folder), entries, bytes, limit_bytes: cache.limit_bytes() };
+        return super::print_json(&removed);
+    }
+    super::print(format!("{folder}: {} removed, {}", counted(entries), readable(bytes)))
+}
+
+fn counted(entries: usize) -> String {
+    format!("{entries} entr{}", if entries == 1 { "y" } else { "ies" })
+}

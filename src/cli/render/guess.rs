@@ -1,0 +1,149 @@
+//! The program that a picture will probably need, known before its scene is read: that of the last time, or what the size of the
+//! mesh's file makes likely. A wrong guess costs time only.
+
+use super::{Args, strategy};
+use crate::cache::Cache;
+use crate::device::DeviceInfo;
+use crate::program::{ProgramSpec, Sources};
+use crate::strategy::{Strategy, Workload, preset};
+use serde::{Deserialize, Serialize};
+use std::time::SystemTime;
+
+/// What entries of the cache are called.
+const KIND: &str = "guess";
+/// Bytes of an OBJ for each triangle, with positions alone: the bunny has 35, the dragon 36.
+const BYTES_OF_TRIANGLE: u64 = 35;
+/// Entries of the stack that most trees need.
+const USUAL_STACK: usize = 64;
+
+/// All of a program that is not in the arguments.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Remembered {
+    /// Each axis and its value.
+    axes: Vec<(String, String)>,
+    local_size: [u32; 2],
+    stack_size: usize,
+}
+
+/// The cache, where nobody edits kernels.
+pub fn cache(args: &Args) -> Cache {
+    if args.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
+}
+
+/// What is compiled for it; none where nothing is known.
+pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
+    let known = last_time(cache, args, device).or_else(|| by_file(args, device));
+    let (strategy, local_size, stack_size) = known?;
+    // What is staged has its number in the program, which is not known yet.
+    if strategy.triangles.are_staged() {
+        return None;
+    }
+    let image_size = [args.width, args.height];
+    let workload = Workload { stack_size, image_size, local_size, ..Workload::default() };
+    ProgramSpec::new(sources, &strategy, &workload, device.builtins()).ok()
+}
+
+/// Keeps what a scene needed for the next time.
+pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
+    let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
+    let axes = strategy.axes().into_iter().map(owned).collect();
+    let now = Remembered { axes, local_size: workload.local_size, stack_size: workload.stack_size };
+    if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
+        && remembered(cache, args, device).as_ref() != Some(&now)
+    {
+        cache.put(KIND, &key, &bytes);
+    }
+}
+
+fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembered> {
+    serde_json::from_slice(&cache.get(KIND, &key(args, device)?)?).ok()
+}
+
+fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, [u32; 2], usize)> {
+    let Remembered { axes, local_size, stack_size } = remembered(cache, args, device)?;
+    let mut strategy = preset("naive").ok()?.strategy;
+    axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
+    Some((strategy, local_size, stack_size))
+}
+
+/// What a bare mesh of this size would be cast with.
+fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, [u32; 2], usize)> {
+    if args.scene.extension()? != "obj" {
+        return None;
+    }
+    let triangles = args.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
+    let (strategy, local_size) = strategy(args, device, triangles as usize).ok()?;
+    let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
+    Some((strategy, local_size, stack_size))
+}
+
+/// The scene's file as it is, and all arguments that choose a program.
+fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
+    let path = args.scene.canonicalize().ok()?;
+    let found = path.metadata().ok()?;
+    let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+    let Args { width, height, strategy, local_size, set, .. } = args;
+    Some(format!(
+        "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?}\n{}",
+        path.display(),
+        found.len(),
+        device.identity()
+    ))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::device::{DeviceKind, tests::example};
+    use clap::Parser;
+    use std::path::Path;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn args(scene: &Path, more: &[&str]) -> Args {
+        let scene = scene.to_str().unwrap();
+        Command::parse_from([&["render", scene], more].concat()).args
+    }
+
+    #[test]
+    fn what_a_scene_needed_is_known_until_anything_that_chooses_changes() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let scene = place.path().join("scene.toml");
+        std::fs::write(&scene, "as it is").unwrap();
+        let likely = |more: &[&str], device| likely(&cache, &args(&scene, more), &Sources::Embedded, device);
+        assert_eq!(likely(&[], &device), None, "a scene may hold anything");
+        let tree = preset("bvh").unwrap().strategy;
+        let workload = Workload { stack_size: 96, local_size: [8, 4], ..Workload::default() };
+        remember(&cache, &args(&scene, &[]), &device, &tree, &workload);
+        let known = likely(&[], &device).unwrap();
+        let needed = ProgramSpec::new(&Sources::Embedded, &tree, &workload, device.builtins()).unwrap();
+        assert_eq!(known, needed);
+        assert_eq!(likely(&["--width", "99"], &device), None);
+        assert_eq!(likely(&["--strategy", "naive"], &device), None);
+        let other = example("Other", "cpu", DeviceKind::Cpu, 2);
+        assert_eq!(likely(&[], &other), None);
+        std::fs::write(&scene, "as it is now").unwrap();
+        assert_eq!(likely(&[], &device), None);
+    }
+
+    #[test]
+    fn a_mesh_is_guessed_by_its_size() {
+        let place = tempfile::tempdir().unwrap();
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let mesh = place.path().join("mesh.obj");
+        let spec = |bytes: usize| {
+            std::fs::write(&mesh, vec![b'#'; bytes]).unwrap();
+            likely(&Cache::none(), &args(&mesh, &[]), &Sources::Embedded, &device).unwrap()
+        };
+        let (small, large) = (spec(100), spec(1_000_000));
+        assert!(!small.options.contains("STACK_SIZE"), "{}", small.options);
+        assert!(large.options.contains("STACK_SIZE=64"), "{}", large.options);
+    }
+}

@@ -1,0 +1,84 @@
+//! Keeping a program whose binary the driver has not at hand: the picture does not wait for it, a process of its own makes it,
+//! when the machine has nothing better to do.
+
+use crate::cache::Cache;
+use crate::device::{Device, DeviceInfo, pick_one};
+use crate::error::{Error, Result};
+use crate::launch::{Prepared, Queue};
+use crate::program::{BuiltProgram, Kept, ProgramSpec};
+use crate::sources::Sources;
+use serde::{Deserialize, Serialize};
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+use std::time::{Duration, SystemTime};
+
+/// What entries of the cache are called that say when somebody began to make a binary.
+const KIND: &str = "order";
+/// After this long nobody is at it any more.
+const LONGEST: Duration = Duration::from_secs(120);
+
+/// A program that is to be kept.
+#[derive(Serialize, Deserialize)]
+struct Order {
+    /// The device's identity.
+    device: String,
+    source: String,
+    options: String,
+}
+
+/// Has a program kept where that is worth while; says whether a process is at it.
+pub fn order(prepared: &Prepared, device: &Device) -> bool {
+    let cache = Cache::of_user();
+    if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
+        return false;
+    }
+    let order = Order {
+        device: device.info.identity(),
+        source: prepared.spec.source.clone(),
+        options: prepared.spec.options.clone(),
+    };
+    begin(&cache, &prepared.spec) && start(&order).is_ok()
+}
+
+/// Whether nobody else is at it; the next who asks will find somebody at it.
+fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    let since = cache.get(KIND, &spec.hash()).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
+    let free = since.is_none_or(|since| now.as_secs().saturating_sub(since) > LONGEST.as_secs());
+    free && cache.put(KIND, &spec.hash(), &now.as_secs().to_le_bytes())
+}
+
+fn start(order: &Order) -> std::io::Result<()> {
+    let text = serde_json::to_vec(order)?;
+    let mut command = Command::new(std::env::current_exe()?);
+    command.args(["worker", "--keep"]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.spawn()?;
+    child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
+}
+
+/// What that process does: builds what it reads on standard input, and keeps it.
+pub fn serve() -> Result<()> {
+    yield_to_others();
+    let order: Order = serde_json::from_reader(std::io::stdin())
+        .map_err(|error| Error::fault(format!("no program to be kept: {error}")))?;
+    let cache = Cache::of_user();
+    let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
+    let device = pick_one(&cache, &Sources::Embedded, place)?;
+    let device = device.ok_or_else(|| Error::run("the device is gone: its driver no longer lists it"))?;
+    let queue = Queue::open(device.platform, device.device)?;
+    let spec = ProgramSpec { source: order.source, options: order.options, files: Vec::new() };
+    let kept = Kept::of(cache, &device.info);
+    let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept);
+    built.map_err(|error| Error::run(error.to_string()))?.keep();
+    Ok(())
+}
+
+/// Whoever waits for a result goes first.
+#[cfg(unix)]
+fn yield_to_others() {
+    // Where the system does not allow it, it is done all the same.
+    let _ = rustix::process::nice(19);
+}
+
+#[cfg(not(unix))]
+fn yield_to_others() {}

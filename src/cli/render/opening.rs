@@ -1,0 +1,90 @@
+//! Reading the scene while the driver starts, and building the program that it will probably need.
+
+use super::timeline::Timeline;
+use super::{Args, guess, scene_overrides, strategy, timed};
+use crate::cli::choice::one_device;
+use crate::device::{Device, DeviceInfo};
+use crate::error::{Error, Result};
+use crate::launch::{HostTree, Queue};
+use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
+use crate::scene::{Loaded, Scene, load_scene_with};
+use crate::strategy::{Strategy, Workload};
+use std::sync::mpsc::channel;
+
+/// A scene and an open device.
+pub struct Opened {
+    pub loaded: Loaded,
+    pub device: Device,
+    pub queue: Queue,
+    /// Reading the scene and making its triangles.
+    pub load_ms: f64,
+    /// Starting the driver and opening the device, meanwhile.
+    pub start_ms: f64,
+    /// The program that is probably needed.
+    pub early: Option<(ProgramSpec, BuiltProgram)>,
+    /// The tree of the strategy that is needed.
+    pub tree: Option<(Strategy, HostTree)>,
+}
+
+impl Opened {
+    /// What one hides of the other took no time: of the driver's start what loading hides, of the build what is hidden by both,
+    /// and of the tree what is hidden by all.
+    pub fn tell(&self, timeline: &mut Timeline) {
+        let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms);
+        let waited_ms = self.start_ms + build_ms - self.load_ms.max(self.start_ms);
+        let parts =
+            [("load", self.load_ms), ("discover", self.start_ms - self.load_ms), ("build", waited_ms)];
+        timeline.ends_with("tree", &parts);
+    }
+}
+
+/// Loads the scene while the driver starts, which takes one some 30 ms on one core, and builds.
+pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
+    // The driver stays on the thread that casts: not every one may be moved (Oclgrind's checks crash).
+    std::thread::scope(|scope| {
+        let (found, device_found) = channel();
+        let scene = scope.spawn(move || {
+            let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(args)?));
+            let tree = |loaded: &Loaded| early_tree(args, &device_found.recv().ok()?, &loaded.scene);
+            let tree = loaded.as_ref().ok().and_then(tree);
+            (loaded, load_ms, tree)
+        });
+        let (opened, start_ms) = timed(|| -> Result<_> {
+            let device = one_device(args.device.as_deref(), sources)?;
+            // Who loads may have failed already.
+            let _ = found.send(device.info.clone());
+            let queue = Queue::open(device.platform, device.device)?;
+            Ok((device, queue))
+        });
+        drop(found);
+        let early = opened.as_ref().ok().and_then(|(device, queue)| early(args, sources, device, queue));
+        let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
+        let (loaded, (device, queue)) = (loaded?, opened?);
+        Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree })
+    })
+}
+
+/// The tree of the strategy that the scene will be cast with.
+fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
+    // What is verified needs more memory, which a session looks at first.
+    if args.verify {
+        return None;
+    }
+    let (strategy, local_size) = strategy(args, device, scene.mesh.triangles.len()).ok()?;
+    let workload = Workload::of(scene, [args.width, args.height], local_size);
+    Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
+}
+
+/// A guess that cannot be built is none: what is needed will be built, and told of.
+fn early(
+    args: &Args,
+    sources: &Sources,
+    device: &Device,
+    queue: &Queue,
+) -> Option<(ProgramSpec, BuiltProgram)> {
+    let cache = guess::cache(args);
+    let spec = guess::likely(&cache, args, sources, &device.info)?;
+    let kept = Kept::of(cache, &device.info);
+    let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept).ok()?;
+    Some((spec, built))
+}

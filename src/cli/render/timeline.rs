@@ -1,0 +1,110 @@
+//! Where a command's time goes: parts that follow each other from the start of its process, so that none of it is lost.
+
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// A part of a command's time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Part {
+    /// What was done.
+    pub part: &'static str,
+    /// How long, by the clock on the wall.
+    pub ms: f64,
+}
+
+/// The parts so far.
+pub struct Timeline {
+    /// When the last of them ended.
+    last: Instant,
+    parts: Vec<Part>,
+}
+
+impl Timeline {
+    /// Begins with the process, of which its own work was all so far.
+    pub fn of_process() -> Self {
+        let mut timeline = Self::begin();
+        timeline.add("start", own_work().as_secs_f64() * 1e3);
+        timeline
+    }
+
+    /// Begins now.
+    pub fn begin() -> Self {
+        Self { last: Instant::now(), parts: Vec::new() }
+    }
+
+    /// What was done since the last part ended.
+    pub fn ends(&mut self, part: &'static str) {
+        self.ends_with(part, &[]);
+    }
+
+    /// The same, where some of that time belongs to other parts.
+    pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
+        let now = Instant::now();
+        let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;
+        self.last = now;
+        for (other, ms) in others {
+            let ms = ms.clamp(0.0, left_ms);
+            self.add(other, ms);
+            left_ms -= ms;
+        }
+        self.add(part, left_ms);
+    }
+
+    fn add(&mut self, part: &'static str, ms: f64) {
+        match self.parts.iter_mut().find(|known| known.part == part) {
+            Some(known) => known.ms += ms,
+            None => self.parts.push(Part { part, ms }),
+        }
+    }
+
+    /// What a part took; 0 where there was none.
+    pub fn ms(&self, part: &str) -> f64 {
+        self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
+    }
+
+    /// All parts, in the order in which they first began, and their sum.
+    pub fn into_parts(self) -> (Vec<Part>, f64) {
+        let total_ms = self.parts.iter().map(|part| part.ms).sum();
+        (self.parts, total_ms)
+    }
+}
+
+/// The processor time of this process: before its first thread and its first wait that is the time since it was started.
+#[cfg(unix)]
+fn own_work() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Duration::try_from(time).unwrap_or_default()
+}
+
+#[cfg(not(unix))]
+fn own_work() -> Duration {
+    Duration::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_follow_each_other_and_nothing_is_lost() {
+        let begin = Instant::now();
+        let mut timeline = Timeline::begin();
+        timeline.ends("load");
+        timeline.ends_with("buffers", &[("tree", 1e9), ("build", 5.0)]);
+        timeline.ends("load");
+        let most_ms = begin.elapsed().as_secs_f64() * 1e3;
+        assert_eq!((timeline.ms("buffers"), timeline.ms("build"), timeline.ms("none")), (0.0, 0.0, 0.0));
+        let (parts, total_ms) = timeline.into_parts();
+        assert_eq!(
+            parts.iter().map(|part| part.part).collect::<Vec<_>>(),
+            ["load", "tree", "build", "buffers"]
+        );
+        assert!(parts.iter().all(|part| part.ms >= 0.0) && total_ms <= most_ms);
+    }
+
+    #[test]
+    fn a_process_has_begun_before_its_timeline() {
+        let timeline = Timeline::of_process();
+        assert!(cfg!(not(unix)) || timeline.ms("start") > 0.0);
+    }
+}

@@ -1,0 +1,132 @@
+//! Devices as an earlier start has found them: only the platform that is asked for is started, and nothing is tried out again.
+
+use super::discover::{again, discover};
+use super::lanes::probe;
+use super::{Device, DeviceInfo, variables};
+use crate::cache::Cache;
+use crate::error::Result;
+use crate::sources::Sources;
+use std::path::{Path, PathBuf};
+
+/// What entries of the cache are called.
+const KIND: &str = "devices";
+/// Where loaders look for drivers unless told.
+const VENDORS: &str = "/etc/OpenCL/vendors";
+/// Variables that tell loaders to look elsewhere.
+const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
+/// Where systems show what hardware there is.
+const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
+
+/// The device that `choose` picks of all there are, by its place; none where it picks none. All are those of an earlier start,
+/// where drivers and environment are as they were and the one that is picked still says the same of itself; else they are listed.
+pub fn pick_one(
+    cache: &Cache,
+    sources: &Sources,
+    choose: impl Fn(&[DeviceInfo]) -> Result<Option<usize>>,
+) -> Result<Option<Device>> {
+    let key = key(sources)?;
+    let known =
+        cache.get(KIND, &key).and_then(|bytes| serde_json::from_slice::<Vec<DeviceInfo>>(&bytes).ok());
+    // What is not among them may be new: then all are listed, and what is wrong is told of those.
+    let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
+    let found = known.as_deref().zip(place).and_then(|(known, place)| again(known.get(place)?));
+    if found.is_some() {
+        return Ok(found);
+    }
+    let devices = discover(sources)?;
+    let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
+    if let Ok(bytes) = serde_json::to_vec(&infos) {
+        cache.put(KIND, &key, &bytes);
+    }
+    Ok(choose(&infos)?.and_then(|place| devices.into_iter().nth(place)))
+}
+
+/// Everything that decides which devices there are and what was found of them: raycl, the drivers' files, the hardware that
+/// the system shows, the drivers' variables, the cores allowed, and the kernel that tries lane operations.
+fn key(sources: &Sources) -> Result<String> {
+    let version =
+        format!("{} {}", env!("CARGO_PKG_VERSION"), option_env!("RAYCL_GIT_REVISION").unwrap_or("-"));
+    let told = ELSEWHERE.iter().filter_map(std::env::var_os).map(PathBuf::from);
+    let vendors = std::iter::once(PathBuf::from(VENDORS)).chain(told).flat_map(|path| drivers(&path));
+    let hardware = HARDWARE.iter().flat_map(|folder| accelerators(Path::new(folder)));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let parts =
+        [version, format!("{cores} cores"), blake3::hash(probe(sources)?.as_bytes()).to_hex().to_string()];
+    let parts = parts.into_iter().chain(vendors).chain(hardware).chain(variables::all());
+    Ok(parts.collect::<Vec<_>>().join("\n"))
+}
+
+/// The drivers that a folder or a file names, with what they name.
+fn drivers(path: &Path) -> Vec<String> {
+    let in_folder = std::fs::read_dir(path).into_iter().flatten().filter_map(|file| Some(file.ok()?.path()));
+    let mut files: Vec<PathBuf> = in_folder.collect();
+    files.push(path.to_owned());
+    files.sort();
+    let named = |file: &PathBuf| {
+        let text = std::fs::read_to_string(file).ok()?;
+        Some(format!("{}: {}", file.display(), text.trim()))
+    };
+    files.iter().filter_map(named).collect()
+}
+
+/// Names of what may be an accelerator in a folder of devices.
+fn accelerators(folder: &Path) -> Vec<String> {
+    let names = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(|file| file.ok()?.file_name().into_string().ok());
+    let known = |name: &String| {
+        ["nvidia", "kfd", "card", "render", "accel"].iter().any(|word| name.starts_with(word))
+    };
+    let mut names: Vec<String> = names.filter(known).collect();
+    names.sort();
+    names
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    fn first_usable(infos: &[DeviceInfo]) -> Result<Option<usize>> {
+        Ok(infos.iter().position(|info| info.unusable.is_none()))
+    }
+
+    fn picked(cache: &Cache) -> DeviceInfo {
+        pick_one(cache, &Sources::Embedded, first_usable)
+            .unwrap()
+            .expect("the tests need PoCL: make setup")
+            .info
+    }
+
+    #[test]
+    fn what_is_known_is_what_is_listed_and_a_change_is_noticed() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let listed = picked(&cache);
+        assert_eq!(listed, picked(&Cache::none()));
+        assert_eq!(cache.entries().len(), 1);
+        assert_eq!(picked(&cache), listed, "from what is kept");
+        // A driver that was replaced says another version of itself than what is kept.
+        let key = key(&Sources::Embedded).unwrap();
+        let mut kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
+        kept.iter_mut().for_each(|info| info.driver = "0.1".into());
+        cache.put(KIND, &key, &serde_json::to_vec(&kept).unwrap());
+        assert_eq!(picked(&cache), listed);
+        let kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
+        assert!(kept.contains(&listed), "and is kept as it is now");
+    }
+
+    #[test]
+    fn drivers_are_known_by_what_their_files_name() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("a.icd");
+        std::fs::write(&file, "libone.so\n").unwrap();
+        let before = drivers(place.path());
+        assert_eq!(before.len(), 1);
+        assert_eq!(before, drivers(&file));
+        std::fs::write(&file, "libother.so\n").unwrap();
+        assert_ne!(before, drivers(place.path()));
+        assert!(drivers(&place.path().join("nothing")).is_empty());
+    }
+}

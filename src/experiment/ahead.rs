@@ -1,0 +1,231 @@
+//! Programs are built before the points that run them are checked: by several processes, since a driver compiles one
+//! program of a process at a time, and each once, whatever the number of scenes, sizes and launches that use it.
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests;
+
+use super::protocol::{Built, Reply, Request};
+use super::supervisor::{Spawner, Wait, Worker};
+use crate::error::{Error, Result};
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How often a wait looks up, to see whether the user wants an end.
+const LOOK_UP: Duration = Duration::from_millis(100);
+
+/// A program: for which device, by the hash of its text and options. The depth of a tree's stack follows from the scene.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Program {
+    /// The number of the device's worker.
+    pub device: usize,
+    /// Of text and options, as far as they are known before there is a tree.
+    pub hash: String,
+    /// The scene, where it walks a tree.
+    pub scene: Option<usize>,
+}
+
+/// A program to be built, and a point that runs it.
+pub struct Order {
+    /// The program.
+    pub program: Program,
+    /// The point's place in the plan.
+    pub point: usize,
+}
+
+/// What runs a program.
+pub trait Needs {
+    /// Which; none where it is a caster on the host.
+    fn order(&self) -> Option<Order>;
+    /// Hears what building it took, where it was built for this.
+    fn hears(&mut self, built: Option<Built>);
+}
+
+#[derive(Default)]
+struct State {
+    waiting: VecDeque<Order>,
+    /// Those that were ordered ever.
+    ordered: HashSet<Program>,
+    /// Those that are done, with what came of it where the builder lived; a point that waits for one takes it.
+    done: HashMap<Program, Option<Built>>,
+    closed: bool,
+}
+
+/// What was built so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Programs that were compiled.
+    pub compiled: usize,
+    /// Programs that were kept since earlier runs.
+    pub kept: usize,
+    /// The sum of what each took.
+    pub work_ms: f64,
+    /// What the run has waited for them.
+    pub waited_ms: f64,
+}
+
+impl Tally {
+    /// As a person reads it; none where nothing was built.
+    pub fn text(&self) -> Option<String> {
+        let Self { compiled, kept, work_ms, waited_ms } = *self;
+        let programs = |count: usize| format!("{count} program{}", if count == 1 { "" } else { "s" });
+        let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
+        (compiled + kept > 0).then(|| {
+            format!(
+                "Built: {} compiled, {kept} taken from the cache; {} of work, for which the run waited {}",
+                programs(compiled),
+                seconds(work_ms),
+                seconds(waited_ms)
+            )
+        })
+    }
+}
+
+/// The programs of a run: orders come in, builders serve them.
+#[derive(Default)]
+pub struct Ahead {
+    state: Mutex<State>,
+    changed: Condvar,
+    tally: Mutex<Tally>,
+}
+
+/// Lets the builders go when a run ends, in whatever way.
+struct Closing<'a>(&'a Ahead);
+
+impl Drop for Closing<'_> {
+    fn drop(&mut self) {
+        let mut state = self.0.locked();
+        state.closed = true;
+        state.waiting.clear();
+        self.0.changed.notify_all();
+    }
+}
+
+impl Ahead {
+    /// Does a run's work beside builders, one for each spawner; `limit` is the longest that a build may take.
+    pub fn beside<R>(
+        &self,
+        builders: Vec<Box<dyn Spawner + Send>>,
+        limit: Duration,
+        interrupted: &AtomicBool,
+        work: impl FnOnce() -> R,
+    ) -> R {
+        std::thread::scope(|scope| {
+            let _closing = Closing(self);
+            for mut spawner in builders {
+                scope.spawn(move || self.serve(spawner.as_mut(), limit, interrupted));
+            }
+            work()
+        })
+    }
+
+    /// What was built so far.
+    pub fn tally(&self) -> Tally {
+        *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Orders the programs of points, in their order.
+    pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
+        let mut state = self.locked();
+        for order in points.into_iter().filter_map(N::order) {
+            if state.ordered.insert(order.program.clone()) {
+                state.waiting.push_back(order);
+            }
+        }
+        self.changed.notify_all();
+    }
+
+    /// Orders the programs of points and waits until they are built; those points that they were built for hear what it took.
+    pub fn need(&self, points: &mut [impl Needs], interrupted: &AtomicBool) -> Result<()> {
+        let start = Instant::now();
+        self.order(&*points);
+        for point in points {
+            let Some(Order { program, .. }) = point.order() else { continue };
+            let mut state = self.locked();
+            while !state.done.contains_key(&program) {
+                if interrupted.load(Ordering::Relaxed) {
+                    return Err(Error::interrupted("the run was ended"));
+                }
+                let waited = self.changed.wait_timeout(state, LOOK_UP);
+                state = waited.unwrap_or_else(PoisonError::into_inner).0;
+            }
+            point.hears(state.done.get_mut(&program).and_then(Option::take));
+        }
+        let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+        tally.waited_ms += start.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// A builder: serves orders until the run ends. A process that dies or hangs costs its program, which the point's own
+    /// worker will try again and tell of.
+    fn serve(&self, spawner: &mut dyn Spawner, limit: Duration, interrupted: &AtomicBool) {
+        let mut workers: HashMap<usize, Box<dyn Worker>> = HashMap::new();
+        while let Some(Order { program, point }) = self.next() {
+            let worker = workers
+                .remove(&program.device)
+                .or_else(|| started(spawner, program.device, limit, interrupted));
+            let mut built = None;
+            if let Some(mut worker) = worker {
+                worker.send(&Request::Build { point });
+                match wait(worker.as_mut(), limit, interrupted) {
+                    Some(Reply::Built(found)) => built = found,
+                    Some(_) => {}
+                    None => {
+                        self.finish(program, None);
+                        continue;
+                    }
+                }
+                workers.insert(program.device, worker);
+            }
+            self.finish(program, built);
+        }
+    }
+
+    fn next(&self) -> Option<Order> {
+        let mut state = self.locked();
+        while state.waiting.is_empty() && !state.closed {
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.waiting.pop_front()
+    }
+
+    fn finish(&self, program: Program, built: Option<Built>) {
+        if let Some(built) = &built {
+            let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            tally.work_ms += built.build_ms;
+            *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
+        }
+        self.locked().done.insert(program, built);
+        self.changed.notify_all();
+    }
+
+    fn locked(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A worker that has opened its device; none where it cannot, which the run will find out by itself.
+fn started(
+    spawner: &mut dyn Spawner,
+    device: usize,
+    limit: Duration,
+    interrupted: &AtomicBool,
+) -> Option<Box<dyn Worker>> {
+    let mut worker = spawner.spawn(device).ok()?;
+    matches!(wait(worker.as_mut(), limit, interrupted), Some(Reply::Started)).then_some(worker)
+}
+
+/// A worker's reply; none where it died, hangs or is no longer wanted.
+fn wait(worker: &mut dyn Worker, limit: Duration, interrupted: &AtomicBool) -> Option<Reply> {
+    let start = Instant::now();
+    loop {
+        match worker.wait(LOOK_UP.min(limit)) {
+            Wait::Reply(reply) => return Some(reply),
+            Wait::Dead(_) => return None,
+            Wait::Silence if start.elapsed() >= limit || interrupted.load(Ordering::Relaxed) => return None,
+            Wait::Silence => {}
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! What is built, for whom, and what becomes of builders that die.
+
+use super::*;
+use crate::experiment::open::Open;
+use crate::experiment::supervisor::Death;
+use crate::record::Record;
+use std::sync::Arc;
+
+/// Far longer than anything here takes.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// Builders that note what they build; one dies at a point.
+#[derive(Clone, Default)]
+struct Noting {
+    built: Arc<Mutex<Vec<usize>>>,
+    deadly: Option<usize>,
+}
+
+struct Builder {
+    of: Noting,
+    answer: Wait,
+}
+
+impl Spawner for Noting {
+    fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
+        Ok(Box::new(Builder { of: self.clone(), answer: Wait::Reply(Reply::Started) }))
+    }
+}
+
+impl Worker for Builder {
+    fn send(&mut self, request: &Request) {
+        let Request::Build { point } = request else { return };
+        self.of.built.lock().unwrap().push(*point);
+        let built = Built { build_ms: 1000.0, from_cache: *point == 0 };
+        self.answer = match self.of.deadly == Some(*point) {
+            true => Wait::Dead(Death::default()),
+            false => Wait::Reply(Reply::Built(Some(built))),
+        };
+    }
+
+    fn wait(&mut self, _limit: Duration) -> Wait {
+        self.answer.clone()
+    }
+}
+
+fn open(point: usize, scene: usize, program: &str, traversal: &str) -> Open {
+    let record = Record {
+        program_hash: Some(program.to_owned()),
+        strategy: format!("traversal={traversal}"),
+        device: "a device".to_owned(),
+        ..Record::default()
+    };
+    Open::new([point, 0, scene], String::new(), record)
+}
+
+/// What is built for these groups of points, one after the other, and which points it was built for.
+fn built(deadly: Option<usize>, groups: &mut [Vec<Open>]) -> (Vec<usize>, Vec<usize>, Tally) {
+    let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
+    let ahead = Ahead::default();
+    let builders = (0..3).map(|_| Box::new(noting.clone()) as Box<dyn Spawner + Send>).collect();
+    ahead.beside(builders, LIMIT, &never, || {
+        groups.iter_mut().for_each(|group| ahead.need(group, &never).unwrap());
+    });
+    let with = groups.iter().flatten().filter(|open| open.built.is_some()).map(|open| open.point).collect();
+    let mut points = noting.built.lock().unwrap().clone();
+    points.sort_unstable();
+    (points, with, ahead.tally())
+}
+
+#[test]
+fn a_program_is_built_once_and_one_of_a_tree_for_each_scene() {
+    let group = |first, scene| {
+        let (all, tree) = ("exhaustive", "bvh");
+        vec![
+            open(first, scene, "a", all),
+            open(first + 1, scene, "b", all),
+            open(first + 2, scene, "c", tree),
+        ]
+    };
+    let (points, with, tally) = built(None, &mut [group(0, 0), group(3, 1)]);
+    assert_eq!((points, with), (vec![0, 1, 2, 5], vec![0, 1, 2, 5]));
+    assert_eq!((tally.compiled, tally.kept), (3, 1));
+    let text = tally.text().unwrap();
+    assert!(text.starts_with("Built: 3 programs compiled, 1 taken from the cache; 4.0 s of work"), "{text}");
+    assert_eq!(Tally::default().text(), None);
+}
+
+#[test]
+fn a_builder_that_dies_costs_its_program_and_nothing_waits_for_ever() {
+    let group =
+        vec![open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive"), open(2, 0, "c", "exhaustive")];
+    let (points, with, tally) = built(Some(1), &mut [group]);
+    assert_eq!((points, with), (vec![0, 1, 2], vec![0, 2]));
+    assert_eq!(tally.compiled + tally.kept, 2);
+}
+
+#[test]
+fn casters_on_the_host_have_no_program_and_ctrl_c_ends_the_wait() {
+    let (never, now) = (AtomicBool::new(false), AtomicBool::new(true));
+    let mut host = [open(0, 0, "a", "exhaustive")];
+    host[0].record.device = crate::record::HOST.to_owned();
+    let ahead = Ahead::default();
+    ahead.need(&mut host, &never).unwrap();
+    let error = ahead.need(&mut [open(1, 0, "b", "exhaustive")], &now).unwrap_err();
+    assert_eq!(error.exit_code(), 130);
+}

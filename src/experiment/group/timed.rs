@@ -1,0 +1,97 @@
+//! One launch of a group.
+
+use super::device_of;
+use crate::anchor;
+use crate::error::Result;
+use crate::experiment::Run;
+use crate::experiment::complete::Taken;
+use crate::experiment::keeper::Keep;
+use crate::experiment::open::Open;
+use crate::experiment::rounds::Rounds;
+use crate::experiment::supervisor::Supervisor;
+use crate::launch::FrameTimes;
+use crate::load::Watch;
+use crate::record::{AnchorSample, RoundLoad};
+use std::collections::{HashMap, HashSet};
+use std::time::Instant;
+
+/// A launch whose samples are kept as they come.
+pub(super) struct Timed<'b, 's, K> {
+    pub points: &'b [Open],
+    pub run: &'b Run<'b>,
+    /// The launch's number in the folder, and among those of the group.
+    pub launch: u32,
+    pub number: usize,
+    pub start: Instant,
+    /// What else the machine does.
+    pub watch: Watch,
+    /// Workers that were lost before it began.
+    pub losses: usize,
+    pub supervisor: &'b mut Supervisor<'s>,
+    pub keeper: &'b mut K,
+    pub taken: Vec<Vec<Taken>>,
+    pub failed: HashSet<usize>,
+    /// Frames of each device: every so often its anchor is run.
+    pub casts: HashMap<usize, usize>,
+}
+
+/// Frames of a device to a run of its anchor: its time is known better than a point's, at a small part of what frames cost.
+const CASTS_PER_ANCHOR: usize = 6;
+
+impl<K: Keep> Timed<'_, '_, K> {
+    fn at_ms(&self) -> f64 {
+        // To the microsecond, which is enough to tell their order.
+        (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
+    }
+
+    /// Runs the anchor of a point's device where its turn has come. A look is too short for one.
+    fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
+        let open = &self.points[point];
+        let Some(device) = device_of(self.run, open).filter(|_| self.run.experiment.timing.launches > 1)
+        else {
+            return Ok(());
+        };
+        let casts = self.casts.entry(open.device).or_default();
+        *casts += 1;
+        if *casts % CASTS_PER_ANCHOR != 1 {
+            return Ok(());
+        }
+        let anchor = anchor::name(device)?;
+        let Some(times) = self.supervisor.anchor(open.task())? else { return Ok(()) };
+        let (device, launch, at_ms) = (open.record.device.clone(), self.launch, self.at_ms());
+        self.keeper.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
+    }
+}
+
+impl<K: Keep> Rounds for Timed<'_, '_, K> {
+    fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
+        let open = &self.points[point];
+        let launches = self.run.experiment.timing.launches;
+        let of = if launches > 1 { format!(", launch {} of {launches}", self.number) } else { String::new() };
+        self.keeper.works_on(&format!("timing {}{of}", open.label));
+        match self.supervisor.cast(open.task())? {
+            Some(Ok(times)) => Ok(Some(times)),
+            Some(Err(refusal)) => {
+                self.failed.insert(point);
+                self.keeper.keep(refusal.write_into(open.record.clone())).map(|()| None)
+            }
+            None => Ok(None),
+        }
+    }
+
+    fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()> {
+        let taken = Taken { launch: self.launch, at_ms: self.at_ms(), times: *times };
+        self.keeper.sample(&self.points[point].record.key, round, &taken)?;
+        self.taken[point].push(taken);
+        self.anchor(point, round)
+    }
+
+    fn ended(&mut self, round: u32) -> Result<()> {
+        let load = self.watch.look();
+        load.map_or(Ok(()), |load| self.keeper.load(&RoundLoad::of(self.launch, round, &load)))
+    }
+
+    fn is_broken(&self) -> bool {
+        self.supervisor.losses() > self.losses
+    }
+}

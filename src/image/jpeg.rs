@@ -1,0 +1,118 @@
+//! JPEG by bands of rows, each encoded by itself on a core of its own and joined by restart markers, which is what the format has
+//! them for. The pixels are those of a picture that is encoded as a whole.
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
+use rayon::prelude::*;
+
+/// Pixels of a block across and down; the encoder samples all channels alike.
+const BLOCK: usize = 8;
+/// The most blocks between two restart markers: a number of 16 bits.
+const MOST_BLOCKS: usize = u16::MAX as usize;
+/// Rows of blocks of a band: enough to be worth a task.
+const BAND_ROWS: usize = 16;
+const MARKER: u8 = 0xff;
+const START_OF_FRAME: u8 = 0xc0;
+const FIRST_RESTART: u8 = 0xd0;
+const RESTARTS: usize = 8;
+const START_OF_SCAN: u8 = 0xda;
+const END_OF_IMAGE: [u8; 2] = [MARKER, 0xd9];
+const RESTART_INTERVAL: u8 = 0xdd;
+
+/// The bytes of a file.
+pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
+    let blocks_across = (picture.width() as usize).div_ceil(BLOCK);
+    let band_rows = (MOST_BLOCKS / blocks_across.max(1)).clamp(1, BAND_ROWS);
+    let band_bytes = 3 * picture.width() as usize * BLOCK * band_rows;
+    if picture.as_raw().len() <= band_bytes {
+        return band(picture.as_raw(), picture.width(), quality);
+    }
+    let encode = |rows: &[u8]| band(rows, picture.width(), quality);
+    let bands: Vec<Vec<u8>> =
+        picture.as_raw().par_chunks(band_bytes).map(encode).collect::<ImageResult<_>>()?;
+    join(&bands, picture.height(), blocks_across * band_rows)
+        .ok_or_else(|| ImageError::IoError(std::io::Error::other("the encoder of JPEG wrote something else")))
+}
+
+fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
+    let height = (rows.len() / 3).checked_div(width as usize).unwrap_or(0) as u32;
+    let mut file = Vec::new();
+    JpegEncoder::new_with_quality(&mut file, quality).encode(rows, width, height, ExtendedColorType::Rgb8)?;
+    Ok(file)
+}
+
+/// The head of the first band, for a picture of all rows, and what was scanned of each, with a marker between.
+fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
+    let first = bands.first()?;
+    let scan = segment(first, START_OF_SCAN)?;
+    let mut file = first[..scan].to_vec();
+    // Its length, a byte of precision, then the height.
+    let of_height = segment(first, START_OF_FRAME)? + 5;
+    file.get_mut(of_height..of_height + 2)?.copy_from_slice(&u16::try_from(height).ok()?.to_be_bytes());
+    let [high, low] = u16::try_from(blocks).ok()?.to_be_bytes();
+    file.extend([MARKER, RESTART_INTERVAL, 0, 4, high, low]);
+    let scan_bytes = 2 + usize::from(u16::from_be_bytes(first.get(scan + 2..scan + 4)?.try_into().ok()?));
+    file.extend(first.get(scan..scan + scan_bytes)?);
+    for (number, band) in bands.iter().enumerate() {
+        if number > 0 {
+            file.extend([MARKER, FIRST_RESTART + ((number - 1) % RESTARTS) as u8]);
+        }
+        let begin = segment(band, START_OF_SCAN)? + scan_bytes;
+        file.extend(band.get(begin..)?.strip_suffix(&END_OF_IMAGE)?);
+    }
+    file.extend(END_OF_IMAGE);
+    Some(file)
+}
+
+/// Where a segment of the head begins.
+fn segment(file: &[u8], wanted: u8) -> Option<usize> {
+    let mut at = 2;
+    loop {
+        let [marker, kind, high, low] = *file.get(at..at + 4)?.first_chunk::<4>()?;
+        match (marker, kind) {
+            (MARKER, kind) if kind == wanted => return Some(at),
+            (MARKER, kind) if kind != START_OF_SCAN => at += 2 + usize::from(u16::from_be_bytes([high, low])),
+            _ => return None,
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    fn picture(width: u32, height: u32) -> RgbImage {
+        let mut seed = 7_u32;
+        let mut noise = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 27) as u8
+        };
+        RgbImage::from_fn(width, height, |x, y| {
+            image::Rgb([(x / 3) as u8 ^ noise(), (y / 2) as u8, (x + y) as u8 | noise()])
+        })
+    }
+
+    fn decoded(file: &[u8]) -> RgbImage {
+        image::load_from_memory_with_format(file, image::ImageFormat::Jpeg).unwrap().to_rgb8()
+    }
+
+    #[test]
+    fn bands_show_what_the_whole_shows() {
+        // One band, a band and a row, whole bands, more bands than there are restart markers, a width that is no multiple of 8.
+        for (width, height) in [(40, 30), (40, 129), (64, 256), (33, 128 * 11 + 5), (9, 1)] {
+            let picture = picture(width, height);
+            let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());
+            assert_eq!(decoded(&bands), decoded(&whole), "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn a_wide_picture_has_as_many_blocks_between_markers_as_their_number_can_say() {
+        let picture = picture(40_000, 130);
+        let file = encode(&picture, 95).unwrap();
+        assert_eq!(decoded(&file), decoded(&band(picture.as_raw(), 40_000, 95).unwrap()));
+        let interval = segment(&file, RESTART_INTERVAL).unwrap() + 4;
+        assert_eq!(file[interval..interval + 2], (5_000_u16 * 13).to_be_bytes());
+    }
+}

@@ -1,0 +1,118 @@
+//! Compiled programs that are kept between runs.
+
+use crate::cache::Cache;
+use crate::device::DeviceInfo;
+
+/// What entries of the cache are called.
+const KIND: &str = "program";
+
+/// Where a device's programs are kept; nowhere by default.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    cache: Cache,
+    /// Everything beside a program's text and options that decides what is compiled.
+    compiler: String,
+    at_hand: bool,
+}
+
+/// A compiled program.
+pub struct KeptProgram {
+    /// What the compiler said.
+    pub log: String,
+    /// What the driver makes the program of.
+    pub binary: Vec<u8>,
+}
+
+impl Kept {
+    /// Where the programs of this device and its driver are kept.
+    pub fn of(cache: Cache, device: &DeviceInfo) -> Self {
+        Self { cache, compiler: device.compiler(), at_hand: device.has_binaries_at_hand() }
+    }
+
+    /// What a program is kept under.
+    pub fn key(&self, source: &str, options: &str) -> String {
+        format!("{}\n{options}\n{}", self.compiler, blake3::hash(source.as_bytes()).to_hex())
+    }
+
+    /// Whether anything is kept.
+    pub fn keeps(&self) -> bool {
+        self.cache.keeps()
+    }
+
+    /// Whether a driver has the binary of what it compiled, without more work.
+    pub fn has_binaries_at_hand(&self) -> bool {
+        self.at_hand
+    }
+
+    /// What was kept under a key.
+    pub fn find(&self, key: &str) -> Option<KeptProgram> {
+        KeptProgram::from_bytes(&self.cache.get(KIND, key)?)
+    }
+
+    /// Keeps a program; says whether it did.
+    pub fn keep(&self, key: &str, program: &KeptProgram) -> bool {
+        self.cache.put(KIND, key, &program.to_bytes())
+    }
+}
+
+impl KeptProgram {
+    fn to_bytes(&self) -> Vec<u8> {
+        let length = (self.log.len() as u64).to_le_bytes();
+        [&length[..], self.log.as_bytes(), &self.binary].concat()
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (length, rest) = bytes.split_first_chunk::<8>()?;
+        let (log, binary) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+        Some(Self { log: String::from_utf8(log.to_vec()).ok()?, binary: binary.to_vec() })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::device::{DeviceKind, tests::example};
+
+    fn kept_of(cache: &Cache, device: &DeviceInfo) -> Kept {
+        Kept::of(cache.clone(), device)
+    }
+
+    #[test]
+    fn a_program_comes_back_for_the_same_text_options_device_driver_and_variables_alone() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let kept = kept_of(&cache, &device);
+        let program = KeptProgram { log: "said".into(), binary: vec![1, 2, 3] };
+        assert!(kept.keep(&kept.key("text", "-D A=1"), &program));
+        let found = |device: &DeviceInfo, source, options| {
+            let kept = kept_of(&cache, device);
+            kept.find(&kept.key(source, options)).map(|found| (found.log, found.binary))
+        };
+        assert_eq!(found(&device, "text", "-D A=1"), Some(("said".to_owned(), vec![1, 2, 3])));
+        assert_eq!(found(&device, "text ", "-D A=1"), None);
+        assert_eq!(found(&device, "text", "-D A=2"), None);
+        let changed: [fn(&mut DeviceInfo); 5] = [
+            |device| device.name = "another".into(),
+            |device| device.driver = "3.2".into(),
+            |device| device.platform_version = "OpenCL 3.0 PoCL 3.2".into(),
+            |device| device.platform = "Another".into(),
+            |device| device.settings.push("POCL_WORK_GROUP_METHOD=cbs".into()),
+        ];
+        for change in changed {
+            let mut other = device.clone();
+            change(&mut other);
+            assert_eq!(found(&other, "text", "-D A=1"), None, "{other:?}");
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_no_program_are_none() {
+        for bytes in
+            [&b""[..], b"1234567", &[255; 8], &[9, 0, 0, 0, 0, 0, 0, 0, 1], &[1, 0, 0, 0, 0, 0, 0, 0, 255]]
+        {
+            assert!(KeptProgram::from_bytes(bytes).is_none(), "{bytes:?}");
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! What is kept between runs: programs are compiled once, and an entry that is not what it should be is made again.
+
+use crate::binary::{Place, TRIANGLE, device, has, until};
+use assert_cmd::Command;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Two programs, the tree's among them, on two scenes.
+const CONFIG: &str = r#"question = "Is it compiled again?"
+expectation = "No."
+scenes = ["scene.toml", "other.toml"]
+image_sizes = [[17, 9]]
+local_sizes = [2]
+strategies = ["deferred", "bvh"]
+
+[timing]
+launches = 2
+warmup = 0
+min_samples = 10
+max_samples = 10
+"#;
+
+/// A device whose presets the test device's are not.
+const OTHERS: &str = r#"question = "Is a preset for GPUs measured on a CPU?"
+expectation = "Where somebody asks for it."
+scenes = ["scene.toml"]
+image_sizes = [[17, 9]]
+local_sizes = [[8, 4]]
+strategies = ["deferred", "tiled-wide"]
+
+[timing]
+launches = 1
+warmup = 0
+min_samples = 5
+max_samples = 5
+"#;
+
+fn place(config: &str) -> Place {
+    let other = TRIANGLE.replace("little", "other").replace("[0, 1, -2]", "[0, 0.7, -2]");
+    Place::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
+}
+
+/// The binary with a cache of its own, beside the user's of PoCL.
+fn raycl(place: &Place, arguments: &[&str]) -> Command {
+    let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
+    let caches = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);
+    let mut command = place.raycl(arguments);
+    if std::env::var_os("POCL_CACHE_DIR").is_none() {
+        command.env("POCL_CACHE_DIR", caches.join("pocl/kcache"));
+    }
+    command.env("XDG_CACHE_HOME", place.path(".caches")).env("RAYCL_CACHE_MIB", "64");
+    command
+}
+
+/// Runs the config into a folder and gives its records.
+fn records(place: &Place, out: &str, more: &[&str]) -> Vec<Value> {
+    let device = device();
+    let arguments = [&["run", "config.toml", "--out", out, "--device", &device], more].concat();
+    raycl(place, &arguments).assert().success();
+    place.json_lines(&format!("{out}/records.jsonl"))
+}
+
+fn fields<'a>(records: &'a [Value], field: &str) -> Vec<&'a Value> {
+    records.iter().map(|record| &record[field]).collect()
+}
+
+fn entries(place: &Place) -> Vec<PathBuf> {
+    let files = std::fs::read_dir(place.path(".caches/raycl")).expect("a cache");
+    let programs = files.map(|file| file.expect("a file").path());
+    programs.filter(|path| path.to_string_lossy().contains("/program-")).collect()
+}
+
+fn spoil(path: &Path) {
+    let mut bytes = std::fs::read(path).expect("an entry");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(path, bytes).expect("an entry");
+}
+
+#[test]
+fn a_program_is_compiled_once_and_a_spoilt_entry_again() {
+    let place = place(CONFIG);
+    let from_cache = |records: &[Value]| {
+        fields(records, "build_from_cache").into_iter().filter(|kept| **kept == Value::Bool(true)).count()
+    };
+    let first = records(&place, "first", &[]);
+    assert_eq!(fields(&first, "outcome"), vec!["measured"; 4]);
+    // The second scene's programs are the first's, but for that of a tree, which a scene may change.
+    assert_eq!(from_cache(&first), 2, "{first:?}");
+    assert_eq!(entries(&place).len(), 2);
+    let second = records(&place, "second", &[]);
+    assert_eq!(from_cache(&second), 4, "{second:?}");
+    assert_eq!(fields(&first, "image_hash"), fields(&second, "image_hash"));
+    entries(&place).iter().for_each(|path| spoil(path));
+    let third = records(&place, "third", &[]);
+    assert_eq!(from_cache(&third), 2, "{third:?}");
+    assert_eq!(fields(&first, "image_hash"), fields(&third, "image_hash"));
+    assert_eq!(fields(&first, "program_hash"), fields(&third, "program_hash"));
+}
+
+#[test]
+fn the_cache_is_shown_cleared_and_named() {
+    let place = place(CONFIG);
+    let said = |arguments: &[&str]| {
+        let output = raycl(&place, arguments).assert().success().get_output().clone();
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    let folder = place.path(".caches/raycl").display().to_string();
+    assert_eq!(said(&["cache", "path"]).trim(), folder);
+    has(&said(&["cache"]), &[&folder, "0 entries", "of at most 67.1 MB"]);
+    records(&place, "out", &["--set", "strategies=[\"deferred\"]"]);
+    let others = place.path(".caches/raycl/somebody-elses");
+    std::fs::write(&others, "a file").expect("a file");
+    let shown: Value = serde_json::from_str(&said(&["cache", "show", "--json"])).expect("JSON");
+    assert!(shown["entries"].as_u64() > Some(0) && shown["bytes"].as_u64() > Some(1000), "{shown}");
+    has(&said(&["cache", "clear"]), &["removed"]);
+    assert!(entries(&place).is_empty() && others.exists());
+    let none = raycl(&place, &["cache"]).env("RAYCL_CACHE_MIB", "0").assert().success();
+    has(&String::from_utf8_lossy(&none.get_output().stdout), &["Nothing is kept", "RAYCL_CACHE_MIB is 0"]);
+    raycl(&place, &["cache", "path"]).env("RAYCL_CACHE_MIB", "0").assert().code(1);
+}
+
+#[test]
+fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
+    let place = place(OTHERS);
+    let outcomes = |records: &[Value]| -> Vec<String> {
+        fields(records, "outcome")
+            .into_iter()
+            .map(|outcome| outcome.as_str().unwrap_or("?").to_owned())
+            .collect()
+    };
+    let run = |out: &str, more: &[&str]| {
+        let device = device();
+        let arguments = [&["run", "config.toml", "--out", out, "--device", &device], more].concat();
+        place.raycl(&arguments).assert().success();
+        place.json_lines(&format!("{out}/records.jsonl"))
+    };
+    let mut passed_over = run("out", &[]);
+    passed_over.sort_by_key(|record| record["name"].as_str().map(str::to_owned));
+    assert_eq!(outcomes(&passed_over), ["measured", "other-kind"]);
+    let record = &passed_over[1];
+    assert_eq!((&record["name"], &record["build_ms"]), (&"tiled-wide".into(), &Value::Null));
+    has(record["reason"].as_str().expect("a reason"), &["meant for GPUs", "any_kind = true"]);
+    let summary = place.text("out/summary.md");
+    has(&summary, &["other-kind", "meant for GPUs"]);
+    let named = run("named", &["--set", "strategies=[\"tiled-wide\"]"]);
+    assert_eq!(outcomes(&named), ["measured"]);
+    // What was passed over is measured once it is asked for, and what was measured stays.
+    let resumed = run("out", &["--set", "any_kind=true", "--resume"]);
+    assert_eq!(outcomes(&resumed), ["other-kind", "measured", "measured"].map(str::to_owned));
+    let dry = place.output(&["run", "config.toml", "--device", &device(), "--dry-run"]);
+    has(&dry, &["meant for GPUs", "1 is meant for devices of another kind"]);
+}
+
+#[test]
+fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
+    let place = place(CONFIG);
+    let device = device();
+    let arguments =
+        ["render", "scene.toml", "--width", "40", "--height", "25", "--json", "--device", &device];
+    let report = || -> Value {
+        let output = raycl(&place, &arguments).assert().success().get_output().clone();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!said.contains("generated"), "a compiler's chatter: {said}");
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let first = report();
+    let kept = || !entries(&place).is_empty();
+    // Where the driver has no binary at hand, a process of its own makes it.
+    until("the program is kept", kept);
+    let second = report();
+    assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);
+    for report in [&first, &second] {
+        let parts = report["parts"].as_array().expect("parts");
+        let sum: f64 = parts.iter().filter_map(|part| part["ms"].as_f64()).sum();
+        let total = report["total_ms"].as_f64().expect("a total");
+        assert!((sum - total).abs() < 1e-6 * total, "{report}");
+        for wanted in ["start", "load", "discover", "build", "casting", "read", "save"] {
+            assert!(parts.iter().any(|part| part["part"] == wanted), "{wanted}: {report}");
+        }
+    }
+    assert_eq!(first["device"], second["device"]);
+    let files = std::fs::read_dir(place.path(".caches/raycl")).expect("a cache");
+    let names: Vec<_> =
+        files.map(|file| file.expect("a file").file_name().into_string().expect("text")).collect();
+    assert!(names.iter().any(|name| name.starts_with("devices-")), "{names:?}");
+}
