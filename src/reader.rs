@@ -107,6 +107,20 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
 }
 
+/// Bytes that were read from no file, within the limit of their kind.
+///
+/// # Errors
+/// That they are too many.
+pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
+    let limit = LIMITS_MIB.iter().find(|(known, ..)| *known == kind);
+    match limit {
+        Some((_, what, Some(limit_mib))) if bytes.len() as u64 > limit_mib << 20 => {
+            Err(Error::new(ErrorKind::FileTooLarge, format!("{what} has at most {limit_mib} MiB")))
+        }
+        _ => Ok(bytes),
+    }
+}
+
 /// `head` and what follows it, up to a length.
 fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
     let mut bytes = head;

@@ -22,15 +22,8 @@ fn told(place: &Place, arguments: &[&str]) -> String {
 
 /// Files of formats that raycl does not read, by content, and what each is called.
 fn foreign() -> Vec<(Vec<u8>, &'static str)> {
-    let gltf = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"x\":\"{}\"}}", "A".repeat(140_000));
-    let mut stl = vec![b' '; 80];
-    stl.extend(1_u32.to_le_bytes());
-    stl.extend([0; 50]);
     vec![
-        (b"ply\nformat ascii 1.0\n".to_vec(), "a PLY mesh (ASCII)"),
-        (stl, "an STL mesh (binary)"),
-        (b"solid a\nfacet normal 0 0 1\n".to_vec(), "an STL mesh (ASCII)"),
-        (gltf.into_bytes(), "a glTF scene (JSON)"),
+        (b"OFF\n3 1 0\n".to_vec(), "an OFF mesh"),
         (b"\x89PNG\r\n\x1a\n\0\0".to_vec(), "a PNG picture"),
         (b"<COLLADA>".to_vec(), "a COLLADA scene"),
         (b"newmtl a\n".to_vec(), "an MTL material file"),
@@ -88,7 +81,7 @@ fn empty_files_and_other_text() {
     has(&told(&place, &["run", "a.toml"]), &["a.toml is empty", "configs/quick.toml"]);
     has(
         &told(&place, &["render", "a.txt"]),
-        &["a.txt:1", "neither a scene (TOML) nor an OBJ mesh", "raycl reads"],
+        &["a.txt:1", "neither a scene (TOML) nor a mesh", "raycl reads"],
     );
     has(&place.mistake(&["run", "a.txt"], 2), &["a.txt:1", "not TOML", "reads experiments (TOML)"]);
     has(&place.mistake(&["render", "a.obj"], 2), &["a.obj:1", "the file is empty", "`f 1 2 3`"]);

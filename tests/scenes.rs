@@ -50,7 +50,7 @@ fn the_papers_scenes_have_its_triangles_lights_and_constants() {
         ("teapot", 1026),
     ];
     for (name, triangles) in counts {
-        let Loaded { scene, notes } = shipped(name);
+        let Loaded { scene, notes, .. } = shipped(name);
         assert_eq!(scene.name, name);
         assert_eq!(scene.mesh.triangles.len(), triangles, "{name}");
         assert_eq!(scene.camera, Camera::PAPER, "{name}");
@@ -181,7 +181,7 @@ fn materials_come_from_mtl_and_an_override_replaces_them() {
     let obj =
         "mtllib my file.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl dull red\nf 1 2 3\nusemtl shiny\nf 1 2 3\n";
     std::fs::write(folder.path().join("m.obj"), obj).unwrap();
-    let Loaded { scene, notes } = load_scene(&path).unwrap();
+    let Loaded { scene, notes, .. } = load_scene(&path).unwrap();
     assert!(notes.is_empty(), "{notes:?}");
     let floats: Vec<_> = scene.mesh.triangles.iter().map(|t| scene.mesh.material(t).to_floats()).collect();
     assert_eq!(floats[0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);

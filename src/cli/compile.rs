@@ -24,7 +24,7 @@ Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log
 instructions, predicted occupancy) and the program's binary: binary.ptx where it is PTX text, else binary.bin.
 Nothing is cast. Registers are printed by some compilers only, memory instructions known of PTX only.")]
 pub struct Args {
-    /// A scene TOML or an OBJ file: sizes of __local arrays and stacks depend on it
+    /// A scene TOML or a mesh: sizes of __local arrays and stacks depend on it
     scene: PathBuf,
     /// A preset, axes, or both: naive; deferred,width=4; may be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]

@@ -35,7 +35,7 @@ pub struct Args {
     /// As this device's compiler sees it: a word of its name, platform or vendor, or cpu or gpu [default: any device]
     #[arg(long)]
     device: Option<String>,
-    /// A scene TOML or an OBJ file, for the sizes of __local arrays and stacks [default: a small scene]
+    /// A scene TOML or a mesh, for the sizes of __local arrays and stacks [default: a small scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Keep functions that no kernel of the strategy's frames calls

@@ -24,7 +24,7 @@ pub mod strategies;
 mod turn;
 mod watch;
 
-pub use output::{coloured, end_at_once, print, print_coloured, print_json, table};
+pub use output::{coloured, end_at_once, print, print_coloured, print_json, table, tell};
 
 use std::ffi::OsString;
 
@@ -53,7 +53,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Render a picture of a scene or an OBJ file
+    /// Render pictures of a scene or a mesh
     Render(render::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),

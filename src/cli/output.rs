@@ -37,6 +37,13 @@ pub fn end_at_once() {
     signal_hook::low_level::exit(0);
 }
 
+/// Writes `text` to standard error, unless `quiet`, where standard output is a picture's.
+pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
+    // Whoever does not listen misses nothing of the picture.
+    let _ = if quiet { Ok(()) } else { writeln!(std::io::stderr(), "{}", printer::plain(&text.to_string())) };
+    Ok(())
+}
+
 /// Writes `value` to standard output as indented JSON.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value)

@@ -4,6 +4,8 @@ mod casting;
 mod guess;
 mod judge;
 pub(super) mod keeping;
+mod look;
+mod motion;
 mod opening;
 mod report;
 mod split;
@@ -14,17 +16,21 @@ use super::choice::{
 };
 use super::watch::{RecursiveMode, watch};
 use crate::device::DeviceInfo;
-use crate::error::Result;
-use crate::image::{check_target, save, save_rgb8, shows_8_bits};
+use crate::error::{Error, Result};
+use crate::filetype::{STANDARD_INPUT, unpacked_name};
+use crate::image::{check_target, layer_targets, save, save_layers, save_rgb8, shows_8_bits};
 use crate::launch::{Prepared, Refused, Session};
 use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
-use crate::scene::Loaded;
+use crate::reference::layers::layers;
+use crate::scene::{Display, Loaded, Scene, Shot, load_scene_for};
 use crate::strategy::{Strategy, Traversal, fastest};
 use casting::{Picture, cast};
 use judge::{check, refuse_not_finite};
+use look::Look;
+use motion::Motion;
 use opening::{Opened, open};
 use report::Report;
 use std::path::{Path, PathBuf};
@@ -37,6 +43,9 @@ use timeline::Timeline;
 #[command(after_help = "Examples:
   raycl render scenes/teapot.toml -o teapot.png
   raycl render bunny.obj -o bunny.exr --width 1920 --height 1080
+  raycl render model.glb --azimuth 120 --elevation 10 --background white
+  raycl render dragon.ply --turntable 120 -o turn/dragon.png
+  zcat part.stl.gz | raycl render - -o - --up z > part.png
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
   raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4
   raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
@@ -44,11 +53,14 @@ use timeline::Timeline;
 
 `raycl strategies` lists presets and axes, `raycl devices` the devices.")]
 pub struct Args {
-    /// A scene TOML or an OBJ file
+    /// A scene TOML or a mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; - reads standard input
     scene: PathBuf,
-    /// Where to save the picture: .png, .jpg, .exr or .hdr [default: the scene's name, .png]
+    /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the scene's name, .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Also write depth, normals, triangle and object numbers, tests and nodes a pixel: .exr holds all, .png names one of each
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", "turntable"])]
+    layers: Option<PathBuf>,
     /// Replace a file that raycl did not make, or that was changed since
     #[arg(long)]
     force: bool,
@@ -73,6 +85,13 @@ pub struct Args {
     /// Change an axis of the strategy or a value of the scene
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
+    #[command(flatten)]
+    look: Look,
+    #[command(flatten)]
+    motion: Motion,
+    /// Samples of each pixel, 1 to 1024: smooth edges, in as many frames' time (Blackman-Harris filter, 1.5 pixels wide)
+    #[arg(long, default_value_t = 1, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    samples: u32,
     /// Cast the frame this many times and give medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
@@ -101,8 +120,16 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(devices) = &args.devices {
         return split::run(&args, devices);
     }
+    if args.motion.turns() {
+        return motion::run(&args);
+    }
     if !args.watch {
         return render(&args);
+    }
+    if args.scene.as_os_str() == STANDARD_INPUT {
+        return Err(
+            Error::input("standard input cannot be watched").with_help("give --watch the path of a file")
+        );
     }
     let folder = args.scene.parent().filter(|folder| !folder.as_os_str().is_empty());
     let mut folders = vec![(folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive)];
@@ -114,12 +141,13 @@ fn render(args: &Args) -> Result<()> {
     let mut timeline = if args.watch { Timeline::begin() } else { Timeline::of_process() };
     let target = target(args);
     check_target(&target)?;
+    let layer_targets = layer_files(args)?;
     let sources = Sources::of(args.cl_dir.clone())?;
     timeline.ends("start");
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
     let Opened { loaded, device, queue, early, tree, .. } = opened;
-    let Loaded { scene, notes } = loaded;
+    let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).verifying(args.verify);
@@ -131,18 +159,19 @@ fn render(args: &Args) -> Result<()> {
     let upload_ms = prepared.upload_ms();
     let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", upload_ms)];
     timeline.ends_with("buffers", &parts);
-    // What is compared with the reference is radiance, whatever is saved.
-    let shown = (!args.verify && shows_8_bits(target.path())).then_some(scene.display);
-    let cast = cast(args, &device, &prepared, shown, &mut timeline)?;
-    match &cast.image {
-        Picture::Radiance(image) => save(image, scene.display, &target)?,
-        Picture::Shown(picture) => save_rgb8(picture, &target)?,
+    let shown = shown(args, &scene, &target);
+    let cast = cast(args, &device, &prepared, (&scene.camera, shown), &mut timeline)?;
+    save_picture(&cast.image, scene.display, &target)?;
+    if let (Picture::Radiance(image), false) = (&cast.image, layer_targets.is_empty()) {
+        let found = layers(&scene, &object_starts, [args.width, args.height], strategy.culling)?;
+        save_layers(image, &found, &layer_targets)?;
     }
     timeline.ends("save");
     let mut verified = None;
     if let Picture::Radiance(image) = &cast.image {
         refuse_not_finite(image, target.path())?;
-        let check = || check(&scene, (image, cast.hits), &strategy, target.path());
+        let with = (&strategy, args.samples);
+        let check = || check(&scene, (image, cast.hits), with, target.path());
         verified = args.verify.then(check).transpose()?;
     }
     timeline.ends(if args.verify { "verify" } else { "report" });
@@ -172,9 +201,24 @@ fn render(args: &Args) -> Result<()> {
     tell(args, &report, &device.info)
 }
 
+fn save_picture(picture: &Picture, display: Display, target: &Target) -> Result<()> {
+    match picture {
+        Picture::Radiance(image) => save(image, display, target),
+        Picture::Shown(picture) => save_rgb8(picture, target),
+    }
+}
+
+/// What is shown of a scene, where the device may make it: what is compared with the reference is radiance, whatever is saved,
+/// and so are layers.
+fn shown(args: &Args, scene: &Scene, target: &Target) -> Option<Display> {
+    let is_radiance = args.verify || args.layers.is_some() || !shows_8_bits(target.path());
+    (!is_radiance).then_some(scene.display)
+}
+
 /// Prints the report; nothing is left to do then.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     match (args.json, args.quiet) {
+        _ if target(args).is_standard_output() => super::tell(args.quiet, report.text(device))?,
         (true, _) => super::print_json(report)?,
         (false, true) => {}
         (false, false) => super::print(report.text(device))?,
@@ -212,16 +256,33 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
 
 /// Where the picture goes: under the scene's name unless told.
 fn target(args: &Args) -> Target {
-    let default = || PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("png");
+    let scene = unpacked_name(&args.scene);
+    let stem = match scene.file_stem() {
+        Some(stem) if stem != STANDARD_INPUT => stem,
+        _ => "picture".as_ref(),
+    };
     let choice = Choice { force: args.force, elsewhere: "-o FILE" };
+    let default = || PathBuf::from(stem).with_extension("png");
     Target::new(args.output.clone().unwrap_or_else(default), choice)
+}
+
+/// The files of `--layers`, if they are asked for.
+fn layer_files(args: &Args) -> Result<Vec<Target>> {
+    let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
+    args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice)))
+}
+
+/// The scene, as large as the picture has room for where it has no camera of its own.
+fn load(args: &Args) -> Result<Loaded> {
+    let shot = Shot { aspect: f64::from(args.width) / f64::from(args.height), turns: args.motion.turns() };
+    load_scene_for(&args.scene, &scene_overrides(args)?, shot)
 }
 
 fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }
 
-/// The `--set`s that mean the scene, their values read as TOML where they are TOML and as text otherwise.
+/// The values of the scene that options and `--set`s mean, their values read as TOML where they are TOML and as text otherwise.
 fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
     let of_scene = || args.set.iter().filter(|(key, _)| !is_axis(key));
     of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
@@ -229,7 +290,8 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
         let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
         parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())
     };
-    Ok(of_scene().map(|(key, text)| (key.clone(), value(text))).collect())
+    let set = of_scene().map(|(key, text)| (key.clone(), value(text)));
+    Ok(args.look.values().into_iter().chain(set).collect())
 }
 
 /// The strategy and local size asked for, or the fastest for the device.

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 /// Files that a picture is made of.
-const SOURCES: [&str; 4] = ["toml", "obj", "mtl", "cl"];
+const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// Editors write a file in several steps; this long after the last of them it is whole.
 const QUIET: Duration = Duration::from_millis(80);
 

@@ -32,7 +32,7 @@ pub struct Hashed {
 }
 
 impl From<Loaded> for Hashed {
-    fn from(Loaded { scene, notes }: Loaded) -> Self {
+    fn from(Loaded { scene, notes, .. }: Loaded) -> Self {
         Self { hash: scene.content_hash(), scene: Arc::new(scene), notes }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::Pictures;
 use crate::error::Result;
-use crate::image::{COUNT_SCALE_HEIGHT, Radiance, difference_image, draw_count_scale, to_rgb8, viridis};
+use crate::image::{Radiance, counts, difference_image, to_rgb8};
 use crate::record::Record;
 use crate::reference::{Reference, cost};
 use crate::scene::{Display, Scene};
@@ -87,17 +87,6 @@ fn keep_costs(
         record.nodes_image = Some(pictures.picture_once(&format!("{place}-nodes-tree{sides}"), nodes)?);
     }
     Ok(())
-}
-
-/// A number a pixel in false colour, dark for none, over a scale.
-fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clone) -> RgbImage {
-    let most = counts.clone().max().unwrap_or(0).max(1);
-    let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);
-    for (pixel, count) in picture.pixels_mut().zip(counts) {
-        *pixel = Rgb(viridis(f64::from(count) / f64::from(most)));
-    }
-    draw_count_scale(&mut picture, height, most);
-    picture
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What a file is, by its first bytes: what raycl does not read is named, not read as something else.
 
+mod opened;
 mod signatures;
 mod swapped;
 mod text;
@@ -9,14 +10,10 @@ mod tests;
 
 pub use swapped::{experiment_instead, scene_instead};
 
-use crate::error::Error;
-use crate::reader::{self, Kind};
-use std::fs::File;
-use std::io::{self, Read as _};
-use std::path::Path;
+pub use opened::{Opened, STANDARD_INPUT};
 
-/// How much of a file is looked at.
-const HEAD_BYTES: usize = 1 << 16;
+use crate::error::Error;
+use std::path::{Path, PathBuf};
 
 /// What a file of materials is called: only meshes name such files.
 pub const MTL: &str = "an MTL material file";
@@ -24,8 +21,8 @@ pub const MTL: &str = "an MTL material file";
 /// What a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileType {
-    /// A Wavefront OBJ mesh.
-    Obj,
+    /// A mesh, or several.
+    Mesh(MeshFormat),
     /// TOML: a scene or an experiment.
     Toml,
     /// Empty, or text that says neither: who reads it says what is wrong with it.
@@ -34,6 +31,49 @@ pub enum FileType {
     Utf16,
     /// A format that raycl does not read.
     Foreign(Foreign),
+}
+
+/// A format of meshes that raycl reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// The Stanford polygon format, ASCII or binary.
+    Ply,
+    /// Stereolithography, ASCII or binary.
+    Stl,
+    /// glTF 2.0 as JSON.
+    Gltf,
+    /// glTF 2.0 in one binary file.
+    Glb,
+}
+
+impl MeshFormat {
+    /// Each with the ending that its files usually have, and its name with an article.
+    const ALL: [(Self, &'static str, &'static str); 5] = [
+        (Self::Obj, "obj", "an OBJ mesh"),
+        (Self::Ply, "ply", "a PLY mesh"),
+        (Self::Stl, "stl", "an STL mesh"),
+        (Self::Gltf, "gltf", "a glTF scene (JSON)"),
+        (Self::Glb, "glb", "a binary glTF scene (GLB)"),
+    ];
+
+    /// With its article: `an OBJ mesh`.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(format, ..)| *format == self).map_or("a mesh", |(.., name)| name)
+    }
+
+    /// The format whose files end like this one, `.gz` aside.
+    pub fn from_ending(path: &Path) -> Option<Self> {
+        let ending = unpacked_name(path).extension()?.to_ascii_lowercase();
+        Self::ALL.iter().find(|(_, usual, _)| ending == *usual).map(|(format, ..)| *format)
+    }
+}
+
+/// A path without a last `.gz`.
+pub fn unpacked_name(path: &Path) -> PathBuf {
+    let packed = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"));
+    if packed { path.with_extension("") } else { path.to_owned() }
 }
 
 /// A format that raycl does not read.
@@ -60,8 +100,8 @@ impl Wanted {
     /// What is read there.
     pub fn read(self) -> &'static str {
         match self {
-            Self::Scene => "raycl reads scenes (TOML) and OBJ meshes",
-            Self::Mesh => "`obj` reads OBJ meshes",
+            Self::Scene => "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
+            Self::Mesh => "`mesh` reads OBJ, PLY, STL and glTF, also as .gz",
             Self::Experiment => "`raycl run` reads experiments (TOML), such as configs/quick.toml",
         }
     }
@@ -89,51 +129,12 @@ impl FileType {
                 Error::input(format!("{name}:1: UTF-16 text, which raycl does not read; expected UTF-8"))
                     .with_help("save it as UTF-8"),
             ),
-            (Self::Obj, Wanted::Experiment) => refused(
-                "an OBJ mesh, not an experiment",
+            (Self::Mesh(format), Wanted::Experiment) => refused(
+                &format!("{}, not an experiment", format.name()),
                 &format!("`raycl render {name}` makes a picture of it; {}", wanted.read()),
             ),
             (Self::Toml, Wanted::Mesh) => refused("a TOML file, not a mesh", wanted.read()),
             _ => None,
         }
-    }
-}
-
-/// A file of which only the first bytes have been read yet.
-pub struct Opened {
-    file: File,
-    head: Vec<u8>,
-    /// What it is.
-    pub filetype: FileType,
-}
-
-impl Opened {
-    /// Opens an ordinary file and looks what it is.
-    ///
-    /// # Errors
-    /// What the system says, or that it is no ordinary file.
-    pub fn at(path: &Path) -> io::Result<Self> {
-        let file = reader::open(path)?;
-        let length = file.metadata()?.len();
-        let mut head = Vec::new();
-        (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
-        let filetype = FileType::of(&head, length);
-        Ok(Self { file, head, filetype })
-    }
-
-    /// The whole file, within the limit of its kind.
-    ///
-    /// # Errors
-    /// As [`reader::rest`].
-    pub fn bytes(self, kind: Kind) -> io::Result<Vec<u8>> {
-        reader::rest(self.file, self.head, kind)
-    }
-
-    /// The same as text.
-    ///
-    /// # Errors
-    /// What the system says, that it is too large, or that it is not UTF-8.
-    pub fn text(self, kind: Kind) -> io::Result<String> {
-        reader::utf8(self.bytes(kind)?)
     }
 }

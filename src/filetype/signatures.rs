@@ -1,16 +1,15 @@
 //! Formats that begin with bytes of their own.
 
-use super::{FileType, Foreign};
+use super::{FileType, Foreign, MeshFormat};
 
 /// For what holds a mesh.
-pub(super) const EXPORT: &str = "export it as OBJ, with Blender for example";
+pub(super) const EXPORT: &str = "export it as glTF or OBJ, with Blender for example";
 const UNPACK: &str = "unpack it first";
 
 /// Where a format's signature lies, its bytes, its name, and what to do with such a file.
 type Signature = (usize, &'static [u8], &'static str, &'static str);
 
 pub(super) const SIGNATURES: &[Signature] = &[
-    (0, b"glTF", "a binary glTF scene (GLB)", EXPORT),
     (0, b"Kaydara FBX Binary", "an FBX scene (binary)", EXPORT),
     (0, b"; FBX", "an FBX scene (ASCII)", EXPORT),
     (0, b"BLENDER-v", "a Blender file", EXPORT),
@@ -62,6 +61,9 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
         return Some(FileType::Utf16);
     }
     let foreign = |name, remedy| Some(FileType::Foreign(Foreign { name, remedy }));
+    if head.starts_with(b"glTF") {
+        return Some(FileType::Mesh(MeshFormat::Glb));
+    }
     if head.starts_with(b"PK\x03\x04") {
         return foreign(archive(head), if archive(head) == ZIP { UNPACK } else { EXPORT });
     }
@@ -69,7 +71,7 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
         return foreign("a 3DS scene", EXPORT);
     }
     if is_binary_stl(head, length) {
-        return foreign("an STL mesh (binary)", EXPORT);
+        return Some(FileType::Mesh(MeshFormat::Stl));
     }
     let begins = |&&(at, bytes, ..): &&Signature| head.get(at..).is_some_and(|rest| rest.starts_with(bytes));
     SIGNATURES.iter().find(begins).and_then(|&(_, _, name, remedy)| foreign(name, remedy))

@@ -6,7 +6,7 @@ use super::*;
 fn called(bytes: &[u8]) -> &'static str {
     match FileType::of(bytes, bytes.len() as u64) {
         FileType::Foreign(Foreign { name, .. }) => name,
-        FileType::Obj => "obj",
+        FileType::Mesh(format) => format.name(),
         FileType::Toml => "toml",
         FileType::Utf16 => "utf-16",
         FileType::Unclear => "unclear",
@@ -35,12 +35,12 @@ fn scene_3ds() -> Vec<u8> {
 #[test]
 fn meshes_and_scenes_of_other_formats() {
     let cases: &[(&[u8], &str)] = &[
-        (b"ply\nformat ascii 1.0\nelement vertex 3\n", "a PLY mesh (ASCII)"),
-        (b"ply\r\nformat ascii 1.0\r\n", "a PLY mesh (ASCII)"),
-        (b"ply\nformat binary_little_endian 1.0\nend_header\n\0\0\x80\x3f", "a PLY mesh (binary)"),
-        (b"solid cube\n facet normal 0 0 1\n  outer loop\n", "an STL mesh (ASCII)"),
-        (b"solid\nendsolid\n", "an STL mesh (ASCII)"),
-        (&binary_stl(), "an STL mesh (binary)"),
+        (b"ply\nformat ascii 1.0\nelement vertex 3\n", "a PLY mesh"),
+        (b"ply\r\nformat ascii 1.0\r\n", "a PLY mesh"),
+        (b"ply\nformat binary_little_endian 1.0\nend_header\n\0\0\x80\x3f", "a PLY mesh"),
+        (b"solid cube\n facet normal 0 0 1\n  outer loop\n", "an STL mesh"),
+        (b"solid\nendsolid\n", "an STL mesh"),
+        (&binary_stl(), "an STL mesh"),
         (br#"{"asset":{"version":"2.0"},"scene":0}"#, "a glTF scene (JSON)"),
         (b"{\n  \"accessors\": [ { \"bufferView\": 0 } ]", "a glTF scene (JSON)"),
         (b"glTF\x02\0\0\0\x10\0\0\0", "a binary glTF scene (GLB)"),
@@ -105,11 +105,11 @@ fn pictures_archives_programs_and_other_text() {
 #[test]
 fn what_raycl_reads_is_not_taken_for_something_else() {
     let cases: &[(&[u8], &str)] = &[
-        (b"# Blender v2.79\nmtllib a.mtl\no A\nv 0 0 0\n", "obj"),
-        (b"\xef\xbb\xbfg name=other\nv 0 0 0\n", "obj"),
-        (b"usemtl a=b\nv 0 0 0\r\nf 1 2 3", "obj"),
-        (b"v 0 0 0 \0\nv 1 0 0\n", "obj"),
-        (b"\r\r  f 1 2 3\r", "obj"),
+        (b"# Blender v2.79\nmtllib a.mtl\no A\nv 0 0 0\n", "an OBJ mesh"),
+        (b"\xef\xbb\xbfg name=other\nv 0 0 0\n", "an OBJ mesh"),
+        (b"usemtl a=b\nv 0 0 0\r\nf 1 2 3", "an OBJ mesh"),
+        (b"v 0 0 0 \0\nv 1 0 0\n", "an OBJ mesh"),
+        (b"\r\r  f 1 2 3\r", "an OBJ mesh"),
         (b"# a scene\n\n[[object]]\nshape = \"sphere\"\n", "toml"),
         (b"[camera]\nz_near = 0.1\n", "toml"),
         (b"v = 1\n", "toml"),
@@ -136,8 +136,8 @@ fn every_signature_is_found_and_told_in_two_short_lines() {
         let Some(Error::Input(input)) = refusal else { panic!("{name} is read") };
         let help = input.help;
         assert!(input.message.starts_with(&format!("mesh.xyz is {name}, which")), "{}", input.message);
-        assert!(help.starts_with("raycl reads scenes (TOML) and OBJ meshes"), "{help}");
-        assert!(input.message.len() < 100 && help.len() < 100 && !(input.message + &help).contains('\n'));
+        assert!(help.starts_with("raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF)"), "{help}");
+        assert!(input.message.len() < 100 && help.len() < 140 && !(input.message + &help).contains('\n'));
     }
 }
 

@@ -1,7 +1,7 @@
 //! Formats that are told by their first words.
 
 use super::signatures::{EXPORT, contains};
-use super::{FileType, Foreign, MTL};
+use super::{FileType, Foreign, MTL, MeshFormat};
 
 /// The first words of OBJ statements, and those of which some files consist for long.
 const OBJ_WORDS: &[&str] = &[
@@ -76,7 +76,7 @@ pub(super) fn recognise(head: &[u8]) -> FileType {
     let (word, rest) = (std::str::from_utf8(word).unwrap_or_default(), rest.trim_ascii());
     match word {
         _ if is_toml(line) => FileType::Toml,
-        _ if OBJ_WORDS.contains(&word) => FileType::Obj,
+        _ if OBJ_WORDS.contains(&word) => FileType::Mesh(MeshFormat::Obj),
         _ => foreign(head, word, rest).unwrap_or(FileType::Unclear),
     }
 }
@@ -84,15 +84,14 @@ pub(super) fn recognise(head: &[u8]) -> FileType {
 fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
     let named = |name, remedy| Some(FileType::Foreign(Foreign { name, remedy }));
     match word {
-        "ply" if contains(head, b"format ascii") => named("a PLY mesh (ASCII)", EXPORT),
-        "ply" if rest.is_empty() => named("a PLY mesh (binary)", EXPORT),
-        "solid" => named("an STL mesh (ASCII)", EXPORT),
+        "ply" if rest.is_empty() => Some(FileType::Mesh(MeshFormat::Ply)),
+        _ if word.eq_ignore_ascii_case("solid") => Some(FileType::Mesh(MeshFormat::Stl)),
         "OFF" | "COFF" | "NOFF" | "CNOFF" | "STOFF" | "4OFF" | "nOFF" => named("an OFF mesh", EXPORT),
         "newmtl" => named(MTL, "give the .obj file that names it"),
         "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
         _ if PBRT_WORDS.contains(&word) => named("a pbrt scene", EXPORT),
         _ if word.starts_with('<') => xml(head).and_then(|(name, remedy)| named(name, remedy)),
-        _ if word.starts_with(['{', '[']) && is_gltf(head) => named("a glTF scene (JSON)", EXPORT),
+        _ if word.starts_with(['{', '[']) && is_gltf(head) => Some(FileType::Mesh(MeshFormat::Gltf)),
         _ if word.starts_with(['{', '[']) => named("a JSON file", ""),
         _ if is_binary(head) => named("a binary file of a kind unknown here", ""),
         _ => None,

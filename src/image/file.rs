@@ -1,9 +1,9 @@
 //! Pictures as files, whole or not at all.
 
-use super::encode::{exr, hdr, jpeg, png};
+use super::encode::{exr, hdr, jpeg, keyed_png, png};
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
-use crate::output::Target;
+use crate::output::{Target, mark};
 use crate::reader;
 use crate::scene::Display;
 use image::RgbImage;
@@ -33,7 +33,7 @@ const EXTENSIONS: [(&str, Format); 5] = [
 /// An extension that is none of these, or a folder that is not there, is the user's mistake; a file
 /// that cannot be written is a failed run.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
-    let format = format(target.path())?;
+    let format = format_of(target)?;
     target.write(|file| match format {
         Format::Png => png(&to_rgb8(image, display), file),
         Format::Jpeg => jpeg(&to_rgb8(image, display), file),
@@ -45,8 +45,13 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
 /// Finds out before any work is done whether [`save`] would refuse a file: by its extension, for want of its folder, or
 /// for what is there.
 pub fn check_target(target: &Target) -> Result<()> {
-    format(target.path())?;
+    format_of(target)?;
     target.check()
+}
+
+/// By its ending; standard output has none.
+fn format_of(target: &Target) -> Result<Format> {
+    if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
 
 /// Reads a picture: 8-bit formats as parts of white (0 to 1, as displayed), EXR and HDR as linear radiance.
@@ -66,6 +71,16 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     let picture = picture.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
     let (width, height) = picture.dimensions();
     Ok(Radiance { width, height, pixels: picture.pixels().map(|pixel| pixel.0).collect() })
+}
+
+/// Writes one frame of several as PNG, with a key that says what it is of.
+pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target) -> Result<()> {
+    target.write(|file| keyed_png(&to_rgb8(image, display), key, file))
+}
+
+/// The key of a frame that raycl wrote and nobody changed since; none of any other file.
+pub fn frame_key(path: &Path) -> Option<String> {
+    mark::key(&mut std::fs::File::open(path).ok()?)
 }
 
 /// The same for [`save_rgb8`], which writes PNG only.

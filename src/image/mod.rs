@@ -6,11 +6,15 @@ mod display;
 mod encode;
 mod file;
 mod jpeg;
+mod layers;
+mod movie;
 
 pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::{Shown, TOGETHER, to_rgb8};
-pub use file::{check_png, check_target, read_picture, save, save_rgb8, shows_8_bits};
+pub use file::{check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8, shows_8_bits};
+pub use layers::{counts, layer_targets, save_layers};
+pub use movie::Movie;
 
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,9 +3,9 @@
 use super::LaunchError;
 use crate::manifest;
 use crate::strategy::Strategy;
-use ocl::Buffer;
 use ocl::builders::KernelBuilder;
 use ocl::prm::{Float4, Int2, Uint2};
+use ocl::{Buffer, Kernel};
 
 /// What is handed to a kernel.
 #[derive(Clone, Copy)]
@@ -70,7 +70,8 @@ impl<'a> Argument<'a> {
         points == of_type.contains('*') && elements.contains(&element)
     }
 
-    fn bind(self, kernel: &mut KernelBuilder<'a>) {
+    /// Binds the next parameter; what a camera decides can be bound again, by its name.
+    fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
             Self::Quads(buffer) => kernel.arg(buffer),
@@ -81,7 +82,7 @@ impl<'a> Argument<'a> {
             Self::Float(value) => kernel.arg(value),
             Self::Int(value) => kernel.arg(value),
             Self::Uint(value) => kernel.arg(value),
-            Self::Float4(value) => kernel.arg(value),
+            Self::Float4(value) => kernel.arg_named(name, value),
             Self::Int2(value) => kernel.arg(value),
         };
     }
@@ -114,7 +115,17 @@ impl<'a> Arguments<'a> {
                 kernel: kernel.name,
                 parameter: format!("{} {}", parameter.of_type, parameter.name),
             })?;
-            argument.bind(builder);
+            argument.bind(parameter.name, builder);
+        }
+        Ok(())
+    }
+
+    /// Binds those again that a kernel has a parameter for and that a camera decides.
+    pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
+        for (name, argument) in &self.0 {
+            if let (Some(place), Argument::Float4(value)) = (kernel.named_arg_idx(name), argument) {
+                kernel.set_arg(place, *value)?;
+            }
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Everything one point needs to cast a frame again and again.
 
+use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::{allocate, read_with};
 use super::frame::FrameTimes;
@@ -7,13 +8,13 @@ use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
 use super::rounds::Rounds;
-use super::setup::{Setup, Working, scene_arguments};
+use super::setup::{Setup, Working, camera_arguments, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
-use crate::scene::Display;
+use crate::scene::{Camera, Display};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use image::RgbImage;
 use ocl::prm::Float4;
@@ -89,6 +90,34 @@ impl Caster {
         }
         self.queue.commands.finish()?;
         Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3, frames)?)
+    }
+
+    /// Looks from another camera from the next frame on.
+    pub fn look_from(&self, camera: &Camera) -> Result<(), LaunchError> {
+        let arguments = camera_arguments(Arguments::default(), camera, self.size);
+        self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
+    }
+
+    /// Casts one frame for each sample of a pixel and gives their mean, how many pixels hit something in the last of them,
+    /// and the times of all together.
+    pub fn cast_samples(
+        &self,
+        camera: &Camera,
+        samples: &[[f32; 2]],
+    ) -> Result<(Radiance, usize, FrameTimes), LaunchError> {
+        let mut sum = Radiance::new(self.size[0], self.size[1]);
+        let (mut hits, mut times) = (0, FrameTimes::default());
+        for shift in samples {
+            self.look_from(&Camera { shift: *shift, ..*camera })?;
+            times = times.and(&self.cast()?);
+            let (image, hit) = self.read()?;
+            hits = hit;
+            let (sums, values) = (sum.pixels.as_flattened_mut(), image.pixels.as_flattened());
+            sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        }
+        let part = 1.0 / samples.len().max(1) as f32;
+        sum.pixels.as_flattened_mut().par_iter_mut().for_each(|value| *value *= part);
+        Ok((sum, hits, times))
     }
 
     /// The kernels of a frame, in their order.

@@ -54,6 +54,20 @@ impl FrameTimes {
         Self { frame_ms, host_ms, ..Self::default() }
     }
 
+    /// The times of two frames together.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        let both = |a: Option<f64>, b: Option<f64>| a.map(|a| a + b.unwrap_or(0.0)).or(b);
+        Self {
+            frame_ms: self.frame_ms + other.frame_ms,
+            primary_ms: both(self.primary_ms, other.primary_ms),
+            shadow_ms: both(self.shadow_ms, other.shadow_ms),
+            shade_ms: both(self.shade_ms, other.shade_ms),
+            host_ms: self.host_ms + other.host_ms,
+            ..Self::default()
+        }
+    }
+
     /// Milliseconds of the host's clock that the sample took, all frames of its batch together.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))

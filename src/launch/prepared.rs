@@ -4,9 +4,9 @@ use super::band::Band;
 use super::held::Frames;
 use super::refused::Refused;
 use super::setup::Setup;
-use super::{Caster, DeviceScene, DeviceTree, Queue};
+use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::program::{BuiltProgram, MadeKernel, ProgramSpec};
-use crate::scene::Scene;
+use crate::scene::{Light, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use std::sync::Arc;
 
@@ -53,6 +53,11 @@ impl Prepared {
             uploaded: &self.uploaded,
             tree: self.tree.as_deref(),
         }
+    }
+
+    /// Puts the scene's lights elsewhere from the next frame on; there are as many as the scene has.
+    pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
+        self.uploaded.move_lights(&self.queue, lights)
     }
 
     /// What the compiler made of a frame's kernels, by its log and its binary (PTX, or empty).

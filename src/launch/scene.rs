@@ -4,7 +4,7 @@ use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_with};
 use super::{LaunchError, Queue};
 use crate::manifest::SOUP_FLOATS;
-use crate::scene::{Mesh, Scene, Triangle};
+use crate::scene::{Light, Mesh, Scene, Triangle};
 use crate::strategy::{Strategy, Workload};
 use ocl::Buffer;
 use rayon::prelude::*;
@@ -64,12 +64,7 @@ impl DeviceScene {
             Some(16) => Geometry::Indexed16(sets(queue, mesh, |index| index as u16)?),
             Some(_) => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
         };
-        let lights: Vec<f32> = scene
-            .lights
-            .iter()
-            .flat_map(|light| [light.position.to_array(), light.power.to_array()].concat())
-            .collect();
-        let lights = upload(queue, &lights)?;
+        let lights = upload(queue, &light_floats(&scene.lights))?;
         queue.commands.finish()?;
         Ok(Self {
             geometry,
@@ -79,6 +74,20 @@ impl DeviceScene {
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         })
     }
+
+    /// Replaces the lights by as many others.
+    pub fn move_lights(&self, queue: &Queue, lights: &[Light]) -> Result<(), LaunchError> {
+        let known = lights.iter().take(self.light_count).copied().collect::<Vec<_>>();
+        if !known.is_empty() {
+            self.lights.write(&light_floats(&known)).queue(&queue.commands).enq()?;
+        }
+        Ok(())
+    }
+}
+
+/// A position and a power each.
+fn light_floats(lights: &[Light]) -> Vec<f32> {
+    lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
 }
 
 impl Workload {

@@ -4,7 +4,7 @@ use super::arguments::Arguments;
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, Queue};
 use crate::program::BuiltProgram;
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::strategy::{Strategy, Workload};
 use ocl::Buffer;
 use ocl::prm::{Float4, Int2};
@@ -34,7 +34,7 @@ impl<'a> Setup<'a> {
         let [width, height] = self.workload.image_size;
         let [red, green, blue] = self.scene.background.to_array();
         let arguments = scene_arguments(self.uploaded, self.tree);
-        camera_arguments(arguments, self.scene, [width, height])
+        camera_arguments(arguments, &self.scene.camera, [width, height])
             .with("bias", self.scene.shadow_bias)
             .with("image_size", Int2::new(width as i32, height as i32))
             .with("background", Float4::new(red, green, blue, 0.0))
@@ -83,8 +83,13 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("material_count", surfaces.material_count as i32)
 }
 
-fn camera_arguments<'a>(arguments: Arguments<'a>, scene: &Scene, size: [u32; 2]) -> Arguments<'a> {
-    let frame = scene.camera.pixel_frame(size[0], size[1]);
+/// Where rays start and go.
+pub(super) fn camera_arguments<'a>(
+    arguments: Arguments<'a>,
+    camera: &Camera,
+    size: [u32; 2],
+) -> Arguments<'a> {
+    let frame = camera.pixel_frame(size[0], size[1]);
     let float4 = |v: glam::DVec3, w: f64| Float4::new(v.x as f32, v.y as f32, v.z as f32, w as f32);
     arguments
         .with("eye", float4(frame.eye, frame.z_near))

@@ -7,6 +7,8 @@ use std::ops::Range;
 
 /// What goes before the digits.
 const LABEL: &str = "made by raycl, blake3 of the rest: ";
+/// What goes before the key of a frame, a hash too.
+const KEY_LABEL: &str = "frame of raycl: ";
 /// As many as a hash has.
 const DIGITS: usize = 64;
 /// The mark lies in so many first bytes of a file.
@@ -36,6 +38,24 @@ pub fn png() -> (usize, Vec<u8>) {
     let text = [b"Comment\0", blank().as_bytes()].concat();
     let length = (text.len() as u32).to_be_bytes();
     (PNG_CHUNK, [&length[..], b"tEXt", &text, &[0; 4]].concat())
+}
+
+/// The same, followed by a chunk that says what the picture is of.
+pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
+    let (place, chunk) = png();
+    let text = [b"tEXtComment\0".as_slice(), KEY_LABEL.as_bytes(), key.as_bytes()].concat();
+    let length = (text.len() as u32 - 4).to_be_bytes();
+    let checksum = crc32fast::hash(&text).to_be_bytes();
+    (place, [&chunk[..], &length, &text, &checksum].concat())
+}
+
+/// The key in a file that raycl made as it is.
+pub fn key(file: &mut File) -> Option<String> {
+    let found = Found::read(file).ok()??;
+    let unchanged = found.head[found.hole.clone()] == found.filled;
+    let start = found.head.windows(KEY_LABEL.len()).position(|bytes| bytes == KEY_LABEL.as_bytes())?;
+    let key = found.head.get(start + KEY_LABEL.len()..)?.get(..DIGITS)?;
+    unchanged.then(|| String::from_utf8_lossy(key).into_owned())
 }
 
 /// JSON text with a blank mark as the first field of its first object.
@@ -183,6 +203,21 @@ mod tests {
             assert_eq!(maker(&mut file(bytes)).unwrap(), Maker::Other);
             assert!(seal(&mut file(bytes)).is_err());
         }
+    }
+
+    #[test]
+    fn a_key_is_read_until_the_file_is_changed() {
+        let key_of = |bytes: &[u8]| key(&mut file(bytes));
+        let wanted = "5".repeat(DIGITS);
+        let mut whole = PNG_SIGNATURE.to_vec();
+        whole.resize(PNG_CHUNK, 0);
+        whole.extend(keyed_png(&wanted).1);
+        let mut sealed = file(&whole);
+        seal(&mut sealed).unwrap();
+        let mut sealed = bytes(&mut sealed);
+        assert_eq!(key_of(&sealed), Some(wanted));
+        *sealed.last_mut().unwrap() ^= 1;
+        assert_eq!(key_of(&sealed), None);
     }
 
     #[test]

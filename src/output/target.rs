@@ -5,8 +5,11 @@ use super::place::{Choice, folder_of, permit, put};
 use crate::error::{Error, Result};
 use serde::Serialize;
 use std::fs::File;
-use std::io::{Result as IoResult, Write as _};
+use std::io::{Result as IoResult, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
+
+/// The name that stands for standard output.
+const STANDARD_OUTPUT: &str = "-";
 
 /// Where a command writes a file of its own.
 #[derive(Clone, Debug)]
@@ -26,19 +29,41 @@ impl Target {
         Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
     }
 
+    /// Another file beside it, under the same rules.
+    #[must_use]
+    pub fn renamed(&self, path: PathBuf) -> Self {
+        Self { path, choice: self.choice }
+    }
+
+    /// Whether its name is that of standard output.
+    pub fn is_standard_output(&self) -> bool {
+        self.path.as_os_str() == STANDARD_OUTPUT
+    }
+
     /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
+    /// Whether its folder is there.
+    pub fn check_folder(&self) -> Result<()> {
+        folder_of(&self.path).map(drop)
+    }
+
     /// Finds out before any work is done whether [`write`](Self::write) would refuse it.
     pub fn check(&self) -> Result<()> {
+        if self.is_standard_output() {
+            return Ok(());
+        }
         folder_of(&self.path)?;
         permit(&self.path, self.choice, maker).map(drop)
     }
 
     /// Puts the file that `write` writes, with a blank mark in it, in its place, whole or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
+        if self.is_standard_output() {
+            return to_standard_output(write);
+        }
         put(&self.path, self.choice, maker, |file| {
             write(file)?;
             mark::seal(file)
@@ -55,6 +80,23 @@ impl Target {
             file.sync_all()
         })
     }
+}
+
+/// A mark is completed at the end, and a pipe has no way back: the file is whole before any of it is written.
+fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
+    let written = || -> IoResult<()> {
+        let mut file = tempfile::tempfile()?;
+        write(&mut file)?;
+        mark::seal(&mut file)?;
+        file.rewind()?;
+        let mut out = std::io::stdout().lock();
+        std::io::copy(&mut file, &mut out)?;
+        out.flush()
+    };
+    written().map_err(|error| {
+        Error::run(format!("standard output could not be written: {error}"))
+            .with_help("write to a file with `-o FILE`")
+    })
 }
 
 #[cfg(test)]

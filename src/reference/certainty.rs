@@ -61,6 +61,21 @@ impl Sample {
         self.change = self.change.max((other - self.radiance).abs().max_element());
         self.range = [self.range[0].min(other), self.range[1].max(other)];
     }
+
+    /// Adds another sample of the same pixel; hits are those of the last, as a caster's are.
+    pub fn add(&mut self, other: &Self) {
+        self.radiance += other.radiance;
+        (self.hit, self.turns) = (other.hit, other.turns);
+        self.change += other.change;
+        self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
+    }
+
+    /// Makes the sum of several samples their mean.
+    pub fn divide(&mut self, count: f64) {
+        self.radiance /= count;
+        self.change /= count;
+        self.range = self.range.map(|end| end / count);
+    }
 }
 
 /// The pixel coordinates small angles to the right, left, below and above.

@@ -9,6 +9,7 @@ pub mod certainty;
 pub mod cost;
 mod fingerprint;
 pub mod intersect;
+pub mod layers;
 pub mod ray;
 pub mod real;
 pub mod shade;
@@ -22,7 +23,7 @@ pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
 pub use fingerprint::fingerprint;
 
 use crate::image::{Radiance, dark_floor};
-use crate::scene::Scene;
+use crate::scene::{Display, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
 use certainty::{Sample, is_certain, sample};
@@ -64,11 +65,15 @@ pub struct Doubt {
 
 /// Casts `scene` at `size = [width, height]` in double precision, on all cores.
 pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
-    let samples = samples(scene, size, culling);
+    judged(&samples(scene, size, culling), size, scene.display)
+}
+
+/// What samples say of an image.
+fn judged(samples: &[Sample], size: [u32; 2], display: Display) -> Reference {
     let [width, height] = size;
     let pixels = samples.iter().map(|sample| sample.radiance.as_vec3().to_array()).collect();
     let radiance = Radiance { width, height, pixels };
-    let floor = dark_floor(&radiance, scene.display);
+    let floor = dark_floor(&radiance, display);
     let certain: Vec<bool> = samples.iter().map(|sample| is_certain(sample, floor)).collect();
     let doubt = |(pixel, (sample, certain)): (usize, (&Sample, &bool))| {
         let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
@@ -84,6 +89,27 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
         radiance,
         floor,
     }
+}
+
+/// The same for the mean of several samples of each pixel, at these offsets in pixels from its centre: certain where all are.
+pub fn reference_of_samples(
+    scene: &Scene,
+    size: [u32; 2],
+    culling: Culling,
+    offsets: &[[f32; 2]],
+) -> Reference {
+    let [first, rest @ ..] = offsets else { return reference(scene, size, culling) };
+    let mut scene = scene.clone();
+    let mut at = |shift: [f32; 2]| {
+        scene.camera.shift = shift;
+        samples(&scene, size, culling)
+    };
+    let mut all = at(*first);
+    for offset in rest {
+        all.iter_mut().zip(at(*offset)).for_each(|(sum, sample)| sum.add(&sample));
+    }
+    all.iter_mut().for_each(|sum| sum.divide(offsets.len() as f64));
+    judged(&all, size, scene.display)
 }
 
 fn samples(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Sample> {

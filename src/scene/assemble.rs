@@ -3,43 +3,117 @@
 mod objects;
 
 use super::document::Document;
+use super::files::{self, FileLight};
 use super::validate::{Brightness, check_camera, check_light, check_positions};
-use super::wire::{CameraWire, LightWire, SceneWire};
-use super::{Camera, Display, Light, Mesh, PAPER_BACKGROUND, Scene, framing, normals};
+use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire};
+use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, framing, normals};
 use crate::error::{Error, Result};
-use framing::Ball;
-use glam::Vec3;
+use framing::{Ball, View};
+use glam::{DVec3, Vec3};
 
 /// A shadow ray starts this part of the scene's diagonal from its surface.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
-/// Builds the scene a document describes.
-pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<String>) -> Result<Scene> {
-    let mut mesh = Mesh::default();
+/// Builds the scene a document describes, for a shot, what it turns about, and where its objects begin.
+pub(super) fn assemble(
+    document: &Document,
+    wire: SceneWire,
+    shot: Shot,
+    notes: &mut Vec<String>,
+) -> Result<(Scene, Orbit, Vec<u32>)> {
+    let Joined { mut mesh, seen, starts } = join(document, &wire, notes)?;
+    let framed = document.bare || wire.camera.is_framed();
+    let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
+    let ball = around.filter(|_| framed);
+    let base = base_camera(&wire.camera, &mesh, ball, seen.camera, shot);
+    let camera = camera(document, &wire.camera, base, ball)?;
+    let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
+    check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
+    match wire.two_sided.unwrap_or(document.bare) {
+        // What is seen from all around is turned as a whole, or some of it would be dark from behind.
+        true if shot.turns => normals::turn_outwards(&mut mesh),
+        true => normals::turn_towards(&mut mesh, camera.position),
+        false => {}
+    }
+    let orbit = Orbit {
+        centre: around.map_or(DVec3::ZERO, |ball| ball.centre),
+        up: wire.camera.upright(),
+        with_lights: document.bare && wire.light.is_none(),
+    };
+    let lights = lights(document, &wire, &seen, &camera, ball, notes);
+    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(&mesh), |bias| bias.0);
+    check_lights(document, &wire, &lights, &Brightness::of(&mesh, lights.len(), shadow_bias))?;
+    let display = Display::default();
+    let display = Display {
+        exposure: wire.display.exposure.map_or(display.exposure, |value| value.0),
+        gamma: wire.display.gamma.map_or(display.gamma, |value| value.0),
+    };
+    let scene = Scene {
+        name: wire.name.unwrap_or_else(|| document.stem.clone()),
+        shadow_bias,
+        mesh,
+        lights,
+        camera,
+        background: match wire.background {
+            None => PAPER_BACKGROUND,
+            Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
+            Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
+        },
+        display,
+    };
+    Ok((scene, orbit, starts))
+}
+
+/// The objects of a scene as one mesh.
+struct Joined {
+    mesh: Mesh,
+    seen: Seen,
+    /// The number of each object's first triangle.
+    starts: Vec<u32>,
+}
+
+fn join(document: &Document, wire: &SceneWire, notes: &mut Vec<String>) -> Result<Joined> {
+    let mut joined = Joined { mesh: Mesh::default(), seen: Seen::default(), starts: Vec::new() };
+    let crease = wire.crease.map(|crease| crease.0);
     for object in &wire.object {
-        let part = objects::build(document, object, notes)?;
-        if mesh.triangles.len() + part.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
+        let file = objects::build(document, object, crease, notes)?;
+        let first = joined.mesh.triangles.len();
+        if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
             let message = format!("more than {} triangles in all", super::shapes::MAX_TRIANGLES);
             return Err(document.error(object.span(), message, "this object is too many"));
         }
-        check_positions(&part).map_err(|error| document.place(object.span(), error, "of this object"))?;
-        mesh.append(part);
+        check_positions(&file.mesh)
+            .map_err(|error| document.place(object.span(), error, "of this object"))?;
+        joined.starts.push(first as u32);
+        if document.bare {
+            joined.starts.extend(file.more_starts.iter().map(|start| start + first as u32));
+            joined.seen.add(file.camera, file.lights, file.origin, notes);
+        }
+        joined.mesh.append(file.mesh);
     }
-    if mesh.triangles.is_empty() {
+    if joined.mesh.triangles.is_empty() {
         return Err(document
             .error(0..0, "the scene has no triangles", "no [[object]] in this file")
-            .with_help("add [[object]] with obj = \"FILE\", shape = \"NAME\", or vertices and faces"));
+            .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
-    let ball = document.bare_ball(&mesh);
-    let camera = camera(document, &wire.camera, &mesh, ball)?;
-    let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
-    check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
-    if document.bare {
-        normals::turn_towards(&mut mesh, camera.position);
-    }
-    let lights = match (&wire.light, ball) {
-        (None, Some(ball)) => framing::lights(&camera, ball),
-        (lights, _) => lights.iter().flatten().map(light).collect::<Vec<_>>(),
+    Ok(joined)
+}
+
+/// The lights of a scene; a bare mesh has those of its file, or a key and a fill.
+fn lights(
+    document: &Document,
+    wire: &SceneWire,
+    seen: &Seen,
+    camera: &Camera,
+    ball: Option<Ball>,
+    notes: &mut Vec<String>,
+) -> Vec<Light> {
+    let lights = match (&wire.light, ball.filter(|_| document.bare)) {
+        (None, Some(ball)) if !seen.lights.is_empty() => {
+            files::lights_of_file(&seen.lights, ball.place(), framing::key_at(ball))
+        }
+        (None, Some(ball)) => framing::lights(camera, ball),
+        (lights, _) => lights.iter().flatten().map(light).collect(),
     };
     if lights.is_empty() {
         notes.push(format!(
@@ -48,27 +122,23 @@ pub(super) fn assemble(document: &Document, wire: SceneWire, notes: &mut Vec<Str
             document.text.lines().count()
         ));
     }
-    let display = Display::default();
-    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(&mesh), |bias| bias.0);
-    let brightness = Brightness::of(&mesh, lights.len(), shadow_bias);
-    for (wire, light) in wire.light.iter().flatten().zip(&lights) {
+    lights
+}
+
+/// Refuses lights of the file that are too far or too bright, at their places in it.
+fn check_lights(
+    document: &Document,
+    wire: &SceneWire,
+    lights: &[Light],
+    brightness: &Brightness,
+) -> Result<()> {
+    for (wire, light) in wire.light.iter().flatten().zip(lights) {
         check_light(light).map_err(|error| document.place(wire.position.span(), error, "this light"))?;
         brightness
             .check(light)
             .map_err(|error| document.place(wire.power.span(), error, "too much for single precision"))?;
     }
-    Ok(Scene {
-        name: wire.name.unwrap_or_else(|| document.stem.clone()),
-        shadow_bias,
-        mesh,
-        lights,
-        camera,
-        background: wire.background.map_or(PAPER_BACKGROUND, |colour| Vec3::from_array(colour.0)),
-        display: Display {
-            exposure: wire.display.exposure.map_or(display.exposure, |value| value.0),
-            gamma: wire.display.gamma.map_or(display.gamma, |value| value.0),
-        },
-    })
+    Ok(())
 }
 
 fn default_bias(mesh: &Mesh) -> f32 {
@@ -80,17 +150,72 @@ fn light(wire: &LightWire) -> Light {
     Light { position: Vec3::from_array(position), power: Vec3::from_array(power) }
 }
 
-/// The camera: what the file leaves out is the paper's, or for a bare mesh the framing's.
-fn camera(document: &Document, wire: &CameraWire, mesh: &Mesh, ball: Option<Ball>) -> Result<Camera> {
-    let base = match ball {
-        Some(ball) => framing::camera(mesh, ball),
-        None => Camera { z_near: 0.0, ..Camera::PAPER },
+/// What a bare mesh's file says of how it is seen.
+#[derive(Default)]
+struct Seen {
+    camera: Option<Camera>,
+    lights: Vec<FileLight>,
+}
+
+impl Seen {
+    fn add(
+        &mut self,
+        camera: Option<Camera>,
+        lights: Vec<FileLight>,
+        origin: DVec3,
+        notes: &mut Vec<String>,
+    ) {
+        self.camera = self.camera.or(camera);
+        self.lights.extend(lights);
+        if origin != DVec3::ZERO {
+            let [x, y, z] = origin.to_array();
+            notes.push(format!("the mesh lies far from its origin: here ({x}, {y}, {z}) is the origin"));
+        }
+    }
+}
+
+impl CameraWire {
+    /// Whether it stands where it sees all of the scene from an angle.
+    fn is_framed(&self) -> bool {
+        self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
+    }
+
+    /// The scene's direction upwards.
+    fn upright(&self) -> DVec3 {
+        let given = self.up.as_ref().map(|up| Vec3::from_array(up.get_ref().0).as_dvec3());
+        given.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
+    }
+}
+
+/// The camera that a file's keys change: the paper's; of what is framed the file's own, or one that sees all of it.
+fn base_camera(
+    wire: &CameraWire,
+    mesh: &Mesh,
+    ball: Option<Ball>,
+    of_file: Option<Camera>,
+    shot: Shot,
+) -> Camera {
+    let Some(ball) = ball else { return Camera { z_near: 0.0, ..Camera::PAPER } };
+    if let Some(camera) = of_file.filter(|_| !wire.is_framed() && wire.up.is_none()) {
+        return camera;
+    }
+    let degrees = |azimuth: Option<f32>| azimuth.map(f64::from);
+    let view = View {
+        up: wire.upright(),
+        azimuth_degrees: degrees(wire.azimuth_degrees.map(|azimuth| azimuth.0)),
+        elevation_degrees: degrees(wire.elevation_degrees.map(|elevation| elevation.0)),
+        shot,
     };
+    framing::camera(mesh, ball, &view)
+}
+
+/// The camera: what the file leaves out is the base's.
+fn camera(document: &Document, wire: &CameraWire, base: Camera, ball: Option<Ball>) -> Result<Camera> {
     let z_near = wire.z_near.map_or(base.z_near, |value| value.0);
     let fov = field_of_view(document, wire)?;
     let (tan_half_fov, fov_is_vertical) = fov.unwrap_or((base.tan_half_fov, base.fov_is_vertical));
     let lens = Camera { tan_half_fov, fov_is_vertical, z_near, ..base };
-    if wire.position.is_none() && wire.look_at.is_none() && wire.up.is_none() {
+    if wire.position.is_none() && wire.look_at.is_none() && (wire.up.is_none() || ball.is_some()) {
         return Ok(lens);
     }
     let given =

@@ -1,5 +1,9 @@
 //! From where a scene is seen, and which ray belongs to which pixel.
 
+mod samples;
+
+pub use samples::pixel_offsets;
+
 use glam::{DVec3, Vec3};
 
 /// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis;
@@ -20,6 +24,8 @@ pub struct Camera {
     pub fov_is_vertical: bool,
     /// Only hits whose depth along `forward` is larger than this are seen.
     pub z_near: f32,
+    /// How far beside its centre a pixel's ray passes, in pixels to the right and down; zero but for one sample of several.
+    pub shift: [f32; 2],
 }
 
 /// The rays of an image: the ray through pixel coordinates (x, y), with centres
@@ -49,6 +55,7 @@ impl Camera {
         tan_half_fov: 1.0,
         fov_is_vertical: false,
         z_near: 0.1,
+        shift: [0.0; 2],
     };
 
     /// A camera at `position` that looks at `target`, with a field of view of less
@@ -78,6 +85,7 @@ impl Camera {
             tan_half_fov: (f64::from(fov_degrees).to_radians() / 2.0).tan() as f32,
             fov_is_vertical,
             z_near: 0.0,
+            shift: [0.0; 2],
         })
     }
 
@@ -88,11 +96,13 @@ impl Camera {
         let (tan_x, tan_y) =
             if self.fov_is_vertical { (tan * width / height, tan) } else { (tan, tan * height / width) };
         let (right, up, forward) = (self.right.as_dvec3(), self.up.as_dvec3(), self.forward.as_dvec3());
+        let (step_x, step_y) = (right * (2.0 * tan_x / width), up * (-2.0 * tan_y / height));
+        let [x, y] = self.shift.map(f64::from);
         PixelFrame {
             eye: self.position.as_dvec3(),
-            corner: forward - right * tan_x + up * tan_y,
-            step_x: right * (2.0 * tan_x / width),
-            step_y: up * (-2.0 * tan_y / height),
+            corner: forward - right * tan_x + up * tan_y + (step_x * x + step_y * y),
+            step_x,
+            step_y,
             z_near: f64::from(self.z_near),
         }
     }

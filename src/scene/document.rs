@@ -1,11 +1,11 @@
 //! A scene file's text, ready to be read, and the mistakes at its lines.
 
-use super::framing::Ball;
-use super::{Mesh, overrides};
+use super::{files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
-use crate::filetype::{FileType, Opened, Wanted};
+use crate::filetype::{MeshFormat, Opened, STANDARD_INPUT, Wanted, unpacked_name};
 use crate::reader::Kind;
 use crate::toml_error::{expectation, toml_error};
+use std::cell::RefCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
@@ -14,7 +14,7 @@ use toml::{Table, Value};
 /// The remedy of a scene file that does not parse.
 pub(super) const KEYS: &str = "docs/scenes.md has every key of a scene, with its type";
 /// The remedy where a scene cannot be read.
-const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj)";
+const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
 /// A scene file's text.
 pub(super) struct Document {
@@ -30,7 +30,12 @@ pub(super) struct Document {
     pub bare: bool,
     /// Whether messages may quote it.
     pub quotes: bool,
+    /// The mesh that it stands for, until it is read: of a pipe there is no second reading.
+    held: RefCell<Option<(PathBuf, Opened)>>,
 }
+
+/// Edges of a bare mesh without normals stay sharp from this angle between their faces on.
+const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
     /// Reads a scene file, or writes the one that a bare mesh stands for.
@@ -39,19 +44,19 @@ impl Document {
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
             return Err(refusal);
         }
-        let bare = match opened.filetype {
-            FileType::Obj => true,
-            FileType::Toml => false,
-            _ => is_named_obj(path),
+        let bare = files::format(&opened, path).is_some();
+        let (text, held) = match bare {
+            true => (bare_text(path)?, Some((path.to_owned(), opened))),
+            false => (read_text(path, opened)?, None),
         };
-        let text = if bare { bare_text(path)? } else { read_text(path, opened)? };
         let mut document = Self {
             name: path.display().to_string(),
             text,
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
-            stem: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            stem: stem(path),
             bare,
             quotes,
+            held: RefCell::new(held),
         };
         if !overrides.is_empty() {
             document.set(overrides)?;
@@ -61,9 +66,16 @@ impl Document {
 
     /// A remark for a file that holds something else than its name says.
     pub fn unexpected_ending(&self, path: &Path) -> Option<String> {
-        let held = if self.bare { "an OBJ mesh" } else { "a scene (TOML)" };
-        let usual = self.bare == is_named_obj(path) || path.extension().is_none();
+        let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
+        let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
+        let held = held.map_or("a scene (TOML)", MeshFormat::name);
         (!usual).then(|| format!("{}: read as {held}, which it holds whatever its name says", path.display()))
+    }
+
+    /// Opens a file that this document names; that of a bare mesh is open already.
+    pub fn open(&self, path: &Path) -> std::io::Result<Opened> {
+        let held = self.held.borrow_mut().take_if(|(held, _)| held == path);
+        held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
     /// The mistake of a file that does not say it is TOML and is not: it is likely none of what raycl reads.
@@ -73,7 +85,7 @@ impl Document {
         }
         let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
         let reason = if self.quotes { format!(": {}", error.message().trim_end()) } else { String::new() };
-        let message = format!("{}:{line}: neither a scene (TOML) nor an OBJ mesh{reason}", self.name);
+        let message = format!("{}:{line}: neither a scene (TOML) nor a mesh{reason}", self.name);
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
@@ -112,15 +124,14 @@ impl Document {
         }
         Error::in_file(&self.name, self.text.as_str(), span, message, label).with_help(KEYS)
     }
-
-    /// The ball a bare mesh is framed by; scenes with a file of their own have none.
-    pub fn bare_ball(&self, mesh: &Mesh) -> Option<Ball> {
-        self.bare.then(|| Ball::around(mesh))
-    }
 }
 
-fn is_named_obj(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"))
+/// A file's name without its endings; standard input has none of its own.
+fn stem(path: &Path) -> String {
+    if path.as_os_str() == STANDARD_INPUT {
+        return "picture".to_owned();
+    }
+    unpacked_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The scene file that a bare mesh stands for.
@@ -129,7 +140,7 @@ fn bare_text(path: &Path) -> Result<String> {
     let file = file.ok_or_else(|| {
         Error::input(format!("{}: the name is not UTF-8", path.display())).with_help("rename the file")
     })?;
-    Ok(format!("[[object]]\nobj = {}\n", Value::from(file)))
+    Ok(format!("crease = {BARE_CREASE_DEGREES}\n\n[[object]]\nmesh = {}\n", Value::from(file)))
 }
 
 fn read_text(path: &Path, opened: Opened) -> Result<String> {
@@ -142,7 +153,7 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let line =
             1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-        Error::input(format!("{}:{line}: not UTF-8; a scene is a TOML file or an .obj file", path.display()))
+        Error::input(format!("{}:{line}: not UTF-8; a scene is a TOML file or a mesh", path.display()))
             .with_help("save it as UTF-8")
     })
 }

@@ -7,22 +7,26 @@
 mod assemble;
 mod camera;
 mod document;
+mod facing;
+mod files;
 mod framing;
 mod load;
 mod material;
 mod mesh;
 mod normals;
 mod obj;
+mod orbit;
 mod overrides;
 mod shapes;
 mod transform;
 mod validate;
 mod wire;
 
-pub use camera::{Camera, PixelFrame};
-pub use load::{Loaded, load_scene, load_scene_named_in, load_scene_with};
+pub use camera::{Camera, PixelFrame, pixel_offsets};
+pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};
+pub use orbit::Orbit;
 pub use shapes::{Shape, generate};
 pub use validate::MAX_COORDINATE;
 
@@ -49,6 +53,19 @@ pub struct Display {
 impl Default for Display {
     fn default() -> Self {
         Self { exposure: 15.0, gamma: 2.2 }
+    }
+}
+
+impl Display {
+    /// Radiance that is shown as a colour of 255 a channel.
+    pub fn radiance_of(self, colour: [u8; 3]) -> Vec3 {
+        // Half a step on, as values are truncated.
+        let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
+        let radiance = |value| shown(value).powf(self.gamma.into()) / f64::from(self.exposure);
+        let [red, green, blue] = colour.map(|value| radiance(value) as f32);
+        let radiance = Vec3::new(red, green, blue);
+        // Nothing is shown without exposure.
+        if radiance.is_finite() { radiance } else { Vec3::ZERO }
     }
 }
 

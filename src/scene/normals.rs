@@ -1,5 +1,7 @@
 //! Normals where a mesh has none, and in place of those that are no direction.
 
+mod creases;
+
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -7,10 +9,19 @@ use rayon::prelude::*;
 /// In `Triangle::normals`, while a mesh is made: to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Gives every corner a finite normal that is not zero, in linear time.
-pub(super) fn complete(mesh: &mut Mesh) {
-    if mesh.triangles.iter().any(|triangle| triangle.normals.contains(&MISSING)) {
+/// Gives every corner a finite normal that is not zero, in linear time. Those made for a mesh that has none are smooth; with a
+/// crease angle in degrees only over edges that are no sharper.
+pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
+    let without: Vec<u32> = (0..)
+        .zip(&mesh.triangles)
+        .filter(|(_, triangle)| triangle.normals.contains(&MISSING))
+        .map(|(number, _)| number)
+        .collect();
+    if !without.is_empty() {
         generate(mesh);
+        if let Some(degrees) = crease_degrees {
+            creases::sharpen(mesh, &without, degrees);
+        }
     }
     mesh.normals.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(|normal| *normal = tame(*normal));
     replace_zero(mesh);
@@ -46,6 +57,21 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     mesh.normals[count as usize..].iter_mut().for_each(|normal| *normal = -*normal);
     for (triangle, _) in mesh.triangles.iter_mut().zip(turned).filter(|(_, turned)| *turned) {
         triangle.normals = triangle.normals.map(|index| index + count);
+    }
+}
+
+/// Turns all normals of a mesh whose surface faces inwards, by the volume that it encloses.
+pub(super) fn turn_outwards(mesh: &mut Mesh) {
+    let centre = mesh.bounds().map_or(DVec3::ZERO, |(low, high)| (low.as_dvec3() + high.as_dvec3()) / 2.0);
+    let outwards = |triangle: &Triangle| {
+        let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3() - centre);
+        let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|n| n.as_dvec3()).sum();
+        let volume = a.dot(b.cross(c)).abs();
+        if shading.dot(a + b + c) < 0.0 { -volume } else { volume }
+    };
+    let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+    if triangles.map(outwards).sum::<f64>() < 0.0 {
+        mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
     }
 }
 
@@ -121,7 +147,7 @@ mod tests {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
         for (normals, indices) in [(vec![], [MISSING; 3]), (vec![Vec3::ZERO, Vec3::X], [0, 0, 1])] {
             let mut mesh = triangle(corners, normals, indices);
-            complete(&mut mesh);
+            complete(&mut mesh, None);
             assert_eq!(mesh.corner_normals(&mesh.triangles[0])[0], Vec3::Z);
         }
     }
@@ -130,7 +156,7 @@ mod tests {
     fn triangles_without_area_get_a_unit_normal() {
         for corners in [[Vec3::ONE; 3], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0]] {
             let mut mesh = triangle(corners, vec![], [MISSING; 3]);
-            complete(&mut mesh);
+            complete(&mut mesh, None);
             assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-6));
         }
     }
@@ -139,7 +165,7 @@ mod tests {
     fn normals_of_any_size_stay_within_f32() {
         let mut mesh =
             triangle([Vec3::ZERO, Vec3::X, Vec3::Y], vec![Vec3::Z * 1e38, Vec3::X * 1e-40], [0, 1, 0]);
-        complete(&mut mesh);
+        complete(&mut mesh, None);
         assert_eq!(mesh.normals, [Vec3::Z, Vec3::X]);
     }
 

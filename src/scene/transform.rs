@@ -20,16 +20,17 @@ impl Transform {
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 
-    /// Moves positions and turns normals with them.
-    pub fn apply(&self, mesh: &mut Mesh) {
+    /// Moves positions, from each of which `origin` was taken, and turns normals with them.
+    pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
         // A mesh that stays must keep its bits: the paper's scenes are given in exact numbers.
-        if *self == Self::IDENTITY {
+        if *self == Self::IDENTITY && origin == DVec3::ZERO {
             return;
         }
         let [x, y, z] = self.rotation_degrees.as_dvec3().to_array().map(f64::to_radians);
         let rotation = DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
         let (scale, translation) = (self.scale.as_dvec3(), self.translation.as_dvec3());
-        let place = |p: &mut Vec3| *p = (rotation * (p.as_dvec3() * scale) + translation).as_vec3();
+        let place =
+            |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(place);
         // Normals go with the inverse transpose; its size does not matter, its range does.
         let inverse = scale.abs().min_element() / scale;
@@ -61,7 +62,7 @@ mod tests {
         let quarter = Vec3::new(90.0, 90.0, 0.0);
         let transform =
             Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: Vec3::ONE };
-        transform.apply(&mut mesh);
+        transform.apply(&mut mesh, DVec3::ZERO);
         // y turns to z about x, and z to x about y.
         assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
         assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
@@ -71,7 +72,7 @@ mod tests {
     fn a_squeezed_and_mirrored_sphere_keeps_its_normals_outside() {
         let mut mesh = generate(&Shape::Sphere { triangles: 400 });
         let scale = Vec3::new(-3.0, 0.5, 1.0);
-        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh);
+        Transform { scale, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
         for triangle in &mesh.triangles {
             let [a, b, c] = mesh.corners(triangle);
             let face = (b - a).cross(c - a);

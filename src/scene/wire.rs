@@ -18,7 +18,9 @@ pub(super) struct SceneWire {
     #[serde(default)]
     pub object: Vec<Spanned<ObjectWire>>,
     pub light: Option<Vec<LightWire>>,
-    pub background: Option<Triple<NonNegative>>,
+    pub background: Option<BackgroundWire>,
+    pub two_sided: Option<bool>,
+    pub crease: Option<Number<Crease>>,
     pub shadow_bias: Option<Number<NonNegative>>,
     #[serde(default)]
     pub display: DisplayWire,
@@ -33,11 +35,14 @@ pub(super) struct CameraWire {
     pub fov_x_degrees: Option<Spanned<Number<Angle>>>,
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
     pub z_near: Option<Number<NonNegative>>,
+    pub azimuth_degrees: Option<Number<Finite>>,
+    pub elevation_degrees: Option<Number<Elevation>>,
 }
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ObjectWire {
+    #[serde(alias = "mesh")]
     pub obj: Option<Spanned<String>>,
     pub shape: Option<Spanned<String>>,
     pub triangles: Option<Spanned<u32>>,
@@ -52,6 +57,7 @@ pub(super) struct ObjectWire {
     pub translation: Option<Vector>,
     #[serde(default)]
     pub flat: bool,
+    pub crease: Option<Spanned<Number<Crease>>>,
     pub material: Option<MaterialWire>,
     pub outside_materials: Option<Spanned<bool>>,
 }
@@ -114,8 +120,71 @@ ranges! {
     Positive: "a finite number of more than 0", |value| value > 0.0;
     /// For scales.
     NonZero: "a finite number other than 0", |value| value != 0.0;
+    /// For how high a camera stands.
+    Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value);
+    /// For angles between faces.
+    Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value);
     /// For fields of view; near the ends their tangent leaves f32.
     Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99;
+}
+
+/// Radiance, or a colour as displays have it.
+#[derive(Clone, Copy)]
+pub(super) enum BackgroundWire {
+    Radiance([f32; 3]),
+    /// Red, green and blue of 255.
+    Displayed([u8; 3]),
+}
+
+impl<'de> Deserialize<'de> for BackgroundWire {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let visitor = TripleVisitor::<NonNegative> { single: true, range: PhantomData };
+        deserializer.deserialize_any(BackgroundVisitor(visitor))
+    }
+}
+
+struct BackgroundVisitor(TripleVisitor<NonNegative>);
+
+impl<'de> Visitor<'de> for BackgroundVisitor {
+    type Value = BackgroundWire;
+
+    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        out.write_str("a display colour such as \"#203040\", or radiance: ")?;
+        self.0.expecting(out)
+    }
+
+    fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<BackgroundWire, E> {
+        let wrong = || E::custom(format!("{text:?} is not a display colour such as \"#203040\""));
+        displayed(text).map(BackgroundWire::Displayed).ok_or_else(wrong)
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<BackgroundWire, E> {
+        self.0.visit_f64(value).map(BackgroundWire::Radiance)
+    }
+
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<BackgroundWire, E> {
+        self.0.visit_i64(value).map(BackgroundWire::Radiance)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, sequence: A) -> Result<BackgroundWire, A::Error> {
+        self.0.visit_seq(sequence).map(BackgroundWire::Radiance)
+    }
+}
+
+/// `#203040`, `#234`, `black` or `white`.
+fn displayed(text: &str) -> Option<[u8; 3]> {
+    match text {
+        "black" => return Some([0; 3]),
+        "white" => return Some([255; 3]),
+        _ => {}
+    }
+    let digits = text.strip_prefix('#').filter(|digits| digits.is_ascii())?;
+    let channel = |part: &str| u8::from_str_radix(part, 16).ok();
+    match digits.len() {
+        6 => Some([channel(&digits[..2])?, channel(&digits[2..4])?, channel(&digits[4..])?]),
+        3 => Some([channel(&digits[..1])? * 17, channel(&digits[1..2])? * 17, channel(&digits[2..])? * 17]),
+        _ => None,
+    }
 }
 
 /// A number in a range.

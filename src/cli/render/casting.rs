@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::image::Radiance;
 use crate::launch::{FrameTimes, Prepared, Refused};
 use crate::measure::Summary;
-use crate::scene::Display;
+use crate::scene::{Camera, Display, pixel_offsets};
 use image::RgbImage;
 
 /// An image as it is saved.
@@ -25,6 +25,8 @@ pub struct Cast {
     pub from_cache: bool,
     pub records_ms: f64,
     pub read_ms: f64,
+    /// Samples of each pixel.
+    pub samples: u32,
 }
 
 /// The first frame pays for memory that is touched, and often for code that is compiled, for the first time: it
@@ -36,7 +38,7 @@ pub fn cast(
     args: &Args,
     device: &Device,
     prepared: &Prepared,
-    shown: Option<Display>,
+    (camera, shown): (&Camera, Option<Display>),
     timeline: &mut Timeline,
 ) -> Result<Cast> {
     let refused = |refused: Refused| refused.into_error(&device.info.name);
@@ -45,7 +47,18 @@ pub fn cast(
     timeline.ends_with("buffers", &[("records", records_ms)]);
     // A picture alone disturbs, but it is no measurement: it never waits.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let frame = || caster.cast().map_err(Refused::at("the launch")).map_err(refused);
+    let offsets = pixel_offsets(args.samples);
+    let mut summed = None;
+    let mut frame = || -> Result<FrameTimes> {
+        let launched = Refused::at("the launch");
+        if offsets.len() == 1 {
+            return caster.cast().map_err(launched).map_err(refused);
+        }
+        let (image, hits, times) =
+            caster.cast_samples(camera, &offsets).map_err(launched).map_err(refused)?;
+        summed = Some((image, hits));
+        Ok(times)
+    };
     let first = frame()?;
     // Some drivers compile a kernel when it is first launched: that is build time too.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
@@ -57,6 +70,10 @@ pub fn cast(
     timeline.ends("casting");
     let unreadable = Refused::at("reading the image");
     let read = || -> std::result::Result<(Picture, usize), Refused> {
+        // The mean of several samples is here already.
+        if let Some((image, hits)) = summed {
+            return Ok((Picture::Radiance(image), hits));
+        }
         let shown =
             shown.map(|display| caster.read_shown(display)).transpose().map_err(&unreadable)?.flatten();
         if let Some((picture, hits)) = shown {
@@ -69,7 +86,8 @@ pub fn cast(
     timeline.ends("read");
     let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
-    Ok(Cast { image, hits, times: medians(&frames), from_cache, records_ms, read_ms })
+    let (times, samples) = (medians(&frames), args.samples);
+    Ok(Cast { image, hits, times, from_cache, records_ms, read_ms, samples })
 }
 
 /// The medians of each part.

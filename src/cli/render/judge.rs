@@ -3,8 +3,8 @@
 use super::report::Verified;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
-use crate::reference::reference;
-use crate::scene::Scene;
+use crate::reference::reference_of_samples;
+use crate::scene::{Scene, pixel_offsets};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
@@ -21,14 +21,15 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     )))
 }
 
-/// Compares a picture, and the number of its pixels that hit something, with the reference.
+/// Compares a picture of so many samples a pixel, and the number of its pixels that hit something, with the reference.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
-    strategy: &Strategy,
+    (strategy, samples): (&Strategy, u32),
     saved: &Path,
 ) -> Result<Verified> {
-    let expected = reference(scene, [image.width, image.height], strategy.culling);
+    let size = [image.width, image.height];
+    let expected = reference_of_samples(scene, size, strategy.culling, &pixel_offsets(samples));
     let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {

@@ -1,13 +1,13 @@
 //! Reading the scene while the driver starts, and building the program that it will probably need.
 
 use super::timeline::Timeline;
-use super::{Args, guess, scene_overrides, strategy, timed};
+use super::{Args, guess, load, strategy, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::launch::{HostTree, Queue};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
-use crate::scene::{Loaded, Scene, load_scene_with};
+use crate::scene::{Loaded, Scene};
 use crate::strategy::{Strategy, Workload};
 use std::sync::mpsc::channel;
 
@@ -44,7 +44,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     std::thread::scope(|scope| {
         let (found, device_found) = channel();
         let scene = scope.spawn(move || {
-            let (loaded, load_ms) = timed(|| load_scene_with(&args.scene, &scene_overrides(args)?));
+            let (loaded, load_ms) = timed(|| load(args));
             let tree = |loaded: &Loaded| early_tree(args, &device_found.recv().ok()?, &loaded.scene);
             let tree = loaded.as_ref().ok().and_then(tree);
             (loaded, load_ms, tree)

@@ -30,6 +30,8 @@ pub struct Report {
     pub local_size: [u32; 2],
     /// Pixels across and down.
     pub image_size: [u32; 2],
+    /// Samples of each pixel; device times are of all together.
+    pub samples: u32,
     /// Reading the scene and making its triangles.
     pub load_ms: f64,
     /// Waiting, after the scene was read, for the drivers to list their devices and the device to open.
@@ -109,9 +111,10 @@ impl Report {
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let [width, height] = workload.image_size;
-        let (pixels, triangles) = (f64::from(width) * f64::from(height), scene.mesh.triangles.len());
+        let triangles = scene.mesh.triangles.len();
+        let pixels = f64::from(width) * f64::from(height) * f64::from(cast.samples);
         let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
-        let shadow_rays = (cast.hits * scene.lights.len()) as f64;
+        let shadow_rays = (cast.hits * scene.lights.len()) as f64 * f64::from(cast.samples);
         let per_s = |count: f64, ms: f64| count / ms * 1e3;
         Self {
             scene: scene.name.clone(),
@@ -132,6 +135,7 @@ impl Report {
             shade_ms: cast.times.shade_ms,
             frame_ms: cast.times.frame_ms,
             read_ms: cast.read_ms,
+            samples: cast.samples,
             frame_rays_per_s: per_s(pixels + shadow_rays, cast.times.frame_ms),
             primary_rays_per_s: cast.times.primary_ms.map(|ms| per_s(pixels, ms)),
             shadow_rays_per_s: cast.times.shadow_ms.map(|ms| per_s(shadow_rays, ms)),

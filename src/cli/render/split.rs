@@ -3,14 +3,14 @@
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
 use super::report::Verified;
-use super::{Args, ms_since, scene_overrides, strategy, target, timed};
+use super::{Args, load, ms_since, strategy, target, timed};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
 use crate::image::{check_target, save};
 use crate::launch::{Share, Split};
 use crate::program::Sources;
-use crate::scene::{Loaded, load_scene_with};
+use crate::scene::Loaded;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
     check_target(&target)?;
-    let Loaded { scene, notes } = load_scene_with(&args.scene, &scene_overrides(args)?)?;
+    let Loaded { scene, notes, .. } = load(args)?;
     let scene = Arc::new(scene);
     let sources = Sources::of(args.cl_dir.clone())?;
     let found = discover(&sources)?;
@@ -104,7 +104,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     saved?;
     refuse_not_finite(&image, target.path())?;
     let verified =
-        args.verify.then(|| check(&scene, (&image, hits), &strategy, target.path())).transpose()?;
+        args.verify.then(|| check(&scene, (&image, hits), (&strategy, 1), target.path())).transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let rays = f64::from(args.width) * f64::from(args.height) + (hits * scene.lights.len()) as f64;
@@ -127,6 +127,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         notes,
     };
     match (args.json, args.quiet) {
+        _ if target.is_standard_output() => super::super::tell(args.quiet, text(&report)),
         (true, _) => super::super::print_json(&report),
         (false, true) => Ok(()),
         (false, false) => super::super::print(text(&report)),

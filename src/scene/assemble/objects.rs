@@ -1,48 +1,52 @@
 //! One `[[object]]`: a file, a shape or triangles of its own, placed and painted.
 
 use crate::error::{Error, Result, line_of, nearest, nearest_file};
-use crate::filetype::{Opened, Wanted};
+use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
 use crate::scene::document::Document;
+use crate::scene::files::{self, MeshFile};
 use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
 use crate::scene::wire::{MaterialWire, ObjectWire};
 use crate::scene::{Material, Mesh, PAPER_GLOSSY, PAPER_SHININESS, Triangle, obj};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
-/// The object's triangles in the scene's space.
+/// The object's triangles in the scene's space; `crease` is the angle of meshes that have none of their own.
 pub(super) fn build(
     document: &Document,
     object: &Spanned<ObjectWire>,
+    crease: Option<f32>,
     notes: &mut Vec<String>,
-) -> Result<Mesh> {
+) -> Result<MeshFile> {
     let (wire, span) = (object.get_ref(), object.span());
     refuse_strays(document, wire)?;
-    let mut mesh = match (&wire.obj, &wire.shape, &wire.vertices) {
+    let made = |mesh| MeshFile { mesh, ..MeshFile::default() };
+    let mut file = match (&wire.obj, &wire.shape, &wire.vertices) {
         (Some(file), None, None) => {
             let beyond = wire.outside_materials.as_ref().is_some_and(|allowed| *allowed.get_ref());
-            read_obj(document, file, beyond, notes)?
+            read_file(document, file, beyond, notes)?
         }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
             room_for(&shape)
                 .map_err(|error| document.place(name.span(), error, "too fine for this machine"))?;
-            shapes::generate(&shape)
+            made(shapes::generate(&shape))
         }
-        (None, None, Some(vertices)) => inline(document, wire, vertices)?,
+        (None, None, Some(vertices)) => made(inline(document, wire, vertices)?),
         _ => {
-            let message = "an object is one of: obj = \"FILE\", shape = \"NAME\", vertices and faces";
+            let message = "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces";
             return Err(document.error(span, message, "none or several of them here"));
         }
     };
+    normals::complete(&mut file.mesh, wire.crease.as_ref().map(|crease| crease.get_ref().0).or(crease));
     if wire.flat {
-        normals::flatten(&mut mesh);
+        normals::flatten(&mut file.mesh);
     }
     let vector = |values: Option<[f32; 3]>, default| values.map_or(default, Vec3::from_array);
     let transform = Transform {
@@ -50,11 +54,13 @@ pub(super) fn build(
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    transform.apply(&mut mesh);
+    // A bare mesh stays around its own middle.
+    let origin = if document.bare { DVec3::ZERO } else { file.origin };
+    transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
-        mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
+        file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
     }
-    Ok(mesh)
+    Ok(file)
 }
 
 /// The material with what the file says in place of its own. One of k_g and
@@ -68,12 +74,12 @@ fn paint(base: &Material, wire: &MaterialWire) -> Material {
     Material::blinn_phong(lambertian, glossy, wire.shininess.map_or(PAPER_SHININESS, |s| s.0))
 }
 
-fn read_obj(
+fn read_file(
     document: &Document,
     file: &Spanned<String>,
     beyond: bool,
     notes: &mut Vec<String>,
-) -> Result<Mesh> {
+) -> Result<MeshFile> {
     let path = document.folder.join(file.get_ref());
     if !document.bare && !path.is_file() {
         let message = format!("no mesh file `{}`", path.display());
@@ -83,24 +89,30 @@ fn read_obj(
             meant.unwrap_or_default()
         )));
     }
+    let opened = document
+        .open(&path)
+        .map_err(|error| Error::unreadable("mesh", &path, &error, "give the path of a mesh"))?;
     if !document.bare {
-        refuse_foreign(document, file, &path)?;
+        refuse_foreign(document, file, &path, &opened)?;
     }
     // A bare mesh was named on the command line.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
-    let read = obj::read(&path, Permitted { beyond, quotes })?;
-    for note in read.notes.into_iter().map(|note| format!("{}: {note}", path.display())) {
+    let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
+    let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
+    if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
+        read.notes.push("its cameras and lights are not used: those of the scene are".to_owned());
+    }
+    for note in read.notes.drain(..).map(|note| format!("{}: {note}", path.display())) {
         // A mesh in several objects is told of once.
         if !notes.contains(&note) {
             notes.push(note);
         }
     }
-    Ok(read.mesh)
+    Ok(read)
 }
 
 /// Refuses a file that is no mesh, naming the line that asks for it in the fewest words.
-fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path) -> Result<()> {
-    let Ok(opened) = Opened::at(path) else { return Ok(()) };
+fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let line = line_of(&document.text, file.span().start);
     let name = format!("{}:{line}: {}", document.name, path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
@@ -122,10 +134,12 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
         ("face_normals", wire.face_normals.as_ref().map(Spanned::span)),
     ]);
     let of_obj = wire.outside_materials.as_ref().map(|key| ("outside_materials", key.span()));
+    let of_meshes = wire.crease.as_ref().map(|key| ("crease", key.span()));
     let stray = of_shapes
         .filter(|_| wire.shape.is_none())
         .map(|found| (found, "shape"))
-        .or(of_obj.filter(|_| wire.obj.is_none()).map(|found| (found, "obj")))
+        .or(of_obj.filter(|_| wire.obj.is_none()).map(|found| (found, "mesh")))
+        .or(of_meshes.filter(|_| wire.shape.is_some()).map(|found| (found, "mesh` or `vertices")))
         .or(of_vertices.filter(|_| wire.vertices.is_none()).map(|found| (found, "vertices")));
     match stray {
         Some(((key, span), owner)) => {
@@ -192,7 +206,6 @@ fn inline(
     if mesh.triangles.is_empty() {
         return Err(document.error(faces.span(), "`faces` is empty: no triangles", "here"));
     }
-    normals::complete(&mut mesh);
     Ok(mesh)
 }
 

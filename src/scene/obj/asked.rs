@@ -10,7 +10,7 @@ const TOLD_NAMES: usize = 8;
 
 /// A kind of thing that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Wish {
+pub(in crate::scene) enum Wish {
     Texture,
     Transparency,
     Emission,
@@ -21,6 +21,8 @@ pub(super) enum Wish {
     ShadowCatcher,
     UnknownModel,
     Physical,
+    Metal,
+    Shine,
     Ambient,
     Lines,
     Points,
@@ -34,7 +36,7 @@ impl Wish {
     /// What is asked for, and what is done in its place.
     fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "colours are those of Kd and Ks alone"),
+            Self::Texture => ("textures", "each material has one colour"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Emission => ("emitted light", "only lights of the scene shine"),
             Self::Reflection => ("mirror reflections", "surfaces show lights only"),
@@ -44,6 +46,8 @@ impl Wish {
             Self::ShadowCatcher => ("an invisible surface for shadows", "it is seen"),
             Self::UnknownModel => ("a model of light unknown here", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
+            Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),
+            Self::Shine => ("ways to shine", "surfaces are diffuse, in their base colour"),
             Self::Ambient => ("ambient light", "there is none"),
             Self::Lines => ("lines", "only faces are seen"),
             Self::Points => ("points", "only faces are seen"),
@@ -57,7 +61,7 @@ impl Wish {
 
 /// How often each kind of thing is asked for, and by which keywords.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Asked(BTreeMap<Wish, Count>);
+pub(in crate::scene) struct Asked(BTreeMap<Wish, Count>);
 
 #[derive(Clone, Debug, Default)]
 struct Count {
@@ -135,7 +139,7 @@ impl Asked {
 }
 
 /// `1 material`, `2 materials`, `12,345 vertices`.
-pub(super) fn counted(count: usize, what: &str) -> String {
+pub(in crate::scene) fn counted(count: usize, what: &str) -> String {
     let digits = count.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
     let what = match (count, what) {

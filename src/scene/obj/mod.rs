@@ -18,64 +18,37 @@ mod polygon;
 mod text;
 mod wishes;
 
+use super::files::{MeshFile, origin_of};
 use super::mesh::{Mesh, Triangle};
-use super::normals;
 use crate::error::{Error, Result};
-use crate::memory::Available;
-use crate::reader::{self, Kind};
 use faces::{FaceChunk, FaceContext};
-use mtl::Reach;
+use glam::{DVec3, Vec3};
 use points::PointChunk;
 use rayon::prelude::*;
-use std::path::Path;
-use text::{Mistake, Source};
+use text::{Chunk, Mistake, Source};
 
+pub(in crate::scene) use asked::{Asked, Wish, counted};
+pub(in crate::scene) use mtl::Reach;
+pub(in crate::scene) use notes::of_materials as note_materials;
 pub(in crate::scene) use polygon::triangulate;
-
-/// Text, points and triangles, the last two twice for a moment, take about this many times the file's length
-/// (measured: 3.2 for dragons of 202,520 and 810,080 triangles, 2026-11-20).
-const READING_FACTOR: u64 = 4;
-
-/// What an OBJ file held, and what in it was passed over.
-pub(super) struct ObjFile {
-    /// Triangles with normals everywhere.
-    pub mesh: Mesh,
-    /// Sentences for the user.
-    pub notes: Vec<String>,
-}
+pub(in crate::scene) use text::{decimal, quoted};
 
 /// What reading a mesh may touch and tell.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Permitted {
+pub(in crate::scene) struct Permitted {
     /// MTL files outside of the mesh's folder.
     pub beyond: bool,
     /// Messages that quote the mesh.
     pub quotes: bool,
 }
 
-/// Reads an OBJ file and the MTL files it names: those in its folder, or with `beyond` any.
-pub(super) fn read(path: &Path, permitted: Permitted) -> Result<ObjFile> {
-    let unreadable = |e| Error::unreadable("mesh", path, &e, "give the path of a mesh (.obj)");
-    let file = reader::open(path).map_err(unreadable)?;
-    let length = file.metadata().map_err(unreadable)?.len();
-    let what = format!("reading {}", path.display());
-    Available::read().hold(
-        READING_FACTOR * length,
-        &what,
-        &format!("{READING_FACTOR} B x {length} bytes of text"),
-    )?;
-    let bytes = reader::rest(file, Vec::new(), Kind::Mesh).map_err(unreadable)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&path.display().to_string(), Reach { folder, permitted }, &bytes)
-}
-
 /// Reads OBJ text called `name`, and the MTL files in reach that it names.
-fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
+pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let text = text::normalise(bytes);
     let quotes = reach.permitted.quotes;
     let source = Source { name, text: &text, quotes };
     let chunks = text::chunks(&text);
-    let points: Vec<PointChunk> = in_order(&source, chunks.par_iter().map(points::read).collect())?;
+    let (points, origin) = read_points(&source, &chunks)?;
     let mut notes = Vec::new();
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
@@ -110,8 +83,21 @@ fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<ObjFile> {
     faces::note_unknown_materials(&faces, quotes, &mut notes);
     notes::of_statements(&points, &mesh, quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
-    normals::complete(&mut mesh);
-    Ok(ObjFile { mesh, notes })
+    Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+}
+
+/// The points of all pieces, and what was taken off them: of a mesh far from its origin they are read twice, the second
+/// time in double precision.
+fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, DVec3)> {
+    let read =
+        |origin| in_order(source, chunks.par_iter().map(|chunk| points::read(chunk, origin)).collect());
+    let points: Vec<PointChunk> = read(DVec3::ZERO)?;
+    let bounds = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+    let (low, high) = bounds.unwrap_or((Vec3::ZERO, Vec3::ZERO));
+    match origin_of(low.as_dvec3(), high.as_dvec3()) {
+        DVec3::ZERO => Ok((points, DVec3::ZERO)),
+        origin => Ok((read(origin)?, origin)),
+    }
 }
 
 /// The chunks' results, or the mistake that comes first in the file.

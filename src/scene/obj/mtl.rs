@@ -22,7 +22,7 @@ pub(super) struct Materials {
 
 /// Where MTL files may be read from: an OBJ from elsewhere must not read any file.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reach<'a> {
+pub(in crate::scene) struct Reach<'a> {
     /// The mesh's folder, which names are relative to.
     pub folder: &'a Path,
     /// What else may be read, and what be told.
@@ -67,7 +67,7 @@ impl Reach<'_> {
     }
 
     /// The file behind a name, links followed, if it may be read.
-    fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
+    pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
         let path = self.folder.join(name.replace('\\', "/")).canonicalize();
         match path {

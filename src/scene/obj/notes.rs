@@ -33,7 +33,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
 }
 
 /// Notes of the materials that some triangle has.
-pub(super) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
+pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     if asked.iter().all(Asked::is_empty) {
         return;
     }

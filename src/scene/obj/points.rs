@@ -1,10 +1,10 @@
 //! The first pass: vertices, normals, which materials are spoken of, and what is asked for that is not done.
 
 use super::asked::Asked;
-use super::text::{Chunk, Mistake, keyword, number, quoted, tokens, words};
+use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::MAX_COORDINATE;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
 /// What a piece of the file says before its faces are read.
@@ -24,13 +24,25 @@ pub(super) struct PointChunk {
     pub asked: Asked,
 }
 
-pub(super) fn read(chunk: &Chunk) -> Result<PointChunk, Mistake> {
+impl PointChunk {
+    /// The smallest and the largest position.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let first = *self.positions.first()?;
+        Some(self.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
+    }
+}
+
+/// Positions are those of the file less an origin.
+pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
             (b"v", rest) => {
                 let mut tokens = tokens(rest);
-                points.positions.push(position(offset, &mut tokens)?);
+                points.positions.push(match origin {
+                    DVec3::ZERO => position(offset, &mut tokens)?,
+                    _ => relative(offset, &mut tokens, origin)?,
+                });
                 // One more number is a weight; three are a colour.
                 points.colours += usize::from(tokens.nth(2).is_some());
             }
@@ -66,6 +78,23 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
         position.x, position.y, position.z
     );
     Err(Mistake::new(offset, message))
+}
+
+/// A position of a mesh far from its origin, which was read before in single precision.
+fn relative<'a>(
+    offset: usize,
+    tokens: &mut impl Iterator<Item = &'a [u8]>,
+    origin: DVec3,
+) -> Result<Vec3, Mistake> {
+    let mut values = [0.0; 3];
+    for value in &mut values {
+        let token = tokens.next().unwrap_or_default();
+        let what = || {
+            Mistake::new(offset, format!("{} in a vertex; expected a finite decimal number", quoted(token)))
+        };
+        *value = decimal(token).ok_or_else(what)?;
+    }
+    Ok((DVec3::from_array(values) - origin).as_vec3())
 }
 
 /// The first three numbers; a weight or a colour may follow.

@@ -1,10 +1,20 @@
 //! Odd and bad files, and `tobj` as the oracle for good ones.
 
 use super::*;
+use crate::filetype::Opened;
+use crate::scene::{files, normals};
 use proptest::prelude::*;
+use std::path::Path;
 
-fn read(text: &str) -> Result<ObjFile> {
-    parse("test.obj", nowhere(), text.as_bytes())
+fn read(text: &str) -> Result<MeshFile> {
+    completed(text.as_bytes())
+}
+
+/// With the normals that are made for it.
+fn completed(bytes: &[u8]) -> Result<MeshFile> {
+    let mut file = parse("test.obj", nowhere(), bytes)?;
+    normals::complete(&mut file.mesh, None);
+    Ok(file)
 }
 
 fn nowhere() -> Reach<'static> {
@@ -55,7 +65,7 @@ fn odd_but_clear_files_are_read() {
         b"o G\xe4nse\nusemtl\ng\np 1\nl 1 2\nfoo bar\nf 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_vec(),
     ];
     for text in same {
-        let file = parse("test.obj", nowhere(), &text).unwrap();
+        let file = completed(&text).unwrap();
         assert_eq!(file.mesh.positions, [glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
         assert_eq!(file.mesh.triangles[0].positions, [0, 1, 2]);
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
@@ -106,7 +116,9 @@ fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     std::os::unix::fs::symlink("/dev/zero", inner.join("endless.mtl")).unwrap();
     let path = inner.join("test.obj");
     std::fs::write(&path, format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
-    let file = super::read(&path, Permitted { beyond, quotes: true }).unwrap();
+    let opened = Opened::at(&path).unwrap();
+    let permitted = Permitted { beyond, quotes: true };
+    let file = files::read(&path, opened, crate::filetype::MeshFormat::Obj, permitted).unwrap();
     let material = *file.mesh.material(&file.mesh.triangles[0]);
     (material != crate::scene::Material::default(), file.notes)
 }

@@ -171,7 +171,7 @@ pub(super) fn words(bytes: &[u8]) -> String {
 }
 
 /// A token as a message shows it: printable, and not the whole of a megabyte.
-pub(super) fn quoted(token: &[u8]) -> String {
+pub(in crate::scene) fn quoted(token: &[u8]) -> String {
     let mut shown: String = words(token).chars().take(40).flat_map(char::escape_default).collect();
     if token.len() > 40 {
         shown.push_str("...");
@@ -183,6 +183,11 @@ pub(super) fn quoted(token: &[u8]) -> String {
 pub(super) fn number(token: &[u8]) -> Option<f32> {
     let parsed = || std::str::from_utf8(token).ok()?.parse().ok();
     short_number(token).or_else(parsed).filter(|value: &f32| value.is_finite())
+}
+
+/// A finite decimal number in double precision.
+pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
+    std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 /// A decimal number of few digits, as most of a mesh are: integer and power of ten are then floats, and one division

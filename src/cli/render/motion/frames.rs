@@ -1,0 +1,121 @@
+//! Which frames, and the numbered pictures that hold them.
+
+use crate::error::{Error, Result};
+use crate::image::{Radiance, frame_key, save_frame};
+use crate::output::{Choice, Target};
+use crate::scene::Display;
+use std::path::{Path, PathBuf};
+
+/// Frames from the first to the last, both included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frames {
+    pub first: u32,
+    pub last: u32,
+}
+
+/// `3..7`, or `3` for one.
+pub fn parse(text: &str) -> std::result::Result<Frames, String> {
+    let (first, last) = text.split_once("..").unwrap_or((text, text));
+    let number = |part: &str| part.trim_start_matches('=').parse::<u32>().ok().filter(|number| *number > 0);
+    match (number(first), number(last)) {
+        (Some(first), Some(last)) if first <= last => Ok(Frames { first, last }),
+        _ => Err("expected the first and the last frame, from 1, such as 1..30".to_owned()),
+    }
+}
+
+impl Frames {
+    /// The same, if there are so many frames.
+    pub fn within(self, count: u32) -> Result<Self> {
+        if self.last <= count {
+            return Ok(self);
+        }
+        let message = format!("--frames {}..{}, but --turntable has {count} frames", self.first, self.last);
+        Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
+    }
+
+    pub fn numbers(self) -> impl Iterator<Item = u32> {
+        self.first..=self.last
+    }
+
+    pub fn len(self) -> u32 {
+        self.last - self.first + 1
+    }
+}
+
+/// Numbered pictures: `turn/dragon.png` stands for `turn/dragon-0001.png` and so on.
+#[derive(Debug)]
+pub struct Numbered {
+    path: PathBuf,
+    digits: usize,
+    choice: Choice,
+    wanted: Frames,
+}
+
+impl Numbered {
+    /// Pictures named after a target; its folder must be there.
+    pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
+        let digits = count.to_string().len().max(4);
+        let choice = Choice { force, elsewhere: "-o FILE" };
+        let numbered = Self { path: target.path().to_owned(), digits, choice, wanted };
+        numbered.target(wanted.first).check_folder()?;
+        Ok(numbered)
+    }
+
+    fn file(&self, number: u32) -> PathBuf {
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        self.path.with_file_name(format!("{stem}-{number:0digits$}.png", digits = self.digits))
+    }
+
+    fn target(&self, number: u32) -> Target {
+        Target::new(self.file(number), self.choice)
+    }
+
+    /// What a user is told of them.
+    pub fn name(&self) -> String {
+        let [first, last] = [self.wanted.first, self.wanted.last].map(|number| self.file(number));
+        format!("{} to {}", first.display(), last.display())
+    }
+
+    /// The frames that are not there yet, with their keys. What has a frame's name and is another picture is refused.
+    pub fn missing(&self, keys: &[(u32, String)]) -> Result<Vec<(u32, String)>> {
+        let mut missing = Vec::new();
+        for (number, key) in keys {
+            let file = self.file(*number);
+            match frame_key(&file) {
+                Some(found) if found == *key => continue,
+                Some(_) if !self.choice.force => return Err(other(&file, *number)),
+                _ => self.target(*number).check()?,
+            }
+            missing.push((*number, key.clone()));
+        }
+        Ok(missing)
+    }
+
+    /// Writes a frame with its key.
+    pub fn save(&self, number: u32, key: &str, image: &Radiance, display: Display) -> Result<()> {
+        save_frame(image, display, key, &self.target(number))
+    }
+}
+
+fn other(file: &Path, number: u32) -> Error {
+    let message =
+        format!("'{}' is there, and another picture than frame {number} of this turn", file.display());
+    Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_ends_are_included() {
+        let frames = parse("3..5").unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(frames.numbers().collect::<Vec<_>>(), [3, 4, 5]);
+        assert_eq!((frames.len(), parse("7").map(Frames::len)), (3, Ok(1)));
+        assert_eq!(parse("3..=5"), Ok(frames));
+        assert!(frames.within(5).is_ok() && frames.within(4).is_err());
+        for wrong in ["", "0..4", "5..3", "..", "a..b", "1..", "-1..2"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! A file that is open: what it is, and its bytes, unpacked where it is packed.
+
+use super::FileType;
+use crate::memory::Available;
+use crate::reader::{self, Kind};
+use flate2::read::MultiGzDecoder;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// How much of a file is looked at.
+const HEAD_BYTES: usize = 1 << 16;
+/// What a gzip file begins with.
+const GZIP: &[u8] = b"\x1f\x8b";
+/// The name that stands for standard input.
+pub const STANDARD_INPUT: &str = "-";
+
+/// A file of which only the first bytes have been read yet; of one that is packed, or no file, all of them.
+#[derive(Debug)]
+pub struct Opened {
+    /// What is still to be read.
+    rest: Option<File>,
+    head: Vec<u8>,
+    /// Bytes of the whole, unpacked.
+    pub length: u64,
+    /// What it is.
+    pub filetype: FileType,
+}
+
+impl Opened {
+    /// Opens an ordinary file, or standard input for `-`, and looks what it is.
+    ///
+    /// # Errors
+    /// What the system says, that it is no ordinary file, or that it is packed and damaged or too large.
+    pub fn at(path: &Path) -> io::Result<Self> {
+        if path.as_os_str() == STANDARD_INPUT {
+            let head = within_memory(io::stdin().lock())?;
+            return if head.starts_with(GZIP) { unpacked(&head[..]) } else { Ok(Self::held(head)) };
+        }
+        let file = reader::open(path)?;
+        let length = file.metadata()?.len();
+        let mut head = Vec::new();
+        (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+        if head.starts_with(GZIP) {
+            return unpacked(head.chain(file));
+        }
+        let filetype = FileType::of(&head, length);
+        Ok(Self { rest: Some(file), head, length, filetype })
+    }
+
+    /// Bytes that are all there is.
+    fn held(bytes: Vec<u8>) -> Self {
+        let length = bytes.len() as u64;
+        let filetype = FileType::of(&bytes[..bytes.len().min(HEAD_BYTES)], length);
+        Self { rest: None, head: bytes, length, filetype }
+    }
+
+    /// The whole file, within the limit of its kind.
+    ///
+    /// # Errors
+    /// As [`reader::rest`].
+    pub fn bytes(self, kind: Kind) -> io::Result<Vec<u8>> {
+        match self.rest {
+            Some(file) => reader::rest(file, self.head, kind),
+            None => reader::within(self.head, kind),
+        }
+    }
+
+    /// The same as text.
+    ///
+    /// # Errors
+    /// What the system says, that it is too large, or that it is not UTF-8.
+    pub fn text(self, kind: Kind) -> io::Result<String> {
+        reader::utf8(self.bytes(kind)?)
+    }
+}
+
+fn unpacked(packed: impl Read) -> io::Result<Opened> {
+    within_memory(MultiGzDecoder::new(packed)).map(Opened::held)
+}
+
+/// All of a stream whose length nobody tells: no more of it than half of what memory there is.
+fn within_memory(stream: impl Read) -> io::Result<Vec<u8>> {
+    let most = Available::read().bytes / 2;
+    let mut bytes = Vec::new();
+    stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        let message = format!("it holds more than the {most} bytes that this machine has room for");
+        return Err(io::Error::new(io::ErrorKind::OutOfMemory, message));
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,128 @@
+//! Layers as files: all of them with the picture in one EXR, or each as a PNG to be looked at.
+
+use super::{COUNT_SCALE_HEIGHT, Radiance, draw_count_scale, save_rgb8, viridis};
+use crate::error::{Error, Result};
+use crate::output::{Target, mark};
+use crate::reference::layers::{Layers, NOTHING};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Text, WritableImage as _,
+};
+use image::{Rgb, RgbImage};
+use std::fs::File;
+use std::io::{BufWriter, Error as IoError, Result as IoResult, Write as _};
+use std::path::{Path, PathBuf};
+
+/// The PNGs' names after the layers' own.
+const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
+
+/// The files that layers are written to under a target's name, or why they cannot be.
+pub fn layer_targets(target: &Target) -> Result<Vec<Target>> {
+    let path = target.path();
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let targets = if ending == "exr" {
+        vec![target.clone()]
+    } else if ending == "png" {
+        NAMES.map(|name| target.renamed(named(path, name))).to_vec()
+    } else {
+        let message = format!("'{}' is no name for layers", path.display());
+        return Err(Error::input(message)
+            .with_help("NAME.exr holds all of them, NAME.png stands for NAME-depth.png and so on"));
+    };
+    targets.iter().try_for_each(Target::check)?;
+    Ok(targets)
+}
+
+fn named(path: &Path, layer: &str) -> PathBuf {
+    path.with_file_name(format!("{}-{layer}.png", path.file_stem().unwrap_or_default().to_string_lossy()))
+}
+
+/// Writes layers and, in an EXR, the picture with them.
+pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Result<()> {
+    if let [all] = targets {
+        return all.write(|file| exr(image, layers, file));
+    }
+    let pictures = [
+        grey(layers),
+        directions(layers),
+        numbers(layers, &layers.triangle),
+        numbers(layers, &layers.object),
+        counts(layers.size, layers.tests.iter().copied()),
+        counts(layers.size, layers.nodes.iter().copied()),
+    ];
+    targets.iter().zip(&pictures).try_for_each(|(target, picture)| save_rgb8(picture, target))
+}
+
+/// One EXR, compressed without loss in blocks of 16 lines (ZIP).
+fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
+    let floats = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+    let words = |name: &str, values: &[u32]| AnyChannel::new(name, FlatSamples::U32(values.to_vec()));
+    let of = |pixels: &[[f32; 3]], channel: usize| pixels.iter().map(|pixel| pixel[channel]).collect();
+    let channels = [
+        floats("R", of(&image.pixels, 0)),
+        floats("G", of(&image.pixels, 1)),
+        floats("B", of(&image.pixels, 2)),
+        floats("Z", layers.depth.clone()),
+        floats("N.X", of(&layers.normal, 0)),
+        floats("N.Y", of(&layers.normal, 1)),
+        floats("N.Z", of(&layers.normal, 2)),
+        words("triangle", &layers.triangle),
+        words("object", &layers.object),
+        words("tests", &layers.tests),
+        words("nodes", &layers.nodes),
+    ];
+    let size = layers.size.map(|side| side as usize);
+    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::default() };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let mut exr = Image::from_encoded_channels((size[0], size[1]), encoding, channels);
+    exr.layer_data.attributes.comments = Some(Text::from(mark::blank().as_str()));
+    let mut writer = BufWriter::new(file);
+    exr.write().to_buffered(&mut writer).map_err(IoError::other)?;
+    writer.flush()
+}
+
+fn picture(layers: &Layers, colour: impl Fn(usize) -> [u8; 3]) -> RgbImage {
+    let [width, height] = layers.size;
+    RgbImage::from_fn(width, height, |x, y| Rgb(colour((y * width + x) as usize)))
+}
+
+/// Depth from white, nearest, to dark grey, farthest; black where nothing is.
+fn grey(layers: &Layers) -> RgbImage {
+    let seen = || layers.depth.iter().copied().filter(|depth| depth.is_finite());
+    let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
+    picture(layers, |pixel| {
+        let part = (far - layers.depth[pixel]) / (far - near).max(f32::MIN_POSITIVE);
+        let value = if layers.depth[pixel].is_finite() { 40.0 + 215.0 * part } else { 0.0 };
+        [value.round() as u8; 3]
+    })
+}
+
+/// Normals: each component from -1 to 1 as a channel from 0 to 255.
+fn directions(layers: &Layers) -> RgbImage {
+    picture(layers, |pixel| match layers.normal[pixel] {
+        [0.0, 0.0, 0.0] => [0; 3],
+        normal => normal.map(|component| (127.5 + 127.5 * component).round() as u8),
+    })
+}
+
+/// Numbers as colours that differ from one to the next; black where nothing is.
+fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
+    picture(layers, |pixel| match numbers[pixel] {
+        NOTHING => [0; 3],
+        number => {
+            // Multiplicative hashing (Knuth, volume 3, section 6.4).
+            let bits = number.wrapping_add(1).wrapping_mul(2_654_435_769).to_be_bytes();
+            [bits[0], bits[1], bits[2]].map(|byte| 48 + byte / 5 * 4)
+        }
+    })
+}
+
+/// A number a pixel in false colour, dark for none, over a scale.
+pub fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clone) -> RgbImage {
+    let most = counts.clone().max().unwrap_or(0).max(1);
+    let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);
+    for (pixel, count) in picture.pixels_mut().zip(counts) {
+        *pixel = Rgb(viridis(f64::from(count) / f64::from(most)));
+    }
+    draw_count_scale(&mut picture, height, most);
+    picture
+}

@@ -1,0 +1,161 @@
+//! Moving pictures in one file or stream.
+
+use super::{Radiance, to_rgb8};
+use crate::error::Result;
+use crate::output::{Target, mark};
+use crate::scene::Display;
+use image::RgbImage;
+use std::io::{BufWriter, Error, ErrorKind, Result as IoResult, Write};
+
+/// One file or stream of frames.
+#[derive(Debug)]
+pub struct Movie {
+    target: Target,
+    size: [u32; 2],
+    /// Frames per second.
+    rate: u16,
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Format {
+    /// An animated PNG of so many frames.
+    Apng(u32),
+    /// YUV4MPEG2: BT.709, limited range, 4:2:0.
+    Y4m,
+}
+
+impl Movie {
+    /// An animated PNG, which repeats.
+    pub fn apng(target: Target, size: [u32; 2], rate: u16, frames: u32) -> Self {
+        Self { target, size, rate, format: Format::Apng(frames) }
+    }
+
+    /// A stream for an encoder, on standard output.
+    pub fn y4m(target: Target, size: [u32; 2], rate: u16) -> Self {
+        Self { target, size, rate, format: Format::Y4m }
+    }
+
+    /// What a user is told of it.
+    pub fn name(&self) -> String {
+        match self.format {
+            Format::Apng(_) => self.target.path().display().to_string(),
+            Format::Y4m => "standard output (y4m)".to_owned(),
+        }
+    }
+
+    /// Writes frames as they come.
+    pub fn write(&self, frames: impl Iterator<Item = Radiance>, display: Display) -> Result<()> {
+        let frames = frames.map(|frame| to_rgb8(&frame, display));
+        match self.format {
+            Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),
+            Format::Y4m => {
+                let mut out = BufWriter::new(std::io::stdout().lock());
+                match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
+                    // An encoder that has what it wanted.
+                    Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+                    other => other.map_err(|error| {
+                        crate::Error::run(format!("standard output could not be written: {error}"))
+                    }),
+                }
+            }
+        }
+    }
+
+    fn write_apng(
+        &self,
+        file: &mut std::fs::File,
+        frames: impl Iterator<Item = RgbImage>,
+        count: u32,
+    ) -> IoResult<()> {
+        let mut out = mark::Insert::new(BufWriter::new(file), mark::png());
+        let mut encoder = png::Encoder::new(&mut out, self.size[0], self.size[1]);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::Fast);
+        encoder.set_animated(count, 0).map_err(Error::other)?;
+        encoder.set_frame_delay(1, self.rate).map_err(Error::other)?;
+        let mut writer = encoder.write_header().map_err(Error::other)?;
+        for frame in frames {
+            writer.write_image_data(&frame).map_err(Error::other)?;
+        }
+        writer.finish().map_err(Error::other)?;
+        out.flush()
+    }
+}
+
+/// Frames as YUV4MPEG2, with one chroma sample for two by two pixels, in their middle.
+fn write_y4m(
+    out: &mut impl Write,
+    frames: impl Iterator<Item = RgbImage>,
+    [width, height]: [u32; 2],
+    rate: u16,
+) -> IoResult<()> {
+    writeln!(out, "YUV4MPEG2 W{width} H{height} F{rate}:1 Ip A1:1 C420jpeg XCOLORRANGE=LIMITED")?;
+    for frame in frames {
+        out.write_all(b"FRAME\n")?;
+        out.write_all(&yuv(&frame))?;
+    }
+    Ok(())
+}
+
+/// ITU-R BT.709-6, 3.2 to 3.4: weights of red, green and blue in luma.
+const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// The planes of a frame in 8 bits, limited range.
+fn yuv(frame: &RgbImage) -> Vec<u8> {
+    let (width, height) = frame.dimensions();
+    let luma = |rgb: [f32; 3]| WEIGHTS.iter().zip(rgb).map(|(weight, value)| weight * value).sum::<f32>();
+    let rgb = |x: u32, y: u32| {
+        frame.get_pixel(x.min(width - 1), y.min(height - 1)).0.map(|value| f32::from(value) / 255.0)
+    };
+    let mut planes: Vec<u8> = frame
+        .pixels()
+        .map(|pixel| (16.0 + 219.0 * luma(pixel.0.map(|value| f32::from(value) / 255.0))).round() as u8)
+        .collect();
+    let mut chroma = [Vec::new(), Vec::new()];
+    for (y, x) in (0..height).step_by(2).flat_map(|y| (0..width).step_by(2).map(move |x| (y, x))) {
+        let four = [rgb(x, y), rgb(x + 1, y), rgb(x, y + 1), rgb(x + 1, y + 1)];
+        let mean: [f32; 3] = std::array::from_fn(|i| four.iter().map(|rgb| rgb[i]).sum::<f32>() / 4.0);
+        let grey = luma(mean);
+        // Blue first: Cb, then Cr.
+        for (plane, channel) in chroma.iter_mut().zip([2, 0]) {
+            let difference = (mean[channel] - grey) / (2.0 * (1.0 - WEIGHTS[channel]));
+            plane.push((128.0 + 224.0 * difference).round() as u8);
+        }
+    }
+    planes.extend(chroma.concat());
+    planes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgb;
+
+    #[test]
+    fn known_colours_have_the_standards_numbers() {
+        // BT.709 in 8 bits: white, black, and the primaries.
+        for (rgb, expected) in [
+            ([255, 255, 255], [235, 128, 128]),
+            ([0, 0, 0], [16, 128, 128]),
+            ([255, 0, 0], [63, 102, 240]),
+            ([0, 255, 0], [173, 42, 26]),
+            ([0, 0, 255], [32, 240, 118]),
+        ] {
+            let planes = yuv(&RgbImage::from_pixel(3, 1, Rgb(rgb)));
+            assert_eq!(planes.len(), 3 + 2 + 2, "odd sizes are rounded up");
+            assert_eq!([planes[0], planes[3], planes[5]], expected, "{rgb:?}");
+        }
+    }
+
+    #[test]
+    fn a_stream_has_a_header_and_a_mark_before_each_frame() {
+        let mut out = Vec::new();
+        let frames = [RgbImage::new(4, 2), RgbImage::new(4, 2)];
+        write_y4m(&mut out, frames.into_iter(), [4, 2], 30).unwrap_or_else(|error| panic!("{error}"));
+        let header = b"YUV4MPEG2 W4 H2 F30:1 Ip A1:1 C420jpeg XCOLORRANGE=LIMITED\n";
+        assert!(out.starts_with(header));
+        assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
+    }
+}

@@ -1,0 +1,92 @@
+//! What each pixel's primary ray meets, in numbers: cast on the host in double precision, whatever device cast the picture.
+
+use super::cast::Caster;
+use super::cost::{self, Cost};
+use super::tree::Tree;
+use crate::error::Result;
+use crate::scene::Scene;
+use crate::strategy::Culling;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The triangle or object of a pixel whose ray meets nothing.
+pub const NOTHING: u32 = u32::MAX;
+
+/// A number of each kind a pixel, row by row from the top.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layers {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Along the view, in the scene's units; infinite where nothing is.
+    pub depth: Vec<f32>,
+    /// The interpolated normal, of unit length; zero where nothing is.
+    pub normal: Vec<[f32; 3]>,
+    /// The number of the triangle in the scene, from 0.
+    pub triangle: Vec<u32>,
+    /// The number of the object in the scene, from 0.
+    pub object: Vec<u32>,
+    /// Triangles that the pixel's rays are tested against in a tree, shadow rays too.
+    pub tests: Vec<u32>,
+    /// Nodes of the tree that they are tested against.
+    pub nodes: Vec<u32>,
+}
+
+/// The layers of a scene; `object_starts` are the numbers of its objects' first triangles, in order.
+///
+/// # Errors
+/// If the scene has more triangles than a tree can name.
+pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
+    let [width, height] = size;
+    let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
+    let forward = scene.camera.forward.as_dvec3();
+    let found: Vec<Option<(f32, [f32; 3], u32)>> = (0..width * height)
+        .into_par_iter()
+        .map(|pixel| {
+            let (x, y) = (f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
+            let (ray, hit) = caster.look(x, y);
+            let hit = hit?;
+            let triangle = &scene.mesh.triangles[hit.triangle as usize];
+            let corners = scene.mesh.corner_normals(triangle).map(|normal| normal.as_dvec3());
+            let normal: DVec3 =
+                corners.iter().zip(hit.weights).map(|(normal, weight)| *normal * weight).sum();
+            let depth = (ray.direction * hit.t).dot(forward);
+            Some((depth as f32, normal.normalize_or_zero().as_vec3().to_array(), hit.triangle))
+        })
+        .collect();
+    let object =
+        |triangle: u32| object_starts.partition_point(|start| *start <= triangle).saturating_sub(1) as u32;
+    let costs: Vec<Cost> = cost::in_tree(scene, size, culling)?;
+    Ok(Layers {
+        size,
+        depth: found.iter().map(|hit| hit.map_or(f32::INFINITY, |(depth, ..)| depth)).collect(),
+        normal: found.iter().map(|hit| hit.map_or([0.0; 3], |(_, normal, _)| normal)).collect(),
+        triangle: found.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| triangle)).collect(),
+        object: found.iter().map(|hit| hit.map_or(NOTHING, |(.., triangle)| object(triangle))).collect(),
+        tests: costs.iter().map(|cost| cost.tests).collect(),
+        nodes: costs.iter().map(|cost| cost.nodes).collect(),
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::super::fixtures;
+    use super::*;
+
+    #[test]
+    fn a_triangle_before_the_ground() {
+        // Triangle 0 lies in z = -2; triangles 2 and 3 are the ground, y = -1, whose normal is upwards.
+        let scene = fixtures::figure_4();
+        let found = layers(&scene, &[0, 1, 2], [80, 80], Culling::None).unwrap();
+        let at = |x: usize, y: usize| y * 80 + x;
+        let middle = at(40, 40);
+        assert!((found.depth[middle] - 2.0).abs() < 1e-6 && found.object[middle] < 2);
+        let ground = at(70, 75);
+        assert_eq!((found.object[ground], found.normal[ground]), (2, [0.0, 1.0, 0.0]));
+        assert!(found.triangle[ground] == 2 || found.triangle[ground] == 3);
+        let sky = at(2, 2);
+        assert_eq!((found.triangle[sky], found.object[sky]), (NOTHING, NOTHING));
+        assert!(found.depth[sky].is_infinite() && found.normal[sky] == [0.0; 3]);
+        assert!(found.tests[middle] > 0 && found.nodes[middle] > 0);
+    }
+}

@@ -1,0 +1,104 @@
+//! Where in a pixel its samples lie: drawn from the filter itself, so that all of them weigh the same (Ernst, Stamminger and
+//! Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray Tracing 2006).
+
+/// The Blackman-Harris filter's width, in pixels.
+const WIDTH: f64 = 1.5;
+/// Its cosine series (Harris, "On the Use of Windows for Harmonic Analysis", Proceedings of the IEEE 66, 1978).
+const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
+/// How often the filter is halved to find a place in it: below double precision's steps.
+const HALVINGS: u32 = 54;
+/// Any two numbers: they decide how Owen's scrambling permutes.
+const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
+
+/// How far from a pixel's centre its samples are, in pixels: one sample is at the centre, several are spread as Sobol's
+/// sequence is (Owen-scrambled), denser where the filter is higher.
+pub fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
+    if count <= 1 {
+        return vec![[0.0; 2]];
+    }
+    let unit = |bits: u32| (f64::from(bits) + 0.5) / 4_294_967_296.0;
+    let place = |number: u32, axis: usize| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))) as f32;
+    (0..count).map(|number| [place(number, 0), place(number, 1)]).collect()
+}
+
+/// The first two dimensions of Sobol's sequence: van der Corput's, and that of the polynomial x + 1.
+fn sobol(number: u32, axis: usize) -> u32 {
+    if axis == 0 {
+        return number.reverse_bits();
+    }
+    let mut direction = 1_u32 << 31;
+    let mut bits = 0;
+    for place in 0..32 {
+        if number >> place & 1 == 1 {
+            bits ^= direction;
+        }
+        direction ^= direction >> 1;
+    }
+    bits
+}
+
+/// Owen's scrambling by a hash of the reversed bits (Laine and Karras, "Stratified Sampling for Stochastic Transparency",
+/// 2011, with the constants of Burley, "Practical Hash-based Owen Scrambling", 2020).
+fn scrambled(bits: u32, seed: u32) -> u32 {
+    let mut hash = bits.reverse_bits();
+    hash = hash.wrapping_add(seed);
+    for factor in [0x6c50_b47c, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6_u32] {
+        hash ^= hash.wrapping_mul(factor);
+    }
+    hash.reverse_bits()
+}
+
+/// The place in the filter below which a part of it lies.
+fn filtered(part: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..HALVINGS {
+        let middle = (low + high) / 2.0;
+        if below(middle) < part { low = middle } else { high = middle }
+    }
+    ((low + high) / 2.0 - 0.5) * WIDTH
+}
+
+/// The part of the filter below a place, its width being 1: the integral of the series over its whole.
+fn below(place: f64) -> f64 {
+    let tau = std::f64::consts::TAU;
+    let waves = (1..).zip(&BLACKMAN_HARRIS[1..]).map(|(k, a)| {
+        let k = f64::from(k);
+        a * (k * tau * place).sin() / (k * tau)
+    });
+    place + waves.sum::<f64>() / BLACKMAN_HARRIS[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_sample_is_the_centre_and_many_have_the_filters_mean_and_width() {
+        assert_eq!(pixel_offsets(1), [[0.0; 2]]);
+        let offsets = pixel_offsets(1024);
+        for axis in 0..2 {
+            let values = || offsets.iter().map(|offset| f64::from(offset[axis]));
+            let mean = values().sum::<f64>() / 1024.0;
+            let variance = values().map(|value| value * value).sum::<f64>() / 1024.0;
+            // By integrating the series numerically.
+            assert!(
+                mean.abs() < 1e-3 && (variance / (WIDTH * WIDTH) - 0.019_18).abs() < 1e-3,
+                "{mean} {variance}"
+            );
+            assert!(values().all(|value| value.abs() < WIDTH / 2.0));
+        }
+    }
+
+    #[test]
+    fn sixteen_samples_are_one_in_each_of_16_rows_and_columns_of_the_filter() {
+        let offsets = pixel_offsets(16);
+        for axis in 0..2 {
+            let mut strata: Vec<u32> = offsets
+                .iter()
+                .map(|offset| (below(f64::from(offset[axis]) / WIDTH + 0.5) * 16.0) as u32)
+                .collect();
+            strata.sort_unstable();
+            assert_eq!(strata, (0..16).collect::<Vec<_>>());
+        }
+    }
+}

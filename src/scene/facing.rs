@@ -1,0 +1,133 @@
+//! How much of what is seen faces away: such surfaces are lit from behind, so they are dark.
+
+use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
+use super::{Camera, Scene};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Samples across a picture; enough to tell most from little.
+const ACROSS: usize = 48;
+/// From this part of what is seen on it is worth a note.
+const MOST: f64 = 0.5;
+
+/// The nearest surface at each sample: its distance in lengths of the sample's ray, and whether it faces away.
+type Nearest = Vec<(f64, bool)>;
+
+/// A note where most of what is seen faces away, in images of an aspect: width over height.
+pub(super) fn note(scene: &Scene, aspect: f64) -> Option<String> {
+    let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
+    (part > MOST).then(|| {
+        format!(
+            "{:.0}% of what is seen faces away from the camera, where no light of its side falls: \
+             --two-sided (two_sided = true) turns it",
+            100.0 * part
+        )
+    })
+}
+
+/// Of what is seen the part whose normals point away from the camera; none where nothing is seen.
+fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
+    let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
+    let grid = Grid::new(camera, [ACROSS, down]);
+    let nothing = || vec![(f64::INFINITY, false); ACROSS * down];
+    let nearer = |a: (f64, bool), b: (f64, bool)| if b.0 < a.0 { b } else { a };
+    let seen = mesh.triangles.par_chunks(PARALLEL_TRIANGLES).map(|triangles| {
+        let mut nearest = nothing();
+        triangles.iter().for_each(|triangle| grid.draw(mesh, triangle, &mut nearest));
+        nearest
+    });
+    let seen = seen.reduce(nothing, |a, b| a.into_iter().zip(b).map(|(a, b)| nearer(a, b)).collect());
+    let hits = seen.iter().filter(|(distance, _)| distance.is_finite()).count();
+    let averted = seen.iter().filter(|(_, averted)| *averted).count();
+    (hits > 0).then(|| averted as f64 / hits as f64)
+}
+
+/// A coarse picture.
+struct Grid {
+    size: [usize; 2],
+    eye: DVec3,
+    forward: DVec3,
+    /// Across the picture, and down it, as long as a sample is wide at depth 1.
+    step: [DVec3; 2],
+    corner: DVec3,
+    z_near: f64,
+}
+
+impl Grid {
+    fn new(camera: &Camera, [width, height]: [usize; 2]) -> Self {
+        let frame = camera.pixel_frame(width as u32, height as u32);
+        Self {
+            size: [width, height],
+            eye: frame.eye,
+            forward: camera.forward.as_dvec3(),
+            step: [frame.step_x, frame.step_y],
+            corner: frame.corner,
+            z_near: frame.z_near,
+        }
+    }
+
+    fn draw(&self, mesh: &Mesh, triangle: &Triangle, nearest: &mut Nearest) {
+        let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3() - self.eye);
+        let Some([columns, rows]) = self.bounds(corners) else { return };
+        let [a, b, c] = corners;
+        let shading: DVec3 = mesh.corner_normals(triangle).iter().map(|normal| normal.as_dvec3()).sum();
+        let averted = shading.dot(a) > 0.0;
+        let volume = a.dot(b.cross(c));
+        let faces = [b.cross(c), c.cross(a), a.cross(b)];
+        let plane = faces.iter().sum::<DVec3>();
+        for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
+            let ray = self.corner + self.step[0] * (x as f64 + 0.5) + self.step[1] * (y as f64 + 0.5);
+            let sides = faces.map(|face| face.dot(ray) * volume.signum());
+            let distance = volume / plane.dot(ray);
+            let place = &mut nearest[y * self.size[0] + x];
+            if sides.iter().all(|side| *side >= 0.0) && distance > self.z_near && distance < place.0 {
+                *place = (distance, averted);
+            }
+        }
+    }
+
+    /// The columns and rows of samples that a triangle may cover; none of one behind the eye.
+    fn bounds(&self, corners: [DVec3; 3]) -> Option<[std::ops::Range<usize>; 2]> {
+        let depths = corners.map(|corner| corner.dot(self.forward));
+        if depths.iter().all(|depth| *depth <= 0.0) {
+            return None;
+        }
+        if depths.iter().any(|depth| *depth <= 0.0) {
+            return Some(self.size.map(|count| 0..count));
+        }
+        let range = |axis: usize| {
+            let step = self.step[axis];
+            let place = |corner: DVec3| {
+                (corner / corner.dot(self.forward) - self.corner).dot(step) / step.length_squared()
+            };
+            let places = corners.map(place);
+            let [low, high] = [f64::min, f64::max].map(|f| places.into_iter().reduce(f).unwrap_or(0.0));
+            let clamped = |place: f64| place.clamp(0.0, self.size[axis] as f64) as usize;
+            clamped(low.floor())..clamped(high.ceil())
+        };
+        Some([range(0), range(1)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Shape, generate};
+    use glam::Vec3;
+
+    #[test]
+    fn a_ball_is_seen_from_its_front_and_its_inside_from_behind() {
+        let mut mesh = generate(&Shape::Sphere { triangles: 2000 });
+        let camera = Camera { position: Vec3::Z * 3.0, ..Camera::PAPER };
+        assert_eq!(averted_part(&mesh, &camera, 1.6), Some(0.0));
+        assert_eq!(
+            averted_part(&mesh, &Camera { position: Vec3::ZERO, z_near: 0.0, ..camera }, 1.0),
+            Some(1.0)
+        );
+        mesh.normals.iter_mut().filter(|normal| normal.x > 0.0).for_each(|normal| *normal = -*normal);
+        let half = averted_part(&mesh, &camera, 1.6).unwrap_or(0.0);
+        assert!((0.4..0.6).contains(&half), "{half}");
+        let away = Camera { position: Vec3::NEG_Z * 3.0, ..camera };
+        assert_eq!(averted_part(&mesh, &away, 1.6), None);
+    }
+}

@@ -1,0 +1,91 @@
+//! Colours of vertices. A triangle has one material, so it gets the mean of its corners' colours.
+
+use crate::scene::Mesh;
+use crate::scene::material::Material;
+use glam::Vec3;
+use std::collections::HashMap;
+
+/// Steps of a colour's channel, as in most files.
+const FINE: f32 = 255.0;
+/// Where a mesh has more colours than 16-bit indices can name: these make no more than 32,768.
+const COARSE: f32 = 31.0;
+/// Materials that 16-bit indices can name.
+const MOST: usize = 1 << 16;
+
+/// The linear value of a channel as displays have it (sRGB, IEC 61966-2-1).
+pub(super) fn linear(displayed: f32) -> f32 {
+    if displayed <= 0.04045 { displayed / 12.92 } else { ((displayed + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The inverse of [`linear`].
+fn displayed(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Gives each triangle a material of its corners' mean colour times its material's; `colours` are linear, one a position.
+pub(super) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
+    for steps in [FINE, COARSE] {
+        let (materials, numbers) = painted(mesh, colours, steps);
+        if materials.len() <= MOST || steps == COARSE {
+            mesh.materials = materials;
+            mesh.triangles.iter_mut().zip(numbers).for_each(|(triangle, number)| triangle.material = number);
+            return;
+        }
+    }
+}
+
+/// The materials of all triangles, and each triangle's number among them.
+fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32>) {
+    let (mut materials, mut known) = (Vec::new(), HashMap::new());
+    let mut number = |key: (u32, [u32; 3])| {
+        *known.entry(key).or_insert_with(|| {
+            let base = mesh.materials[key.0 as usize];
+            let colour = Vec3::from_array(key.1.map(|channel| linear(channel as f32 / steps)));
+            materials.push(Material { lambertian: base.lambertian * colour, ..base });
+            materials.len() as u32 - 1
+        })
+    };
+    let numbers = mesh.triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.positions.map(|corner| colours[corner as usize]);
+        let mean = ((a + b + c) / 3.0).clamp(Vec3::ZERO, Vec3::ONE);
+        number((
+            triangle.material,
+            mean.to_array().map(|channel| (displayed(channel) * steps).round() as u32),
+        ))
+    });
+    let numbers = numbers.collect();
+    (materials, numbers)
+}
+
+/// What a user is told of them.
+pub(super) fn note(count: usize) -> String {
+    format!(
+        "colours of {} are one a triangle, the mean of its corners",
+        crate::scene::obj::counted(count, "vertex")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Shape, generate};
+
+    #[test]
+    fn a_triangle_has_the_mean_of_its_corners_and_equal_ones_share_a_material() {
+        let mut mesh = generate(&Shape::Ground);
+        mesh.materials = vec![Material::lambertian(Vec3::splat(0.5))];
+        let red = Vec3::new(linear(1.0), linear(0.2), 0.0);
+        let colours = vec![red; mesh.positions.len()];
+        paint(&mut mesh, &colours);
+        assert_eq!(mesh.materials.len(), 1);
+        assert!((mesh.materials[0].lambertian - red * 0.5).abs().max_element() < 1e-6);
+    }
+
+    #[test]
+    fn channels_go_there_and_back() {
+        for byte in 0..=255 {
+            let value = byte as f32 / 255.0;
+            assert!((displayed(linear(value)) - value).abs() < 1e-5);
+        }
+    }
+}

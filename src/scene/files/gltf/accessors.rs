@@ -1,0 +1,171 @@
+//! Numbers in a glTF file's buffers.
+
+use super::Found;
+use gltf::json::accessor::{Accessor, ComponentType, Type};
+use gltf::json::buffer::View;
+use gltf::json::validation::Checked;
+use gltf::json::{Index, Root};
+use std::borrow::Cow;
+
+/// Elements that one accessor may have: more triangles than a scene may.
+const MOST_ELEMENTS: u64 = 1 << 31;
+
+/// The file's numbers.
+#[derive(Clone, Copy)]
+pub(super) struct Numbers<'a> {
+    pub root: &'a Root,
+    pub buffers: &'a [Cow<'a, [u8]>],
+}
+
+/// Where elements lie.
+struct Place<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    component: ComponentType,
+    normalised: bool,
+}
+
+impl Place<'_> {
+    /// The components of an element; the last element may be cut off.
+    fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
+        let size = bytes_of(self.component);
+        let start = number.checked_mul(self.stride)?;
+        let bytes = self.bytes.get(start..start.checked_add(size * N)?)?;
+        let mut values = [0.0; N];
+        for (value, bytes) in values.iter_mut().zip(bytes.chunks_exact(size)) {
+            *value = self.component(bytes);
+        }
+        Some(values)
+    }
+
+    /// One number, normalised where the accessor says so (glTF 2.0, 3.6.2.2).
+    fn component(&self, bytes: &[u8]) -> f64 {
+        let two = || [bytes[0], bytes[1]];
+        let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
+        let (value, most) = match self.component {
+            ComponentType::I8 => (f64::from(bytes[0] as i8), 127.0),
+            ComponentType::U8 => (f64::from(bytes[0]), 255.0),
+            ComponentType::I16 => (f64::from(i16::from_le_bytes(two())), 32_767.0),
+            ComponentType::U16 => (f64::from(u16::from_le_bytes(two())), 65_535.0),
+            ComponentType::U32 => (f64::from(u32::from_le_bytes(four())), f64::from(u32::MAX)),
+            ComponentType::F32 => return f64::from(f32::from_le_bytes(four())),
+        };
+        if self.normalised { (value / most).max(-1.0) } else { value }
+    }
+}
+
+fn bytes_of(component: ComponentType) -> usize {
+    match component {
+        ComponentType::I8 | ComponentType::U8 => 1,
+        ComponentType::I16 | ComponentType::U16 => 2,
+        ComponentType::U32 | ComponentType::F32 => 4,
+    }
+}
+
+impl<'a> Numbers<'a> {
+    /// The elements of an accessor of `N` components.
+    pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Found<Vec<[f64; N]>> {
+        let number = index.value();
+        let told = |what: String| format!("accessor {number}: {what}");
+        let accessor = self.root.get(index).ok_or_else(|| told("it does not exist".to_owned()))?;
+        self.elements(accessor).map_err(told)
+    }
+
+    /// How many components an accessor's elements have.
+    pub fn components(&self, index: Index<Accessor>) -> usize {
+        self.root.get(index).and_then(|accessor| components(accessor).ok()).unwrap_or(0)
+    }
+
+    fn elements<const N: usize>(&self, accessor: &Accessor) -> Found<Vec<[f64; N]>> {
+        if components(accessor)? != N {
+            return Err(format!("its elements have {} numbers; expected {N}", components(accessor)?));
+        }
+        let Checked::Valid(component) = accessor.component_type else {
+            return Err("an unknown component type".to_owned());
+        };
+        let component = component.0;
+        let count = usize::try_from(accessor.count.0.min(MOST_ELEMENTS)).unwrap_or(usize::MAX);
+        let mut values = match accessor.buffer_view {
+            None if accessor.sparse.is_none() => return Err("it has no buffer view".to_owned()),
+            None => self.zeros(accessor, count)?,
+            Some(view) => {
+                let offset = accessor.byte_offset.unwrap_or_default().0;
+                let place = self.place(view, offset, component, N, accessor.normalized)?;
+                (0..count).map_while(|number| place.element(number)).collect()
+            }
+        };
+        if values.len() < accessor.count.0 as usize {
+            return Err(format!("{} elements, of which its buffer holds {}", accessor.count.0, values.len()));
+        }
+        self.replace_sparse(accessor, component, &mut values)?;
+        Ok(values)
+    }
+
+    /// Elements of an accessor that only has those that differ from zero.
+    fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Found<Vec<[f64; N]>> {
+        // Nothing of the file backs them, so they may not be any number.
+        let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
+        if count > held.max(1 << 16) {
+            return Err(format!("{} elements that no buffer holds", accessor.count.0));
+        }
+        Ok(vec![[0.0; N]; count])
+    }
+
+    fn replace_sparse<const N: usize>(
+        &self,
+        accessor: &Accessor,
+        component: ComponentType,
+        values: &mut [[f64; N]],
+    ) -> Found<()> {
+        let Some(sparse) = &accessor.sparse else { return Ok(()) };
+        let Checked::Valid(index_type) = sparse.indices.component_type else {
+            return Err("sparse indices of an unknown type".to_owned());
+        };
+        let offset = sparse.indices.byte_offset.0;
+        let indices = self.place(sparse.indices.buffer_view, offset, index_type.0, 1, false)?;
+        let offset = sparse.values.byte_offset.0;
+        let replacements =
+            self.place(sparse.values.buffer_view, offset, component, N, accessor.normalized)?;
+        for number in 0..sparse.count.0 as usize {
+            let ends = || "its sparse elements end early".to_owned();
+            let [index] = indices.element::<1>(number).ok_or_else(ends)?;
+            let value = replacements.element(number).ok_or_else(ends)?;
+            *values.get_mut(index as usize).ok_or("a sparse index out of its elements")? = value;
+        }
+        Ok(())
+    }
+
+    fn place(
+        &self,
+        view: Index<View>,
+        offset: u64,
+        component: ComponentType,
+        components: usize,
+        normalised: bool,
+    ) -> Found<Place<'a>> {
+        let number = view.value();
+        let view = self.root.get(view).ok_or_else(|| format!("buffer view {number} does not exist"))?;
+        let buffer = self.buffers.get(view.buffer.value());
+        let buffer = buffer.ok_or_else(|| format!("buffer {} does not exist", view.buffer.value()))?;
+        let start = view.byte_offset.unwrap_or_default().0;
+        let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
+        let range = start.saturating_add(offset).min(end) as usize..end as usize;
+        let size = bytes_of(component) * components;
+        let stride = view.byte_stride.map_or(size, |stride| stride.0);
+        if stride < size {
+            return Err(format!("a stride of {stride} bytes for elements of {size}"));
+        }
+        Ok(Place { bytes: &buffer[range], stride, component, normalised })
+    }
+}
+
+fn components(accessor: &Accessor) -> Found<usize> {
+    match accessor.type_ {
+        Checked::Valid(Type::Scalar) => Ok(1),
+        Checked::Valid(Type::Vec2) => Ok(2),
+        Checked::Valid(Type::Vec3) => Ok(3),
+        Checked::Valid(Type::Vec4) => Ok(4),
+        Checked::Valid(Type::Mat4) => Ok(16),
+        _ => Err("a type of elements that no mesh has".to_owned()),
+    }
+}

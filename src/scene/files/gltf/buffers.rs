@@ -1,0 +1,88 @@
+//! The bytes that a glTF file names: in it as base64, beside it, or behind it in a binary file.
+
+use super::Found;
+use crate::reader::{self, Kind};
+use crate::scene::obj::{Reach, quoted};
+use base64::Engine as _;
+use base64::engine::DecodePaddingMode;
+use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use gltf::json::Root;
+use gltf::json::buffer::Buffer;
+use std::borrow::Cow;
+
+/// All buffers in the file's order.
+pub(super) fn load<'a>(
+    root: &Root,
+    reach: Reach<'_>,
+    binary: Option<Cow<'a, [u8]>>,
+) -> Found<Vec<Cow<'a, [u8]>>> {
+    let mut binary = binary;
+    root.buffers
+        .iter()
+        .enumerate()
+        .map(|(number, buffer)| {
+            let bytes =
+                read(buffer, reach, binary.take()).map_err(|what| format!("buffer {number}: {what}"))?;
+            let expected = buffer.byte_length.0;
+            match bytes.len() as u64 {
+                // What is missing may never be asked for: accessors are checked one by one.
+                0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
+                _ => Ok(bytes),
+            }
+        })
+        .collect()
+}
+
+fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) -> Found<Cow<'a, [u8]>> {
+    let Some(uri) = &buffer.uri else {
+        return binary.ok_or_else(|| "it has no uri, and the file no binary part".to_owned());
+    };
+    if let Some(data) = uri.strip_prefix("data:") {
+        return decoded(data).map(Cow::Owned);
+    }
+    if uri.contains("://") {
+        return Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())));
+    }
+    let name = unescaped(uri);
+    let bytes = reach
+        .locate(&name)
+        .and_then(|path| reader::bytes(&path, Kind::Mesh).map_err(|error| error.to_string()));
+    bytes.map(Cow::Owned).map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
+}
+
+/// What follows `data:`: a type that does not matter, `;base64,` and the bytes.
+fn decoded(data: &str) -> Found<Vec<u8>> {
+    let text = data.split_once(";base64,").ok_or("a data: uri without base64")?.1;
+    let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, either);
+    engine.decode(text.trim_ascii()).map_err(|error| format!("its base64 is damaged: {error}"))
+}
+
+/// A name in which `%20` stands for a space; what is no such escape stays.
+fn unescaped(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let Some((&first, after)) = rest.split_first() {
+        let digits =
+            after.get(..2).filter(|_| first == b'%').and_then(|digits| std::str::from_utf8(digits).ok());
+        let escaped = digits.and_then(|digits| u8::from_str_radix(digits, 16).ok());
+        bytes.push(escaped.unwrap_or(first));
+        rest = if escaped.is_some() { &after[2..] } else { after };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unescaped_and_data_is_decoded() {
+        assert_eq!(unescaped("Box%20With%20Spaces%C3%A9.bin%"), "Box With Spaces\u{e9}.bin%");
+        for text in ["application/octet-stream;base64,AQID", "application/gltf-buffer;base64,AQIDBA=="] {
+            assert!(decoded(text).unwrap().starts_with(&[1, 2, 3]));
+        }
+        assert!(decoded("text/plain,abc").is_err() && decoded("x;base64,?").is_err());
+    }
+}

@@ -1,0 +1,82 @@
+//! glTF materials: the base colour of each, and what else they ask for.
+
+use crate::scene::material::Material;
+use crate::scene::obj::{Asked, Wish};
+use glam::Vec3;
+use gltf::json::material::{AlphaMode, Material as Wire};
+use gltf::json::validation::Checked;
+use gltf::json::{Root, extensions::material::Material as Extensions};
+
+/// Materials with what they ask for; number 0 is for primitives that have none.
+pub(super) struct Materials {
+    pub list: Vec<Material>,
+    pub asked: Vec<Asked>,
+}
+
+pub(super) fn read(root: &Root) -> Materials {
+    // The default's base colour is white, which k_L 0.8 shows without losing its highlights.
+    let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
+    for wire in &root.materials {
+        materials.list.push(Material::lambertian(base_colour(wire)));
+        materials.asked.push(asked(wire));
+    }
+    materials
+}
+
+/// In linear light; that of the older model is `diffuseFactor`.
+fn base_colour(wire: &Wire) -> Vec3 {
+    let older = extension(wire, "KHR_materials_pbrSpecularGlossiness").map(|older| {
+        let channel = |at| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;
+        [channel(0), channel(1), channel(2)]
+    });
+    let [red, green, blue, _] = wire.pbr_metallic_roughness.base_color_factor.0;
+    let colour = Vec3::from_array(older.unwrap_or([red, green, blue]));
+    if colour.is_finite() { colour.clamp(Vec3::ZERO, Vec3::ONE) } else { Vec3::ONE }
+}
+
+fn others(wire: &Wire) -> impl Iterator<Item = (&String, &serde_json::Value)> {
+    let others = wire.extensions.as_ref().map(|Extensions { others, .. }| others.iter());
+    others.into_iter().flatten()
+}
+
+fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json::Value> {
+    others(wire).find(|(key, _)| *key == name).map(|(_, value)| value)
+}
+
+/// What a material asks for beside a colour.
+fn asked(wire: &Wire) -> Asked {
+    let mut asked = Asked::default();
+    let pbr = &wire.pbr_metallic_roughness;
+    let textures = [
+        ("baseColorTexture", pbr.base_color_texture.is_some()),
+        ("metallicRoughnessTexture", pbr.metallic_roughness_texture.is_some()),
+        ("normalTexture", wire.normal_texture.is_some()),
+        ("occlusionTexture", wire.occlusion_texture.is_some()),
+        ("emissiveTexture", wire.emissive_texture.is_some()),
+    ];
+    textures.iter().filter(|(_, has)| *has).for_each(|(name, _)| asked.add(Wish::Texture, name.as_bytes()));
+    let alpha = match wire.alpha_mode {
+        Checked::Valid(AlphaMode::Mask) => Some("alphaMode MASK"),
+        Checked::Valid(AlphaMode::Blend) => Some("alphaMode BLEND"),
+        _ => None,
+    };
+    alpha.iter().for_each(|mode| asked.add(Wish::Transparency, mode.as_bytes()));
+    if wire.emissive_factor.0 != [0.0; 3] {
+        asked.add(Wish::Emission, b"emissiveFactor");
+    }
+    if pbr.metallic_factor.0 > 0.0 && extension(wire, "KHR_materials_pbrSpecularGlossiness").is_none() {
+        asked.add(Wish::Metal, b"metallicFactor");
+    }
+    for (name, _) in others(wire) {
+        let wish = match name.as_str() {
+            "KHR_materials_transmission" | "KHR_materials_volume" | "KHR_materials_diffuse_transmission" => {
+                Wish::Refraction
+            }
+            "KHR_materials_unlit" => Wish::Unlit,
+            "KHR_materials_emissive_strength" | "KHR_materials_ior" => continue,
+            _ => Wish::Shine,
+        };
+        asked.add(wish, name.as_bytes());
+    }
+    asked
+}

@@ -1,0 +1,105 @@
+//! glTF 2.0, as JSON with its buffers or as one binary file. `gltf-json` reads the JSON; every index and every byte is
+//! checked here.
+
+mod accessors;
+mod buffers;
+mod materials;
+mod nodes;
+mod primitives;
+
+use super::{MeshFile, mistake};
+use crate::error::{Error, Result};
+use crate::scene::obj::{self, Reach, quoted};
+use gltf::binary::Glb;
+use gltf::json::Root;
+use nodes::Walk;
+use std::borrow::Cow;
+
+/// What goes wrong inside of a file, in words.
+type Found<T> = std::result::Result<T, String>;
+
+/// Extensions that a file may require: what they add is done, or noted where a material asks for it.
+const KNOWN: [&str; 4] =
+    ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
+/// Of these families too: they are about surfaces only.
+const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
+
+/// Reads a file called `name`, and the buffers in reach that it names.
+pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
+    let (json, binary) = split(name, bytes)?;
+    let root: Root = serde_json::from_slice(&json).map_err(|error| misread(name, &json, &error))?;
+    refuse_required(name, &root)?;
+    let buffers = buffers::load(&root, reach, binary).map_err(|what| mistake(name, what))?;
+    let materials = materials::read(&root);
+    let walk = Walk::of(&root, &buffers).map_err(|what| mistake(name, what))?;
+    let mut file = walk.settled(name, materials.list, &mut |mesh, notes| {
+        obj::note_materials(&materials.asked, mesh, reach.permitted.quotes, notes);
+    })?;
+    file.notes.extend(animations(&root));
+    Ok(file)
+}
+
+/// The JSON and, of a binary file, its first buffer.
+type Halves<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
+
+fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
+    if !bytes.starts_with(b"glTF") {
+        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        return Ok((Cow::Borrowed(text), None));
+    }
+    let glb = Glb::from_slice(bytes)
+        .map_err(|error| mistake(name, format!("not a binary glTF 2.0 file: {error}")))?;
+    Ok((glb.json, glb.bin))
+}
+
+/// JSON that is no glTF, or glTF 1.
+fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
+    let version = serde_json::from_slice::<serde_json::Value>(json).ok();
+    let version = version.and_then(|value| value["asset"]["version"].as_str().map(str::to_owned));
+    match version {
+        Some(version) if !version.starts_with('2') => {
+            Error::input(format!("{name}: glTF {} is not read; expected 2.0", quoted(version.as_bytes())))
+                .with_help("export it as glTF 2.0")
+        }
+        _ => {
+            mistake(&format!("{name}:{}", error.line()), format!("no glTF 2.0: {:?} error", error.classify()))
+        }
+    }
+}
+
+/// Names the extensions without which the file says it cannot be read.
+fn refuse_required(name: &str, root: &Root) -> Result<()> {
+    let known = |extension: &&String| {
+        KNOWN.contains(&extension.as_str())
+            || KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family))
+    };
+    let lacking: Vec<String> = root
+        .extensions_required
+        .iter()
+        .filter(|extension| !known(extension))
+        .map(|e| quoted(e.as_bytes()))
+        .collect();
+    if lacking.is_empty() {
+        return Ok(());
+    }
+    let what = if lacking.len() == 1 { "the extension" } else { "the extensions" };
+    Err(Error::input(format!("{name} requires {what} {}, which raycl does not have", lacking.join(", ")))
+        .with_help("export it without compression, with `gltf-transform copy` or Blender for example"))
+}
+
+fn animations(root: &Root) -> Option<String> {
+    let count = root.animations.len();
+    (count > 0).then(|| {
+        format!(
+            "{} left out: what they move stands as the file places it",
+            match count {
+                1 => "1 animation is".to_owned(),
+                _ => format!("{count} animations are"),
+            }
+        )
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests;

@@ -1,0 +1,275 @@
+//! The nodes of a glTF scene: where its meshes, cameras and lights stand.
+
+use super::accessors::Numbers;
+use super::primitives::{Part, Shape};
+use super::{Found, MeshFile};
+use crate::error::Result;
+use crate::scene::Camera;
+use crate::scene::files::{FileLight, colours, origin};
+use crate::scene::material::Material;
+use crate::scene::mesh::{Mesh, Triangle};
+use crate::scene::normals::MISSING;
+use crate::scene::shapes::MAX_TRIANGLES;
+use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
+use gltf::json::camera::Type;
+use gltf::json::extensions::scene::khr_lights_punctual as punctual;
+use gltf::json::scene::Node;
+use gltf::json::validation::Checked;
+use gltf::json::{Index, Root};
+use std::borrow::Cow;
+
+/// What a walk over the nodes has found; positions are the scene's, in double precision.
+pub(super) struct Walk<'a> {
+    numbers: Numbers<'a>,
+    visited: Vec<bool>,
+    positions: Vec<DVec3>,
+    normals: Vec<Vec3>,
+    /// Linear, one a position.
+    colours: Vec<Vec3>,
+    /// Vertices that have a colour of their own.
+    coloured: usize,
+    triangles: Vec<Triangle>,
+    /// The first triangle of each node that has a mesh.
+    starts: Vec<u32>,
+    /// Each camera and where it stands.
+    cameras: Vec<(DVec3, Camera)>,
+    lights: Vec<FileLight>,
+    left_out: LeftOut,
+}
+
+/// What is passed over.
+#[derive(Default)]
+struct LeftOut {
+    orthographic: usize,
+    spots: usize,
+    skins: usize,
+    targets: usize,
+    lines_and_points: usize,
+}
+
+impl<'a> Walk<'a> {
+    /// Walks the file's scene, or, where it has none, all nodes that are no other's child.
+    pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>]) -> Found<Self> {
+        let mut walk = Self {
+            numbers: Numbers { root, buffers },
+            visited: vec![false; root.nodes.len()],
+            positions: Vec::new(),
+            normals: Vec::new(),
+            colours: Vec::new(),
+            coloured: 0,
+            triangles: Vec::new(),
+            starts: Vec::new(),
+            cameras: Vec::new(),
+            lights: Vec::new(),
+            left_out: LeftOut::default(),
+        };
+        let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
+        let mut next: Vec<(Index<Node>, DMat4)> = match scene {
+            Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
+            None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
+        };
+        next.reverse();
+        // A stack of its own: nodes may be nested as deep as a file likes.
+        while let Some((index, parent)) = next.pop() {
+            let number = index.value();
+            let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
+            if std::mem::replace(&mut walk.visited[number], true) {
+                return Err(format!("node {number} is the child of two nodes"));
+            }
+            let place = parent * local(node);
+            if !place.is_finite() {
+                return Err(format!("node {number} has a transform that is not finite"));
+            }
+            walk.visit(node, place).map_err(|what| format!("node {number}: {what}"))?;
+            next.extend(node.children.iter().flatten().rev().map(|child| (*child, place)));
+        }
+        Ok(walk)
+    }
+
+    fn visit(&mut self, node: &Node, place: DMat4) -> Found<()> {
+        if let Some(index) = node.mesh {
+            self.starts.push(self.triangles.len() as u32);
+            self.left_out.skins += usize::from(node.skin.is_some());
+            let mesh = self
+                .numbers
+                .root
+                .get(index)
+                .ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
+            for primitive in &mesh.primitives {
+                self.left_out.targets +=
+                    usize::from(primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()));
+                match Part::read(&self.numbers, primitive)? {
+                    Shape::Triangles(part) => self.add(part, place)?,
+                    Shape::Other => self.left_out.lines_and_points += 1,
+                }
+            }
+        }
+        self.add_camera(node, place)?;
+        self.add_light(node, place)
+    }
+
+    fn add(&mut self, part: Part, place: DMat4) -> Found<()> {
+        let first = self.positions.len() as u32;
+        let first_normal = self.normals.len() as u32;
+        if self.triangles.len() + part.triangles.len() > MAX_TRIANGLES as usize {
+            return Err(format!("more than {MAX_TRIANGLES} triangles in all"));
+        }
+        self.positions.extend(part.positions.iter().map(|position| place.transform_point3(*position)));
+        let linear = DMat3::from_mat4(place);
+        let across = normal_matrix(linear);
+        self.normals.extend(part.normals.iter().map(|n| (across * *n).normalize_or_zero().as_vec3()));
+        self.coloured += part.colours.len();
+        self.colours.extend_from_slice(&part.colours);
+        self.colours.resize(self.positions.len(), Vec3::ONE);
+        let mirrored = linear.determinant() < 0.0;
+        self.triangles.extend(part.triangles.iter().map(|corners| {
+            let [a, b, c] = *corners;
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+            let normals =
+                if part.normals.is_empty() { [MISSING; 3] } else { corners.map(|i| i + first_normal) };
+            Triangle { positions: corners.map(|i| i + first), normals, material: part.material }
+        }));
+        Ok(())
+    }
+
+    /// A camera looks along its own -z.
+    fn add_camera(&mut self, node: &Node, place: DMat4) -> Found<()> {
+        let Some(index) = node.camera else { return Ok(()) };
+        let camera =
+            self.numbers.root.get(index).ok_or_else(|| format!("camera {} does not exist", index.value()))?;
+        let (Checked::Valid(Type::Perspective), Some(lens)) = (camera.type_, &camera.perspective) else {
+            self.left_out.orthographic += 1;
+            return Ok(());
+        };
+        let position = place.transform_point3(DVec3::ZERO);
+        let [ahead, up] =
+            [DVec3::NEG_Z, DVec3::Y].map(|axis| place.transform_vector3(axis).normalize_or_zero());
+        let degrees = lens.yfov.to_degrees();
+        let valid = degrees > 1e-3 && degrees < 179.99;
+        let degrees = if valid { degrees } else { 45.0 };
+        let looking = Camera::looking_at(Vec3::ZERO, ahead.as_vec3(), up.as_vec3(), degrees, true);
+        let z_near = if lens.znear.is_finite() { lens.znear.max(0.0) } else { 0.0 };
+        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking })));
+        Ok(())
+    }
+
+    /// A light shines along its node's -z.
+    fn add_light(&mut self, node: &Node, place: DMat4) -> Found<()> {
+        let named = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+        let Some(index) = named.map(|named| named.light) else { return Ok(()) };
+        let lights = self
+            .numbers
+            .root
+            .extensions
+            .as_ref()
+            .and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+        let light = lights.and_then(|lights| lights.lights.get(index.value()));
+        let light = light.ok_or_else(|| format!("light {} does not exist", index.value()))?;
+        let strength = Vec3::from_array(light.color).as_dvec3() * f64::from(light.intensity);
+        if !strength.is_finite() || strength.min_element() < 0.0 {
+            return Err(format!("light {} has a strength of {strength}", index.value()));
+        }
+        let position = place.transform_point3(DVec3::ZERO);
+        self.lights.push(match light.type_ {
+            Checked::Valid(punctual::Type::Directional) => {
+                FileLight::direction(place.transform_vector3(DVec3::NEG_Z), strength)
+            }
+            other => {
+                self.left_out.spots += usize::from(other == Checked::Valid(punctual::Type::Spot));
+                FileLight::point(position, strength)
+            }
+        });
+        Ok(())
+    }
+
+    /// The mesh in single precision, with what the file wants to be seen by.
+    pub fn settled(
+        self,
+        name: &str,
+        materials: Vec<Material>,
+        note_materials: &mut dyn FnMut(&Mesh, &mut Vec<String>),
+    ) -> Result<MeshFile> {
+        let (positions, origin) = origin::settle(name, &self.positions)?;
+        let mut mesh = Mesh { positions, normals: self.normals, triangles: self.triangles, materials };
+        let mut notes = Vec::new();
+        note_materials(&mesh, &mut notes);
+        if self.coloured > 0 {
+            colours::paint(&mut mesh, &self.colours);
+            notes.push(colours::note(self.coloured));
+        }
+        notes.extend(self.left_out.notes());
+        notes.extend(
+            (self.cameras.len() > 1).then(|| format!("of {} cameras, the first is used", self.cameras.len())),
+        );
+        let camera = self
+            .cameras
+            .first()
+            .map(|(position, camera)| Camera { position: (position - origin).as_vec3(), ..*camera });
+        let lights = self.lights.into_iter().map(|light| light.relative_to(origin)).collect();
+        let more_starts = self.starts.into_iter().skip(1).collect();
+        Ok(MeshFile { mesh, origin, more_starts, camera, lights, notes })
+    }
+}
+
+impl LeftOut {
+    fn notes(&self) -> impl Iterator<Item = String> {
+        let notes = [
+            (self.orthographic, "orthographic camera", "not used: a view is in perspective"),
+            (self.spots, "spot light", "shown as lights in all directions"),
+            (self.skins, "skinned mesh", "shown as stored, without its joints"),
+            (self.targets, "primitive with morph targets", "shown without them"),
+            (self.lines_and_points, "primitive of lines or points", "left out"),
+        ];
+        notes.into_iter().filter(|(count, ..)| *count > 0).map(|(count, what, done)| {
+            let (plural, are) = if count == 1 { (what.to_owned(), "is") } else { (plural(what), "are") };
+            format!("{count} {plural} {are} {done}")
+        })
+    }
+}
+
+/// `spot lights`, `skinned meshes`, `primitives of lines`.
+fn plural(what: &str) -> String {
+    match what.split_once(' ') {
+        Some(("primitive", rest)) => format!("primitives {rest}"),
+        _ if what.ends_with('h') => format!("{what}es"),
+        _ => format!("{what}s"),
+    }
+}
+
+fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
+    let mut is_child = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(known) = is_child.get_mut(child.value()) {
+            *known = true;
+        }
+    }
+    is_child
+        .into_iter()
+        .enumerate()
+        .filter(|(_, is_child)| !is_child)
+        .map(|(number, _)| Index::new(number as u32))
+}
+
+/// A node's own transform.
+fn local(node: &Node) -> DMat4 {
+    if let Some(matrix) = node.matrix {
+        return DMat4::from_cols_array(&matrix.map(f64::from));
+    }
+    let vector =
+        |values: Option<[f32; 3]>, default| values.map_or(default, |v| Vec3::from_array(v).as_dvec3());
+    let rotation =
+        node.rotation.map_or(DQuat::IDENTITY, |rotation| DQuat::from_array(rotation.0.map(f64::from)));
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    DMat4::from_scale_rotation_translation(
+        vector(node.scale, DVec3::ONE),
+        rotation,
+        vector(node.translation, DVec3::ZERO),
+    )
+}
+
+/// The inverse transpose but for its size, which also a flattened mesh has: the matrix of cofactors.
+fn normal_matrix(linear: DMat3) -> DMat3 {
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+    let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if linear.determinant() < 0.0 { turned * -1.0 } else { turned }
+}

@@ -1,0 +1,111 @@
+//! The parts of a glTF mesh, each with one material.
+
+use super::Found;
+use super::accessors::Numbers;
+use glam::{DVec3, Vec3};
+use gltf::json::Index;
+use gltf::json::accessor::Accessor;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+/// A part in its node's space.
+pub(super) struct Part {
+    pub positions: Vec<DVec3>,
+    /// One a position, or none.
+    pub normals: Vec<DVec3>,
+    /// Linear, one a position, or none.
+    pub colours: Vec<Vec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// 0 where the part names none; the file's are from 1.
+    pub material: u32,
+}
+
+/// What a primitive is made of.
+pub(super) enum Shape {
+    Triangles(Part),
+    /// Lines or points.
+    Other,
+}
+
+impl Part {
+    pub fn read(numbers: &Numbers<'_>, primitive: &Primitive) -> Found<Shape> {
+        let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
+            primitive.mode
+        else {
+            return Ok(Shape::Other);
+        };
+        let attribute = |wanted: Semantic| primitive.attributes.get(&Checked::Valid(wanted)).copied();
+        let vectors = |index: Index<Accessor>| {
+            Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
+        };
+        // Without positions there is nothing to see; an extension may have them.
+        let Some(index) = attribute(Semantic::Positions) else { return Ok(Shape::Other) };
+        let positions: Vec<DVec3> = vectors(index)?;
+        let normals: Vec<DVec3> = attribute(Semantic::Normals).map(vectors).transpose()?.unwrap_or_default();
+        let colours = attribute(Semantic::Colors(0))
+            .map(|index| colours(numbers, index))
+            .transpose()?
+            .unwrap_or_default();
+        for (what, count) in [("normals", normals.len()), ("colours", colours.len())] {
+            if count != 0 && count != positions.len() {
+                return Err(format!("{count} {what} for {} positions", positions.len()));
+            }
+        }
+        let indices = corners(numbers, primitive, positions.len())?;
+        let material = primitive.material.map_or(Ok(0), |index| {
+            let known = numbers.root.get(index).is_some();
+            known
+                .then(|| index.value() as u32 + 1)
+                .ok_or_else(|| format!("material {} does not exist", index.value()))
+        })?;
+        let part = Self { triangles: triangles(mode, &indices), positions, normals, colours, material };
+        Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
+    }
+
+    /// Every triangle with corners of its own: without normals a mesh has flat faces (glTF 2.0, 3.7.2.1).
+    fn flat(self) -> Self {
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        let mut colours = Vec::new();
+        for corners in &self.triangles {
+            let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
+            positions.extend([a, b, c]);
+            normals.extend([(b - a).cross(c - a).normalize_or_zero(); 3]);
+            if !self.colours.is_empty() {
+                colours.extend(corners.map(|corner| self.colours[corner as usize]));
+            }
+        }
+        let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        Self { positions, normals, colours, triangles, material: self.material }
+    }
+}
+
+/// Colours are linear, with alpha or without.
+fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Found<Vec<Vec3>> {
+    let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
+    Ok(match numbers.components(index) {
+        4 => numbers.of::<4>(index)?.into_iter().map(|[r, g, b, _]| colour(r, g, b)).collect(),
+        _ => numbers.of::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(),
+    })
+}
+
+/// The numbers of the positions in order.
+fn corners(numbers: &Numbers<'_>, primitive: &Primitive, count: usize) -> Found<Vec<u32>> {
+    let Some(index) = primitive.indices else { return Ok((0..count as u32).collect()) };
+    let indices: Vec<u32> = numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect();
+    match indices.iter().find(|&&index| index as usize >= count) {
+        Some(index) => Err(format!("position {index} does not exist; there are {count}")),
+        None => Ok(indices),
+    }
+}
+
+fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
+    let strip = |(place, window): (usize, &[u32])| {
+        let [a, b, c] = [window[0], window[1], window[2]];
+        if place.is_multiple_of(2) { [a, b, c] } else { [b, a, c] }
+    };
+    match mode {
+        Mode::TriangleStrip => corners.windows(3).enumerate().map(strip).collect(),
+        Mode::TriangleFan => corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]).collect(),
+        _ => corners.chunks_exact(3).map(|corner| [corner[0], corner[1], corner[2]]).collect(),
+    }
+}

@@ -1,0 +1,189 @@
+//! Small files made here, good and bad.
+
+use super::*;
+use crate::scene::mesh::Mesh;
+use crate::scene::obj::Permitted;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use glam::{DVec3, Vec3};
+use std::path::Path;
+
+const PERMITTED: Permitted = Permitted { beyond: false, quotes: true };
+
+/// One triangle: three positions, then three indices of 16 bits.
+fn bytes() -> Vec<u8> {
+    let positions: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let mut bytes: Vec<u8> = positions.iter().flat_map(|value| value.to_le_bytes()).collect();
+    bytes.extend([0_u16, 1, 2].iter().flat_map(|index| index.to_le_bytes()));
+    bytes
+}
+
+/// The file around it; what a case changes is put in by replacing.
+fn triangle() -> String {
+    let data = STANDARD.encode(bytes());
+    format!(
+        r#"{{"asset": {{"version": "2.0"}},
+"scenes": [{{"nodes": [0]}}],
+"nodes": [{{"mesh": 0, "translation": [0, 0, 5]}}],
+"meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "indices": 1}}]}}],
+"buffers": [{{"byteLength": 42, "uri": "data:application/octet-stream;base64,{data}"}}],
+"bufferViews": [{{"buffer": 0, "byteLength": 36}}, {{"buffer": 0, "byteOffset": 36, "byteLength": 6}}],
+"accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}},
+{{"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}}]}}"#
+    )
+}
+
+fn read(text: &str) -> Result<MeshFile> {
+    parse("a.gltf", Reach { folder: Path::new("/nowhere"), permitted: PERMITTED }, text.as_bytes())
+}
+
+fn corners(mesh: &Mesh) -> [Vec3; 3] {
+    mesh.corners(&mesh.triangles[0])
+}
+
+#[test]
+fn a_triangle_stands_where_its_node_does_and_is_flat() {
+    let mesh = read(&triangle()).unwrap().mesh;
+    assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(1.0, 0.0, 5.0), Vec3::new(0.0, 1.0, 5.0)]);
+    assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z; 3]);
+}
+
+#[test]
+fn a_binary_file_holds_the_same() {
+    let json = triangle();
+    let (start, end) = (json.find(", \"uri\"").unwrap(), json.find("\"}],\n\"bufferViews").unwrap());
+    let mut json = format!("{}{}", &json[..start], &json[end + 1..]).into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut binary = bytes();
+    binary.resize(44, 0);
+    let length = |bytes: &[u8]| (bytes.len() as u32).to_le_bytes();
+    let total = (12 + 8 + json.len() + 8 + binary.len()) as u32;
+    let glb = [
+        b"glTF\x02\0\0\0",
+        &total.to_le_bytes()[..],
+        &length(&json),
+        b"JSON",
+        &json,
+        &length(&binary),
+        b"BIN\0",
+        &binary,
+    ]
+    .concat();
+    let reach = Reach { folder: Path::new(""), permitted: PERMITTED };
+    let mesh = parse("a.glb", reach, &glb).unwrap().mesh;
+    assert_eq!(mesh, read(&triangle()).unwrap().mesh);
+}
+
+#[test]
+fn nodes_turn_scale_mirror_and_nest() {
+    let nested = r#""nodes": [{"children": [1], "scale": [-2, 2, 2]}, {"mesh": 0, "rotation": [0, 0, 0.70710678, 0.70710678]}]"#;
+    let mesh = read(&triangle().replace(r#""nodes": [{"mesh": 0, "translation": [0, 0, 5]}]"#, nested))
+        .unwrap()
+        .mesh;
+    // A quarter turn about z takes x to y and y to -x; then x is mirrored, and the winding with it.
+    let [a, b, c] = corners(&mesh);
+    assert!(
+        a.distance(Vec3::ZERO) < 1e-6 && b.distance(Vec3::X * 2.0) < 1e-6 && c.distance(Vec3::Y * 2.0) < 1e-6
+    );
+    assert!(mesh.corner_normals(&mesh.triangles[0])[0].distance(Vec3::Z) < 1e-6);
+}
+
+#[test]
+fn a_far_node_is_centred() {
+    let file = read(&triangle().replace("[0, 0, 5]", "[500000, 5400000, 0]")).unwrap();
+    assert!(file.origin.distance(DVec3::new(500_000.5, 5_400_000.5, 0.0)) < 1e-9);
+    assert_eq!(corners(&file.mesh)[0], Vec3::new(-0.5, -0.5, 0.0));
+}
+
+#[test]
+fn materials_cameras_and_lights() {
+    let text = triangle()
+        .replace(r#""indices": 1"#, r#""indices": 1, "material": 0"#)
+        .replace(
+            r#""scenes""#,
+            r#""materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 0, 1], "baseColorTexture": {"index": 0}},
+"alphaMode": "BLEND", "extensions": {"KHR_materials_clearcoat": {}}}],
+"cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],
+"extensionsUsed": ["KHR_lights_punctual"],
+"extensions": {"KHR_lights_punctual": {"lights": [{"type": "spot", "intensity": 3, "spot": {}}]}},
+"animations": [{"channels": [], "samplers": []}], "scenes""#,
+        )
+        .replace(
+            r#""translation": [0, 0, 5]}"#,
+            r#""camera": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0, 0, 5]}"#,
+        );
+    let file = read(&text).unwrap();
+    let triangle = &file.mesh.triangles[0];
+    assert_eq!(file.mesh.material(triangle).lambertian, Vec3::new(0.5, 0.25, 0.0));
+    let camera = file.camera.unwrap();
+    assert_eq!((camera.position, camera.forward, camera.fov_is_vertical), (Vec3::Z * 5.0, Vec3::NEG_Z, true));
+    assert_eq!(file.lights.len(), 1);
+    let notes = file.notes.join("\n");
+    for part in [
+        "textures (baseColorTexture)",
+        "alphaMode BLEND",
+        "metal (metallicFactor)",
+        "KHR_materials_clearcoat",
+        "1 spot light is",
+        "1 animation is",
+    ] {
+        assert!(notes.contains(part), "{part} is not in:\n{notes}");
+    }
+}
+
+#[test]
+fn colours_of_corners_make_one_of_the_triangle() {
+    let text = triangle().replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "COLOR_0": 2}"#).replace(
+        r#""type": "SCALAR"}"#,
+        r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}"#,
+    );
+    let file = read(&text).unwrap();
+    // The positions serve as colours: black, red and green.
+    let colour = file.mesh.material(&file.mesh.triangles[0]).lambertian / 0.8;
+    assert!((colour - Vec3::new(1.0, 1.0, 0.0) / 3.0).abs().max_element() < 5e-3, "{colour}");
+    assert!(file.notes.iter().any(|note| note.contains("colours of 3 vertices")), "{:?}", file.notes);
+}
+
+#[test]
+fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
+    let required =
+        |names: &str| read(&triangle().replacen('{', &format!("{{\"extensionsRequired\": [{names}], "), 1));
+    let error = required(r#""KHR_draco_mesh_compression", "KHR_texture_transform", "X_y""#)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(error.contains("the extensions `KHR_draco_mesh_compression`, `X_y`"), "{error}");
+    assert!(required(r#""KHR_materials_unlit", "KHR_mesh_quantization""#).is_ok());
+}
+
+#[test]
+fn damaged_files_are_refused_with_what_is_wrong() {
+    for (from, to, message) in [
+        ("\"mesh\": 0", "\"mesh\": 7", "node 0: mesh 7 does not exist"),
+        ("\"POSITION\": 0", "\"POSITION\": 9", "accessor 9: it does not exist"),
+        (
+            "\"count\": 3, \"type\": \"VEC3\"",
+            "\"count\": 4000000000, \"type\": \"VEC3\"",
+            "its buffer holds 3",
+        ),
+        (
+            "\"count\": 3, \"type\": \"VEC3\"",
+            "\"count\": 2, \"type\": \"VEC3\"",
+            "position 2 does not exist; there are 2",
+        ),
+        ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
+        ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
+        ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer holds 0"),
+        ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 is the child of two nodes"),
+        ("base64,", "base64,?", "base64 is damaged"),
+        ("data:application/octet-stream;base64,", "http://x/", "nothing is downloaded"),
+        ("data:application/octet-stream;base64,", "../../etc/passwd?", "buffer 0"),
+        ("\"version\": \"2.0\"", "\"version\": \"1.0\"", "a.gltf"),
+        ("\"scenes\"", "\"scenes", "a.gltf:2: no glTF 2.0"),
+    ] {
+        let text = triangle().replacen(from, to, 1);
+        let found = read(&text).err().map(|error| error.to_string()).unwrap_or_default();
+        let version = to.contains("1.0");
+        assert!(version || found.contains(message), "{from} -> {to}: {found}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Lights of a file, in the units of its own.
+
+use crate::scene::Light;
+use glam::{DVec3, Vec3};
+
+/// Light from one direction comes from a point so many radii away.
+const DIRECTIONAL_RADII: f64 = 50.0;
+/// For the mean brightness a light is no nearer to the centre than this part of the radius.
+const NEAREST_RADII: f64 = 0.25;
+
+/// Where a file's light comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Source {
+    Point(DVec3),
+    /// It shines along this direction, of unit length.
+    Direction(DVec3),
+}
+
+/// A light as its file has it: only the ratios between the lights of one file mean something here.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::scene) struct FileLight {
+    source: Source,
+    /// Of a point its intensity, of a direction its irradiance.
+    strength: DVec3,
+}
+
+impl FileLight {
+    /// One that shines from a point with an intensity.
+    pub(super) fn point(position: DVec3, intensity: DVec3) -> Self {
+        Self { source: Source::Point(position), strength: intensity }
+    }
+
+    /// One that shines along a direction with an irradiance.
+    pub(super) fn direction(direction: DVec3, irradiance: DVec3) -> Self {
+        Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
+    }
+
+    /// The same with another origin of the coordinates.
+    pub(super) fn relative_to(self, origin: DVec3) -> Self {
+        match self.source {
+            Source::Point(position) => Self { source: Source::Point(position - origin), ..self },
+            Source::Direction(_) => self,
+        }
+    }
+
+    /// Its position, and its power without a factor that all lights share.
+    fn placed(&self, centre: DVec3, radius: f64) -> (DVec3, DVec3) {
+        match self.source {
+            Source::Point(position) => (position, self.strength),
+            Source::Direction(direction) => {
+                let distance = DIRECTIONAL_RADII * radius;
+                (centre - direction * distance, self.strength * distance * distance)
+            }
+        }
+    }
+}
+
+/// Lights that together light the centre of a ball as brightly as one of `power` at `distance` would.
+pub(in crate::scene) fn of_file(
+    lights: &[FileLight],
+    (centre, radius): (DVec3, f64),
+    (power, distance): (f64, f64),
+) -> Vec<Light> {
+    let placed: Vec<_> = lights.iter().map(|light| light.placed(centre, radius)).collect();
+    let brightness = |(position, power): &(DVec3, DVec3)| {
+        let nearest = NEAREST_RADII * radius;
+        power.element_sum() / 3.0 / position.distance_squared(centre).max(nearest * nearest)
+    };
+    let total: f64 = placed.iter().map(brightness).sum();
+    let factor = if total > 0.0 { power / (distance * distance) / total } else { 0.0 };
+    let light = |(position, power): (DVec3, DVec3)| {
+        let power = (power * factor).as_vec3();
+        Light { position: position.as_vec3(), power: if power.is_finite() { power } else { Vec3::ZERO } }
+    };
+    placed.into_iter().map(light).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_keep_their_ratios_and_are_as_bright_as_asked() {
+        let lights = [
+            FileLight::point(DVec3::new(0.0, 4.0, 0.0), DVec3::splat(1600.0)),
+            FileLight::direction(DVec3::NEG_Z, DVec3::new(300.0, 0.0, 0.0)),
+        ];
+        let scene = of_file(&lights, (DVec3::ZERO, 2.0), (50.0, 5.0));
+        let at = |light: &Light| light.power / light.position.length_squared();
+        let (point, sun) = (at(&scene[0]), at(&scene[1]));
+        assert!((point.x / sun.x - 100.0 / 300.0).abs() < 1e-5);
+        assert!(((point + sun).element_sum() / 3.0 - 50.0 / 25.0).abs() < 1e-5);
+        assert_eq!(scene[1].position, Vec3::new(0.0, 0.0, 100.0));
+    }
+}

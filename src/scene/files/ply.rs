@@ -1,0 +1,265 @@
+//! PLY, ASCII and binary of both byte orders, read by `ply-rs-bw`.
+
+use super::origin::settle;
+use super::{MeshFile, colours, mistake};
+use crate::error::{Error, Result};
+use crate::scene::material::Material;
+use crate::scene::mesh::{Mesh, Triangle};
+use crate::scene::normals::MISSING;
+use crate::scene::obj::triangulate;
+use glam::{DVec3, Vec3};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
+use std::io::Cursor;
+
+/// Reads a file called `name`.
+pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
+    let failed = |error: ParseError| misread(name, &error);
+    let mut reader = Reader::new(Cursor::new(bytes));
+    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(failed)?;
+    let mut parts = Parts::default();
+    for element in header.elements.values() {
+        parts.read(element, &header, &mut reader).map_err(failed)?;
+    }
+    parts.mesh(name, &header)
+}
+
+/// The mistake with its line, where the reader tells it, and without the file's text.
+fn misread(name: &str, error: &ParseError) -> Error {
+    let message = error.to_string();
+    let what = message.lines().next().unwrap_or_default();
+    let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches('.');
+    match error.line() {
+        Some(line) => mistake(&format!("{name}:{line}"), what),
+        None => mistake(name, what),
+    }
+}
+
+/// The elements of a file that are read.
+#[derive(Default)]
+struct Parts {
+    vertices: Vec<Vertex>,
+    faces: Vec<Face>,
+    strips: Vec<Face>,
+    /// Elements of other kinds: name and count.
+    others: Vec<(String, usize)>,
+}
+
+impl Parts {
+    fn read(
+        &mut self,
+        element: &ElementDef,
+        header: &Header,
+        reader: &mut Reader<Cursor<&[u8]>>,
+    ) -> std::result::Result<(), ParseError> {
+        match element.name.as_str() {
+            "vertex" => self.vertices = Parser::new().read_payload_for_element(reader, element, header)?,
+            "face" => self.faces = Parser::new().read_payload_for_element(reader, element, header)?,
+            "tristrips" => self.strips = Parser::new().read_payload_for_element(reader, element, header)?,
+            other => {
+                let skipped = Parser::<Skipped>::new();
+                self.others.push((other.to_owned(), element.count));
+                skipped.read_payload_for_element(reader, element, header)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn mesh(self, name: &str, header: &Header) -> Result<MeshFile> {
+        let has = |names: [&str; 3]| {
+            let vertex = header.elements.get("vertex");
+            names.iter().all(|name| vertex.is_some_and(|vertex| vertex.properties.contains_key(*name)))
+        };
+        let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
+        let (settled, origin) = settle(name, &positions)?;
+        let with_normals = has(["nx", "ny", "nz"]);
+        let mut mesh = Mesh { positions: settled, materials: vec![Material::default()], ..Mesh::default() };
+        if with_normals {
+            mesh.normals = self.vertices.iter().map(|vertex| vertex.normal).collect();
+            // What is no number is no direction.
+            mesh.normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|n| *n = Vec3::ZERO);
+        }
+        let mut push = |corners: [u32; 3]| {
+            let normals = if with_normals { corners } else { [MISSING; 3] };
+            mesh.triangles.push(Triangle { positions: corners, normals, material: 0 });
+        };
+        let mut short = 0;
+        for (number, face) in self.faces.iter().enumerate() {
+            let corners = face
+                .corners(positions.len())
+                .map_err(|what| mistake(name, format!("face {number}: {what}")))?;
+            match corners[..] {
+                [a, b, c] => push([a, b, c]),
+                [] | [_] | [_, _] => short += 1,
+                _ => {
+                    let outline: Vec<DVec3> = corners.iter().map(|&i| positions[i as usize]).collect();
+                    let triangles = triangulate(&outline).ok_or_else(|| {
+                        mistake(name, format!("face {number} is concave and has too many corners"))
+                    })?;
+                    triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
+                }
+            }
+        }
+        for (number, strip) in self.strips.iter().enumerate() {
+            let what = |what| mistake(name, format!("strip {number}: {what}"));
+            strip.triangles(positions.len(), &mut push).map_err(what)?;
+        }
+        let mut notes = Vec::new();
+        let coloured =
+            [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
+        if coloured.into_iter().any(has) && !mesh.triangles.is_empty() {
+            mesh.materials = vec![Material::lambertian(Vec3::ONE)];
+            let linear: Vec<Vec3> = self.vertices.iter().map(Vertex::linear).collect();
+            colours::paint(&mut mesh, &linear);
+            notes.push(colours::note(linear.len()));
+        }
+        notes.extend(self.notes(header, short));
+        Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+    }
+
+    /// What is passed over.
+    fn notes(&self, header: &Header, short: usize) -> Vec<String> {
+        let mut notes = Vec::new();
+        let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
+        if textures > 0 {
+            notes.push(format!("{textures} TextureFile asks for textures, which raycl does not do: each triangle has one colour"));
+        }
+        if short > 0 {
+            notes.push(format!("{short} faces of fewer than three corners are left out"));
+        }
+        let others: Vec<_> = self
+            .others
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(name, count)| format!("{name} {count}"))
+            .collect();
+        if !others.is_empty() {
+            notes.push(format!("elements that are no faces are left out ({})", others.join(", ")));
+        }
+        notes
+    }
+}
+
+/// A vertex; what a file does not have stays zero.
+struct Vertex {
+    position: DVec3,
+    normal: Vec3,
+    /// As displays have it, 0 to 1.
+    colour: Vec3,
+}
+
+impl Vertex {
+    fn linear(&self) -> Vec3 {
+        self.colour.map(colours::linear)
+    }
+}
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Self { position: DVec3::ZERO, normal: Vec3::ZERO, colour: Vec3::ZERO }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let Some(value) = number(&property) else { return PropertyAccessResult::Ignored };
+        let channel = || match property {
+            Property::UChar(value) => f32::from(value) / 255.0,
+            Property::UShort(value) => f32::from(value) / 65535.0,
+            _ => value as f32,
+        };
+        match name {
+            "x" => self.position.x = value,
+            "y" => self.position.y = value,
+            "z" => self.position.z = value,
+            "nx" => self.normal.x = value as f32,
+            "ny" => self.normal.y = value as f32,
+            "nz" => self.normal.z = value as f32,
+            "red" | "diffuse_red" | "r" => self.colour.x = channel(),
+            "green" | "diffuse_green" | "g" => self.colour.y = channel(),
+            "blue" | "diffuse_blue" | "b" => self.colour.z = channel(),
+            _ => return PropertyAccessResult::Ignored,
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+fn number(property: &Property) -> Option<f64> {
+    Some(match property {
+        Property::Char(value) => f64::from(*value),
+        Property::UChar(value) => f64::from(*value),
+        Property::Short(value) => f64::from(*value),
+        Property::UShort(value) => f64::from(*value),
+        Property::Int(value) => f64::from(*value),
+        Property::UInt(value) => f64::from(*value),
+        Property::Float(value) => f64::from(*value),
+        Property::Double(value) => *value,
+        _ => return None,
+    })
+}
+
+/// A face or a strip: numbers of vertices.
+struct Face(Option<Property>);
+
+impl Face {
+    fn numbers(&self) -> Vec<i64> {
+        match &self.0 {
+            Some(Property::ListChar(list)) => list.iter().map(|&i| i.into()).collect(),
+            Some(Property::ListUChar(list)) => list.iter().map(|&i| i.into()).collect(),
+            Some(Property::ListShort(list)) => list.iter().map(|&i| i.into()).collect(),
+            Some(Property::ListUShort(list)) => list.iter().map(|&i| i.into()).collect(),
+            Some(Property::ListInt(list)) => list.iter().map(|&i| i.into()).collect(),
+            Some(Property::ListUInt(list)) => list.iter().map(|&i| i.into()).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    fn corners(&self, count: usize) -> std::result::Result<Vec<u32>, String> {
+        self.numbers().into_iter().map(|number| corner(number, count)).collect()
+    }
+
+    /// The triangles of a strip, every other one turned; -1 begins anew.
+    fn triangles(&self, count: usize, push: &mut impl FnMut([u32; 3])) -> std::result::Result<(), String> {
+        for strip in self.numbers().split(|&number| number == -1) {
+            let corners: Vec<u32> =
+                strip.iter().map(|&number| corner(number, count)).collect::<std::result::Result<_, _>>()?;
+            for (place, window) in corners.windows(3).enumerate() {
+                let [a, b, c] = [window[0], window[1], window[2]];
+                push(if place.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn corner(number: i64, count: usize) -> std::result::Result<u32, String> {
+    match u32::try_from(number) {
+        Ok(index) if (index as usize) < count => Ok(index),
+        _ => Err(format!("vertex {number} does not exist; the file has {count}, from 0")),
+    }
+}
+
+impl PropertyAccess for Face {
+    fn new() -> Self {
+        Self(None)
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if matches!(name, "vertex_indices" | "vertex_index") {
+            self.0 = Some(property);
+            return PropertyAccessResult::Set;
+        }
+        PropertyAccessResult::Ignored
+    }
+}
+
+/// An element that is passed over.
+struct Skipped;
+
+impl PropertyAccess for Skipped {
+    fn new() -> Self {
+        Self
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests;

@@ -1,0 +1,63 @@
+//! Small files made here.
+
+use super::*;
+
+const SQUARE: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty double x\nproperty double y\n\
+    property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
+    property list uchar int vertex_indices\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
+    500000 5400000 0 255 0 0\n500001 5400000 0 255 0 0\n500001 5400001 0 255 0 0\n500000 5400001 0 255 0 0\n4 0 1 2 3\n0 1\n";
+
+#[test]
+fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
+    let file = parse("a.ply", SQUARE.as_bytes()).unwrap();
+    assert_eq!((file.mesh.triangles.len(), file.mesh.materials.len()), (2, 1));
+    assert_eq!(file.mesh.materials[0].lambertian, Vec3::X);
+    assert_eq!(file.origin, DVec3::new(500000.5, 5400000.5, 0.0));
+    assert_eq!(file.mesh.positions[0], Vec3::new(-0.5, -0.5, 0.0));
+    assert!(file.notes.iter().any(|note| note.contains("(edge 1)")), "{:?}", file.notes);
+    assert!(file.notes.iter().any(|note| note.contains("4 vertices")), "{:?}", file.notes);
+}
+
+#[test]
+fn binary_files_of_both_orders_and_strips() {
+    let header = |order: &str| {
+        format!(
+            "ply\nformat binary_{order}_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+             property float nx\nproperty float ny\nproperty float nz\nelement tristrips 1\n\
+             property list int int vertex_indices\nend_header\n"
+        )
+    };
+    let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0_f32]];
+    let floats: Vec<f32> = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0, 0.0, 0.0, 1.0]).collect();
+    let ints = [6_i32, 0, 1, 2, 3, -1, 0];
+    let little: Vec<u8> = floats
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .chain(ints.iter().flat_map(|v| v.to_le_bytes()))
+        .collect();
+    let big: Vec<u8> = floats
+        .iter()
+        .flat_map(|v| v.to_be_bytes())
+        .chain(ints.iter().flat_map(|v| v.to_be_bytes()))
+        .collect();
+    for (order, payload) in [("little", little), ("big", big)] {
+        let mesh = parse("a.ply", &[header(order).into_bytes(), payload].concat()).unwrap().mesh;
+        let corners: Vec<_> = mesh.triangles.iter().map(|triangle| triangle.positions).collect();
+        assert_eq!(corners, [[0, 1, 2], [2, 1, 3]], "{order}");
+        assert_eq!(mesh.corner_normals(&mesh.triangles[1]), [Vec3::Z; 3]);
+    }
+}
+
+#[test]
+fn mistakes_are_told_without_the_files_text() {
+    for (from, to, message) in [
+        ("4 0 1 2 3", "4 0 1 2 9", "face 0: vertex 9 does not exist"),
+        ("4 0 1 2 3\n0 1\n", "", "a.ply"),
+        ("500000 5400000 0 255 0 0\n", "500000 secret 0 255 0 0\n", "a.ply:17"),
+        ("element vertex 4", "element vertex many", "a.ply:4"),
+    ] {
+        let text = SQUARE.replacen(from, to, 1);
+        let error = parse("a.ply", text.as_bytes()).err().unwrap().to_string();
+        assert!(error.contains(message) && !error.contains("secret") && !error.contains('\n'), "{error}");
+    }
+}

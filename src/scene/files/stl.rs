@@ -1,0 +1,146 @@
+//! STL, ASCII and binary. Its triangles share no corners: equal ones are joined, so that surfaces can be smooth. The normals
+//! of its facets are not read: they are those of the corners' order, where they are right at all.
+
+use super::origin::settle;
+use super::{MeshFile, mistake};
+use crate::error::Result;
+use crate::scene::material::Material;
+use crate::scene::mesh::{Mesh, Triangle};
+use crate::scene::normals::MISSING;
+use crate::scene::obj::{decimal, quoted};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Of a binary file: before its triangles.
+const HEADER_BYTES: usize = 84;
+/// A normal, three corners and two bytes more.
+const TRIANGLE_BYTES: usize = 50;
+
+/// Reads a file called `name`.
+pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
+    let corners = if is_binary(bytes) {
+        binary(bytes)
+    } else {
+        ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?
+    };
+    let (positions, triangles) = joined(&corners);
+    let (positions, origin) = settle(name, &positions)?;
+    let mesh = Mesh { positions, triangles, normals: Vec::new(), materials: vec![Material::default()] };
+    Ok(MeshFile { mesh, origin, ..MeshFile::default() })
+}
+
+/// Whether the length is what the count says: the first word of a binary file may be `solid` too.
+fn is_binary(bytes: &[u8]) -> bool {
+    count(bytes).is_some_and(|count| HEADER_BYTES + TRIANGLE_BYTES * count == bytes.len())
+}
+
+fn count(bytes: &[u8]) -> Option<usize> {
+    let count = bytes.get(HEADER_BYTES - 4..HEADER_BYTES)?;
+    Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
+}
+
+/// Three corners a triangle.
+fn binary(bytes: &[u8]) -> Vec<DVec3> {
+    let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
+    let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
+    let triangles = bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES);
+    triangles.flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
+}
+
+/// The same of text: all that counts is `vertex x y z`, three before each `endfacet`. The mistake has its line.
+fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
+    let mut corners = Vec::new();
+    let lines = || bytes.split(|&byte| byte == b'\n');
+    for (line, text) in (1..).zip(lines()) {
+        let mut words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let word = words.next().unwrap_or_default();
+        if word.eq_ignore_ascii_case(b"vertex") {
+            corners.push(vertex(words).map_err(|what| (line, what))?);
+        } else if word.eq_ignore_ascii_case(b"endfacet") && !corners.len().is_multiple_of(3) {
+            return Err((line, "a facet that has not three vertices".to_owned()));
+        }
+    }
+    if corners.len().is_multiple_of(3) {
+        return Ok(corners);
+    }
+    Err((lines().count(), "the last facet ends before its third vertex".to_owned()))
+}
+
+fn vertex<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> std::result::Result<DVec3, String> {
+    let mut number = || {
+        let word = words.next().ok_or("a vertex of fewer than three numbers")?;
+        decimal(word).ok_or_else(|| format!("{} in a vertex; expected a finite decimal number", quoted(word)))
+    };
+    Ok(DVec3::new(number()?, number()?, number()?))
+}
+
+/// Corners that are equal become one position.
+fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
+    // Adding zero makes zeros of both signs one.
+    let mut order: Vec<([u64; 3], u32)> = (0..)
+        .zip(corners)
+        .map(|(place, corner)| (corner.to_array().map(|x| (x + 0.0).to_bits()), place))
+        .collect();
+    order.par_sort_unstable();
+    let mut positions = Vec::new();
+    let mut numbers = vec![0; corners.len()];
+    for same in order.chunk_by(|a, b| a.0 == b.0) {
+        same.iter().for_each(|(_, place)| numbers[*place as usize] = positions.len() as u32);
+        positions.push(corners[same[0].1 as usize]);
+    }
+    let triangle = |corners: &[u32]| Triangle {
+        positions: [corners[0], corners[1], corners[2]],
+        normals: [MISSING; 3],
+        material: 0,
+    };
+    (positions, numbers.chunks_exact(3).map(triangle).collect())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    const TWO: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
+        endsolid a\nSOLID\n FACET NORMAL 0 0 1\n  OUTER LOOP\n  VERTEX 1 0 0\r\n  VERTEX 1. 1e0 -0\n  VERTEX .0 1 0\n  ENDLOOP\n ENDFACET\n";
+
+    fn binary_of(corners: &[Vec3]) -> Vec<u8> {
+        let mut bytes = b"solid, says this header of a binary file".to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((corners.len() as u32 / 3).to_le_bytes());
+        for triangle in corners.chunks(3) {
+            bytes.extend([0; 12]);
+            bytes.extend(triangle.iter().flat_map(|c| c.to_array()).flat_map(f32::to_le_bytes));
+            bytes.extend([0; 2]);
+        }
+        bytes
+    }
+
+    #[test]
+    fn two_solids_in_any_case_share_their_equal_corners() {
+        let mesh = parse("a.stl", TWO.as_bytes()).unwrap().mesh;
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (4, 2));
+        assert_eq!(mesh.corners(&mesh.triangles[1]), [Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]);
+    }
+
+    #[test]
+    fn a_binary_file_holds_the_same() {
+        let ascii = parse("a.stl", TWO.as_bytes()).unwrap().mesh;
+        let corners: Vec<Vec3> = ascii.triangles.iter().flat_map(|t| ascii.corners(t)).collect();
+        assert_eq!(parse("b.stl", &binary_of(&corners)).unwrap().mesh, ascii);
+    }
+
+    #[test]
+    fn mistakes_have_their_lines() {
+        for (from, to, message) in [
+            ("vertex 0 1 0", "vertex 0 x 0", "a.stl:6: `x` in a vertex"),
+            ("vertex 0 1 0\n", "", "a.stl:7: a facet that has not three"),
+            ("vertex 0 1 0", "vertex 0 nan 0", "a.stl:6"),
+            ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex of fewer"),
+        ] {
+            let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
+            assert!(error.contains(message), "{error}");
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! Damaged files of every format: refused or read, never a panic.
+
+use super::*;
+use std::path::PathBuf;
+
+const PERMITTED: Permitted = Permitted { beyond: false, quotes: true };
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes").join(name)
+}
+
+fn parse(format: MeshFormat, bytes: &[u8]) -> Result<MeshFile> {
+    let reach = Reach { folder: Path::new("/nowhere"), permitted: PERMITTED };
+    match format {
+        MeshFormat::Obj => obj::parse("a", reach, bytes),
+        MeshFormat::Ply => ply::parse("a", bytes),
+        MeshFormat::Stl => stl::parse("a", bytes),
+        MeshFormat::Gltf | MeshFormat::Glb => gltf::parse("a", reach, bytes),
+    }
+}
+
+#[test]
+fn files_cut_off_anywhere_and_with_any_byte_changed_do_not_panic() {
+    for name in ["cube.ply", "cube.stl", "two.gltf", "two.glb"] {
+        let path = fixture(name);
+        let opened = Opened::at(&path).unwrap();
+        let format = format(&opened, &path).unwrap();
+        let whole = opened.bytes(Kind::Mesh).unwrap();
+        assert!(parse(format, &whole).is_ok(), "{name}");
+        for place in 0..whole.len() {
+            let _ = parse(format, &whole[..place]);
+            for byte in [b'0', b'9', b'-', b' ', 0xff] {
+                let mut changed = whole.clone();
+                changed[place] = byte;
+                // What is read keeps to what every mesh keeps to.
+                if let Ok(file) = parse(format, &changed) {
+                    let count = file.mesh.positions.len();
+                    let corners = file.mesh.triangles.iter().flat_map(|triangle| triangle.positions);
+                    assert!(corners.into_iter().all(|corner| (corner as usize) < count), "{name} {place}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_file_of_others_is_read_and_nothing_of_its_text_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.stl");
+    std::fs::write(&path, "solid a\nfacet\nvertex secret 0 0\n").unwrap();
+    let permitted = Permitted { quotes: false, ..PERMITTED };
+    let opened = Opened::at(&path).unwrap();
+    let error = super::read(&path, opened, MeshFormat::Stl, permitted).err().unwrap().to_string();
+    assert!(error.contains("not an STL mesh") && !error.contains("secret"), "{error}");
+}
+
+#[test]
+fn a_scene_of_two_cubes_is_one_mesh_of_two_parts_in_both_forms() {
+    let read = |name: &str| {
+        let opened = Opened::at(&fixture(name)).unwrap();
+        let format = format(&opened, Path::new(name)).unwrap();
+        super::read(&fixture(name), opened, format, PERMITTED).unwrap()
+    };
+    let (text, binary) = (read("two.gltf"), read("two.glb"));
+    assert_eq!(text.mesh, binary.mesh);
+    assert_eq!((text.mesh.triangles.len(), text.more_starts, text.lights.len()), (24, vec![12], 1));
+}

@@ -1,0 +1,128 @@
+use super::*;
+use crate::scene::{Shape, generate};
+
+/// From three quarters, for images of an aspect.
+const fn three_quarter(aspect: f64) -> View {
+    View { up: DVec3::Y, azimuth_degrees: None, elevation_degrees: None, shot: Shot { aspect, turns: false } }
+}
+
+fn from(azimuth: f64, elevation: f64, up: DVec3) -> View {
+    View { up, azimuth_degrees: Some(azimuth), elevation_degrees: Some(elevation), ..three_quarter(1.6) }
+}
+
+/// What a picture shows of a mesh, as parts of its half width and half height: left, right, bottom, top.
+fn extent(camera: &Camera, mesh: &Mesh, aspect: f64) -> [f64; 4] {
+    let mut extent = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+    for position in &mesh.positions {
+        let offset = (*position - camera.position).as_dvec3();
+        let depth = offset.dot(camera.forward.as_dvec3()) * f64::from(camera.tan_half_fov);
+        assert!(depth > 0.0);
+        let x = offset.dot(camera.right.as_dvec3()) / depth / aspect;
+        let y = offset.dot(camera.up.as_dvec3()) / depth;
+        extent = [extent[0].min(x), extent[1].max(x), extent[2].min(y), extent[3].max(y)];
+    }
+    extent
+}
+
+/// A box of these sizes around a place.
+fn block(size: Vec3, centre: Vec3) -> Mesh {
+    let mut mesh = generate(&Shape::Sphere { triangles: 400 });
+    let corner = |p: Vec3| p.signum() * size / 2.0 + centre;
+    mesh.positions.iter_mut().for_each(|p| *p = corner(*p));
+    mesh
+}
+
+#[test]
+fn the_whole_mesh_fills_a_picture_across_or_down_at_any_scale_and_length() {
+    let mut teapot = generate(&Shape::Teapot { fineness: 4 });
+    teapot.positions.iter_mut().for_each(|p| *p += 3.0);
+    let long = [Vec3::new(40.0, 1.0, 1.0), Vec3::new(1.0, 40.0, 1.0), Vec3::new(1.0, 1.0, 40.0)];
+    let blocks = long.map(|size| block(size, Vec3::new(-7.0, 2.0, 5.0)));
+    for mesh in blocks.into_iter().chain([teapot]) {
+        for (scale, aspect) in [(1e-4_f32, 1.6), (1.0, 0.5), (1.0, 1.0), (1e4, 2.4)] {
+            let mut mesh = mesh.clone();
+            mesh.positions.iter_mut().for_each(|p| *p *= scale);
+            let view = three_quarter(aspect);
+            let camera = camera(&mesh, Ball::around(&mesh, view.up), &view);
+            let [left, right, bottom, top] = extent(&camera, &mesh, aspect);
+            let (across, down) = (right - left, top - bottom);
+            assert!((1.82..1.86).contains(&across.max(down)), "{across} {down} at {scale}, {aspect}");
+            assert!(left > -0.93 && right < 0.93 && bottom > -0.93 && top < 0.93);
+        }
+    }
+}
+
+#[test]
+fn what_turns_is_seen_whole_from_all_around() {
+    let mesh = block(Vec3::new(20.0, 1.0, 3.0), Vec3::new(4.0, 0.0, 0.0));
+    let view = View { shot: Shot { aspect: 1.6, turns: true }, ..from(0.0, 20.0, DVec3::Y) };
+    let camera = camera(&mesh, Ball::around(&mesh, view.up), &view);
+    let mut widest: f64 = 0.0;
+    for step in 0..90 {
+        let turn = glam::Mat3::from_rotation_y(step as f32 * 4.0_f32.to_radians());
+        let mut turned = mesh.clone();
+        let centre = Vec3::new(4.0, 0.0, 0.0);
+        turned.positions.iter_mut().for_each(|p| *p = turn * (*p - centre) + centre);
+        let [left, right, bottom, top] = extent(&camera, &turned, 1.6);
+        widest = widest.max(right).max(-left);
+        assert!(bottom > -1.0 && top < 1.0, "{bottom} {top}");
+    }
+    assert!((0.9..0.96).contains(&widest), "{widest}");
+}
+
+#[test]
+fn azimuth_goes_from_front_to_right_and_elevation_up() {
+    let mesh = block(Vec3::ONE, Vec3::ZERO);
+    let eye = |view: View| camera(&mesh, Ball::around(&mesh, view.up), &view).position.normalize();
+    for (view, direction) in [
+        (from(0.0, 0.0, DVec3::Y), Vec3::Z),
+        (from(90.0, 0.0, DVec3::Y), Vec3::X),
+        (from(0.0, 90.0, DVec3::Y), Vec3::Y),
+        (from(0.0, 0.0, DVec3::Z), Vec3::NEG_Y),
+        (from(90.0, 0.0, DVec3::Z), Vec3::X),
+        (from(45.0, -90.0, DVec3::Z), Vec3::NEG_Z),
+        (from(-90.0, 0.0, DVec3::NEG_Y), Vec3::X),
+    ] {
+        assert!(eye(view).distance(direction) < 1e-5, "{view:?}: {}", eye(view));
+    }
+    let top = camera(&mesh, Ball::around(&mesh, DVec3::Z), &from(0.0, 90.0, DVec3::Z));
+    assert!(top.up.distance(Vec3::Y) < 1e-5, "the front is at the bottom");
+}
+
+#[test]
+fn z_up_looks_as_y_up_does() {
+    let mut mesh = generate(&Shape::Teapot { fineness: 4 });
+    let view = three_quarter(1.6);
+    let upright = camera(&mesh, Ball::around(&mesh, view.up), &view);
+    mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x, -p.z, p.y));
+    let view = View { up: DVec3::Z, ..view };
+    let turned = camera(&mesh, Ball::around(&mesh, view.up), &view);
+    let Vec3 { x, y, z } = upright.position;
+    assert!(turned.position.distance(Vec3::new(x, -z, y)) < 1e-4 * upright.position.length());
+}
+
+#[test]
+fn a_facing_surface_shows_80_to_90_percent_at_any_scale() {
+    for scale in [1e-3, 1.0, 1e4_f32] {
+        let mut mesh = generate(&Shape::Sphere { triangles: 100 });
+        mesh.positions.iter_mut().for_each(|p| *p *= scale);
+        let ball = Ball::around(&mesh, DVec3::Y);
+        let key = lights(&camera(&mesh, ball, &three_quarter(1.0)), ball)[0];
+        for distance in [ball.centre.distance(key.position.as_dvec3()), 9.5 * ball.radius] {
+            let pi = std::f64::consts::PI;
+            let radiance = f64::from(key.power.x) / (4.0 * pi * distance * distance) * 0.8 / pi;
+            let grey = (15.0 * radiance).powf(1.0 / 2.2);
+            assert!((0.79..0.9).contains(&grey), "{grey}");
+        }
+    }
+}
+
+#[test]
+fn a_point_is_framed_too() {
+    let mut mesh = generate(&Shape::Ground);
+    mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(1.0, 1.0, -2.0));
+    let ball = Ball::around(&mesh, DVec3::Y);
+    let camera = camera(&mesh, ball, &three_quarter(1.6));
+    assert!(camera.position.is_finite() && camera.position.distance(ball.centre.as_vec3()) > 0.0);
+    assert!(lights(&camera, ball).iter().all(|light| light.power.min_element() > 0.0));
+}

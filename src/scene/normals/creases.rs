@@ -1,0 +1,124 @@
+//! Edges that stay sharp in a mesh without normals of its own.
+
+use crate::scene::mesh::Mesh;
+use glam::DVec3;
+
+/// At a corner of more faces than this each keeps its own normal: comparing all of them would take too long.
+const MOST_FACES: usize = 1024;
+
+/// A face at a position: its unit normal, and the same times its area.
+struct Face {
+    triangle: u32,
+    unit: DVec3,
+    weighted: DVec3,
+}
+
+/// Gives the corners of triangles, which have smooth normals, others where faces meet at more than an angle: the mean of those
+/// faces that turn from the corner's own by less.
+pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
+    let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
+    let faces: Vec<Face> = triangles.iter().map(|triangle| face(mesh, *triangle)).collect();
+    let sharp = sharp_positions(mesh, &faces, (crease / 2.0).cos());
+    let mut corners: Vec<(u32, u32)> = Vec::new();
+    for (number, face) in (0..).zip(&faces) {
+        let positions = mesh.triangles[face.triangle as usize].positions;
+        corners
+            .extend(positions.into_iter().filter(|&p| sharp[p as usize]).map(|position| (position, number)));
+    }
+    corners.sort_unstable();
+    for around in corners.chunk_by(|a, b| a.0 == b.0) {
+        let position = around[0].0;
+        let around: Vec<&Face> = around.iter().map(|(_, number)| &faces[*number as usize]).collect();
+        for face in &around {
+            let normal = mean(face, &around, crease.cos());
+            let index = mesh.normals.len() as u32;
+            mesh.normals.push(normal.normalize_or_zero().as_vec3());
+            let triangle = &mut mesh.triangles[face.triangle as usize];
+            for (corner, place) in triangle.positions.iter().zip(&mut triangle.normals) {
+                if *corner == position {
+                    *place = index;
+                }
+            }
+        }
+    }
+}
+
+fn face(mesh: &Mesh, triangle: u32) -> Face {
+    let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|p| p.as_dvec3());
+    let weighted = (b - a).cross(c - a);
+    Face { triangle, unit: weighted.normalize_or_zero(), weighted }
+}
+
+/// Where some face turns from the smooth normal by more than half the angle: only there can two be too far apart.
+fn sharp_positions(mesh: &Mesh, faces: &[Face], least_cosine: f64) -> Vec<bool> {
+    let mut sharp = vec![false; mesh.positions.len()];
+    for face in faces.iter().filter(|face| face.unit != DVec3::ZERO) {
+        let triangle = &mesh.triangles[face.triangle as usize];
+        for (position, normal) in triangle.positions.iter().zip(triangle.normals) {
+            sharp[*position as usize] |=
+                mesh.normals[normal as usize].as_dvec3().dot(face.unit) < least_cosine;
+        }
+    }
+    sharp
+}
+
+fn mean(face: &Face, around: &[&Face], least_cosine: f64) -> DVec3 {
+    if around.len() > MOST_FACES {
+        return face.weighted;
+    }
+    // Rounding must not part faces of one plane, also where the angle is zero.
+    let near = |other: &&&Face| other.unit.dot(face.unit) >= least_cosine - 1e-9;
+    around.iter().filter(near).map(|other| other.weighted).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::complete;
+    use crate::scene::Mesh;
+    use crate::scene::material::Material;
+    use crate::scene::mesh::Triangle;
+    use crate::scene::normals::MISSING;
+    use crate::scene::{Shape, generate};
+    use glam::Vec3;
+
+    /// Eight corners that all faces share.
+    fn cube() -> Mesh {
+        let bit = |number: u32, bit: u32| if number >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        let positions = (0..8).map(|n| Vec3::new(bit(n, 0), bit(n, 1), bit(n, 2))).collect();
+        let squares = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let halves = squares.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
+        let triangle = |positions| Triangle { positions, normals: [MISSING; 3], material: 0 };
+        let materials = vec![Material::default()];
+        Mesh { positions, normals: Vec::new(), triangles: halves.map(triangle).collect(), materials }
+    }
+
+    #[test]
+    fn a_cube_has_flat_faces_and_without_creases_round_ones() {
+        let (mut flat, mut round) = (cube(), cube());
+        complete(&mut flat, Some(40.0));
+        complete(&mut round, None);
+        for triangle in &flat.triangles {
+            let [a, b, c] = flat.corners(triangle);
+            let face = (b - a).cross(c - a).normalize();
+            assert!(flat.corner_normals(triangle).iter().all(|n| n.distance(face) < 1e-6));
+        }
+        let corner = round.corner_normals(&round.triangles[0])[0];
+        assert!(corner.abs().max_element() < 0.9, "{corner}");
+        let mut wide = cube();
+        complete(&mut wide, Some(180.0));
+        assert!(wide.triangles.iter().zip(&round.triangles).all(|(a, b)| {
+            wide.corner_normals(a).iter().zip(round.corner_normals(b)).all(|(a, b)| a.distance(b) < 1e-6)
+        }));
+    }
+
+    #[test]
+    fn a_smooth_ball_keeps_its_bits() {
+        let mut smooth = generate(&Shape::Sphere { triangles: 1000 });
+        smooth.normals.clear();
+        smooth.triangles.iter_mut().for_each(|triangle| triangle.normals = [MISSING; 3]);
+        let mut creased = smooth.clone();
+        complete(&mut smooth, None);
+        complete(&mut creased, Some(40.0));
+        assert_eq!(smooth, creased);
+    }
+}

@@ -1,0 +1,59 @@
+//! A scene that turns before its camera, as on a turntable: the camera goes around it.
+
+use super::{Camera, Light, Scene};
+use glam::{DQuat, DVec3, Vec3};
+
+/// The axis that a scene turns about, and whether its lights stay where the camera is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// A point of the axis.
+    pub centre: DVec3,
+    /// Its direction, of unit length.
+    pub up: DVec3,
+    /// Lights made up for a bare mesh stand beside the camera; those of a scene belong to the scene.
+    pub with_lights: bool,
+}
+
+impl Orbit {
+    /// Camera and lights after a part of a turn; the first, 0, is the scene's own.
+    pub fn at(&self, scene: &Scene, part: f64) -> (Camera, Vec<Light>) {
+        if part == 0.0 {
+            return (scene.camera, scene.lights.clone());
+        }
+        let turn = DQuat::from_axis_angle(self.up, part * std::f64::consts::TAU);
+        let place = |position: Vec3| (turn * (position.as_dvec3() - self.centre) + self.centre).as_vec3();
+        let direction = |axis: Vec3| (turn * axis.as_dvec3()).as_vec3();
+        let camera = &scene.camera;
+        let turned = Camera {
+            position: place(camera.position),
+            right: direction(camera.right),
+            up: direction(camera.up),
+            forward: direction(camera.forward),
+            ..*camera
+        };
+        let moved = |light: &Light| Light { position: place(light.position), ..*light };
+        let lights = scene.lights.iter().map(|light| if self.with_lights { moved(light) } else { *light });
+        (turned, lights.collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+
+    #[test]
+    fn a_quarter_turn_takes_the_front_to_the_right_and_a_whole_one_back() {
+        let mut scene = fixtures::single_triangle();
+        scene.camera = Camera { position: Vec3::new(1.0, 0.5, 7.0), ..scene.camera };
+        let orbit = Orbit { centre: DVec3::X, up: DVec3::Y, with_lights: false };
+        let (camera, lights) = orbit.at(&scene, 0.25);
+        assert!(camera.position.distance(Vec3::new(8.0, 0.5, 0.0)) < 1e-5);
+        assert!(camera.forward.distance(Vec3::NEG_X) < 1e-6 && camera.right.distance(Vec3::NEG_Z) < 1e-6);
+        assert_eq!(lights, scene.lights);
+        let (_, lights) = Orbit { with_lights: true, ..orbit }.at(&scene, 0.5);
+        assert!((lights[0].position.x - (2.0 - scene.lights[0].position.x)).abs() < 1e-5);
+        assert_eq!(orbit.at(&scene, 0.0).0, scene.camera);
+        assert!(orbit.at(&scene, 1.0).0.position.distance(scene.camera.position) < 1e-5);
+    }
+}

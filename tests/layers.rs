@@ -1,0 +1,66 @@
+//! Depth, normals, numbers and costs beside a picture.
+
+use crate::binary::{Place, TRIANGLE, device, has};
+use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
+
+const SIZE: [&str; 4] = ["--width", "40", "--height", "25"];
+
+fn render(place: &Place, options: &[&str]) {
+    let device = device();
+    place.output(&[&["render", "scene.toml", "--device", &device], &SIZE[..], options].concat());
+}
+
+/// Two objects: a triangle in z = -2, and the ground.
+fn place() -> Place {
+    Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))])
+}
+
+#[test]
+fn one_exr_holds_all_layers_and_the_picture() {
+    let place = place();
+    render(&place, &["--layers", "all.exr", "-o", "picture.exr"]);
+    let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
+    assert_eq!(read.layer_data.encoding.compression, exr::prelude::Compression::ZIP16);
+    let channel = |name: &str| {
+        let found = read.layer_data.channel_data.list.iter().find(|channel| channel.name.eq(name));
+        &found.unwrap_or_else(|| panic!("no channel {name}")).sample_data
+    };
+    let floats = |name: &str| match channel(name) {
+        FlatSamples::F32(values) => values.clone(),
+        other => panic!("{name}: {other:?}"),
+    };
+    let words = |name: &str| match channel(name) {
+        FlatSamples::U32(values) => values.clone(),
+        other => panic!("{name}: {other:?}"),
+    };
+    let (middle, corner, sky) = (12 * 40 + 20, 24 * 40 + 39, 0);
+    assert!((floats("Z")[middle] - 2.0).abs() < 1e-6 && floats("Z")[sky].is_infinite());
+    assert_eq!([floats("N.X")[corner], floats("N.Y")[corner], floats("N.Z")[corner]], [0.0, 1.0, 0.0]);
+    assert_eq!([words("triangle")[middle], words("triangle")[sky]], [0, u32::MAX]);
+    assert_eq!([words("object")[middle], words("object")[corner], words("object")[sky]], [0, 1, u32::MAX]);
+    assert!(words("tests")[middle] > 0 && words("nodes")[middle] > 0);
+    let picture = image::open(place.path("picture.exr")).expect("a picture").to_rgb32f();
+    let reds: Vec<f32> = picture.pixels().map(|pixel| pixel.0[0]).collect();
+    assert_eq!(floats("R"), reds);
+}
+
+#[test]
+fn pngs_are_one_of_each_and_files_of_others_stay() {
+    let place = place();
+    render(&place, &["--layers", "a.png"]);
+    let size =
+        |name: &str| image::image_dimensions(place.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    for name in ["a-depth.png", "a-normal.png", "a-triangle.png", "a-object.png"] {
+        assert_eq!(size(name), (40, 25), "{name}");
+    }
+    for name in ["a-tests.png", "a-nodes.png"] {
+        assert!(size(name).1 > 25, "{name} has a scale below");
+    }
+    let depth = image::open(place.path("a-depth.png")).expect("a picture").to_rgb8();
+    assert_eq!(depth[(0, 0)].0, [0; 3]);
+    assert!(depth[(20, 12)].0 > depth[(39, 20)].0, "the triangle is nearer than the ground behind it");
+    std::fs::write(place.path("a-nodes.png"), "mine").expect("a file");
+    let message = place.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);
+    has(&message, &["'a-nodes.png' is there", "--layers FILE"]);
+    has(&place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2), &["NAME.exr holds all of them"]);
+}

@@ -1,0 +1,116 @@
+//! Turning scenes: numbered pictures, animated ones, streams, and what is left out because it is there.
+
+use crate::binary::{Place, TRIANGLE, device, has};
+use serde_json::Value;
+
+const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+const SIZE: [&str; 4] = ["--width", "48", "--height", "30"];
+
+fn place() -> Place {
+    Place::with(&[("mesh.obj", MESH), ("scene.toml", TRIANGLE)])
+}
+
+fn turn(place: &Place, options: &[&str]) -> Value {
+    let device = device();
+    let all = [&["render", "--json", "--device", &device], &SIZE[..], options].concat();
+    serde_json::from_str(&place.output(&all)).expect("JSON")
+}
+
+fn pixels(place: &Place, name: &str) -> Vec<u8> {
+    image::open(place.path(name)).unwrap_or_else(|error| panic!("{name}: {error}")).to_rgb8().into_raw()
+}
+
+#[test]
+fn frames_are_those_of_scenes_whose_camera_stands_there() {
+    let place = place();
+    let report = turn(&place, &["scene.toml", "--turntable", "4"]);
+    assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &0.into()));
+    assert_eq!(report["output"], "scene-0001.png to scene-0004.png");
+    // The first is the scene's own picture.
+    turn_still(&place, "scene.toml", &[]);
+    assert_eq!(pixels(&place, "still.png"), pixels(&place, "scene-0001.png"));
+    // After half a turn the camera is as far behind the middle of the triangle as it was before it.
+    let behind = ["--set", "camera.position=[-0.3, 0, -4]", "--set", "camera.look_at=[-0.3, 0, -2]"];
+    turn_still(&place, "scene.toml", &behind);
+    let (a, b) = (pixels(&place, "still.png"), pixels(&place, "scene-0003.png"));
+    let different = a.iter().zip(&b).filter(|(a, b)| a.abs_diff(**b) > 8).count();
+    assert!(different < a.len() / 50, "{different} of {}", a.len());
+}
+
+fn turn_still(place: &Place, scene: &str, options: &[&str]) {
+    let device = device();
+    let still = ["-o", "still.png", "--force", "--device", &device];
+    place.output(&[&["render", scene], &still[..], &SIZE, options].concat());
+}
+
+#[test]
+fn what_is_there_is_left_out_and_what_is_another_is_refused() {
+    let place = place();
+    let three = ["mesh.obj", "--turntable", "6", "--frames", "2..4"];
+    assert_eq!(turn(&place, &three)["frames"], 3);
+    assert!(!place.path("mesh-0001.png").exists() && !place.path("mesh-0005.png").exists());
+    std::fs::remove_file(place.path("mesh-0003.png")).expect("a frame");
+    let report = turn(&place, &["mesh.obj", "--turntable", "6"]);
+    assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &2.into()));
+    assert_eq!(turn(&place, &["mesh.obj", "--turntable", "6"])["frames"], 0);
+    // Other options, another scene, a changed file: none is taken for the frame, and none is lost.
+    let before = std::fs::read(place.path("mesh-0001.png")).expect("a frame");
+    let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "5"], &SIZE[..]].concat(), 2);
+    has(&message, &["'mesh-0001.png' is there, and another picture than frame 1", "`--force`"]);
+    assert_eq!(std::fs::read(place.path("mesh-0001.png")).expect("a frame"), before);
+    std::fs::write(place.path("mesh-0002.png"), "mine").expect("a file");
+    let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "6"], &SIZE[..]].concat(), 2);
+    has(&message, &["'mesh-0002.png' is there, and raycl did not make it"]);
+    let forced = turn(&place, &["mesh.obj", "--turntable", "5", "--force"]);
+    assert_eq!((&forced["frames"], &forced["skipped"]), (&5.into(), &0.into()));
+}
+
+#[test]
+fn a_bare_mesh_is_lit_from_the_camera_all_around() {
+    let place = place();
+    turn(&place, &["mesh.obj", "--turntable", "3", "--background", "black"]);
+    for number in 1..=3 {
+        let frame = pixels(&place, &format!("mesh-000{number}.png"));
+        let bright = frame.iter().filter(|value| **value > 100).count();
+        assert!(bright > frame.len() / 20, "frame {number}: {bright} of {}", frame.len());
+    }
+}
+
+#[test]
+fn one_animated_picture_holds_the_same_frames_and_so_does_a_stream() {
+    let (place, device) = (place(), device());
+    turn(&place, &["mesh.obj", "--turntable", "3"]);
+    turn(&place, &["mesh.obj", "--turntable", "3", "-o", "turn.apng", "--rate", "12"]);
+    let bytes = std::fs::read(place.path("turn.apng")).expect("a file");
+    let decoder = png::Decoder::new(std::io::Cursor::new(&bytes));
+    let mut reader = decoder.read_info().expect("a PNG");
+    assert_eq!(reader.info().animation_control().map(|control| control.num_frames), Some(3));
+    for number in 1..=3 {
+        let mut frame = vec![0; reader.output_buffer_size().expect("a size")];
+        reader.next_frame(&mut frame).expect("a frame");
+        assert_eq!(frame, pixels(&place, &format!("mesh-000{number}.png")), "frame {number}");
+    }
+    // raycl knows it by its mark.
+    turn(&place, &["mesh.obj", "--turntable", "2", "-o", "turn.apng"]);
+    let stream = ["render", "mesh.obj", "--turntable", "3", "-o", "-", "-q", "--device", &device];
+    let stream = place.raycl(&[&stream[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
+    assert!(stream.starts_with(b"YUV4MPEG2 W48 H30 F30:1 "));
+    let header = stream.iter().position(|byte| *byte == b'\n').expect("a line") + 1;
+    assert_eq!(stream.len() - header, 3 * (6 + 48 * 30 * 3 / 2));
+}
+
+#[test]
+fn mistakes_are_told_before_anything_is_cast() {
+    let place = place();
+    for (options, message) in [
+        (vec!["--turntable", "0"], "0"),
+        (vec!["--turntable", "4", "--frames", "3..5"], "--turntable has 4 frames"),
+        (vec!["--turntable", "4", "--frames", "3..1"], "such as 1..30"),
+        (vec!["--frames", "1..2"], "--turntable"),
+        (vec!["--turntable", "4", "-o", "a.jpg"], "'a.jpg' is no name for moving pictures"),
+        (vec!["--turntable", "4", "-o", "nowhere/a.png"], "there is no folder"),
+        (vec!["--turntable", "4", "--watch"], "--watch"),
+    ] {
+        has(&place.mistake(&[&["render", "mesh.obj"], &options[..]].concat(), 2), &[message]);
+    }
+}
