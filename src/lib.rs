@@ -9,7 +9,7 @@
 //! those that are something else; [`memory`] says what the host can hold, [`load`] what else it does; [`record`] keeps what
 //! was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
 //! anybody else's.
-//! [`cli`] holds one file a subcommand; [`documents`] makes the figures of this repository's documents of its stored records.
+//! [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's documents of its stored records.
 //! [`cache`] keeps between runs what can be made again.
 
 pub mod accel;

@@ -75,7 +75,8 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),
-                "{name}: {:?} became 7{:?}",
+                "{name}:{}: {:?} became 7{:?}",
+                text[..at.start].matches('\n').count() + 1,
                 &text[at.clone()],
                 &text[at]
             );

@@ -102,7 +102,7 @@ impl Figure {
     fn displayed(&self, size: [u32; 2]) -> RgbImage {
         let byte = |value: f64| (255.0 * (15.0 * value).clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8;
         let bytes = self.image(size).iter().flat_map(|pixel| pixel.to_array().map(byte)).collect();
-        RgbImage::from_raw(size[0], size[1], bytes).expect("three bytes a pixel")
+        RgbImage::from_raw(size[0], size[1], bytes).expect("three bytes per pixel")
     }
 }
 

@@ -35,7 +35,7 @@ records = "once"
 #[test]
 fn a_file_is_a_value_at_once() {
     let (place, cl) = (Place::new(), example());
-    has(&place.output(&["strategies", "--cl-dir", &cl]), &["  baldwin-weber", "a matrix a triangle"]);
+    has(&place.output(&["strategies", "--cl-dir", &cl]), &["  baldwin-weber", "a matrix per triangle"]);
     assert!(!place.output(&["strategies"]).contains("baldwin-weber"));
     let scene = repository("scenes/gourd.toml");
     let device = device();

@@ -1,4 +1,4 @@
-// The OBJ's own form: a set of positions, a set of normals, three indices a triangle into each, and a
+// The OBJ's own form: a set of positions, a set of normals, three indices per triangle into each, and a
 // material a triangle. Indices have INDEX_BITS bits.
 
 #if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)

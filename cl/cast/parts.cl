@@ -9,10 +9,10 @@
 #error "TREE: 0 or 1: whether rays walk a tree"
 #endif
 #if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
-#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row a triangle is prepared for the eye and each light, and the eye's for pixels"
+#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row per triangle is prepared for the eye and each light, and the eye's for pixels"
 #endif
 #ifndef RECORDS_ONCE
-#error "RECORDS_ONCE: 0 or 1: whether what the test reads of a triangle is prepared once a scene"
+#error "RECORDS_ONCE: 0 or 1: whether what the test reads of a triangle is prepared once per scene"
 #endif
 #ifndef TRIANGLES
 #error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
@@ -118,7 +118,7 @@ varying begin_rays(Working *working, Ray ray) {
 
 #include "common/store_radiance.cl"
 
-// What a pass leaves for the next: a number a pixel, its nearest triangle or that one's place in leaf order.
+// What a pass leaves for the next: a number per pixel, its nearest triangle or that one's place in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

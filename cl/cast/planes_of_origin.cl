@@ -1,7 +1,7 @@
 // Rays that share an origin: primary rays the eye, shadow rays a light. Corners P and Q seen from there span the plane
 // (P - Q) x (P + Q) = 2 P x Q, and a ray lies inside the edge PQ where its direction's dot product with that plane is
 // positive; the triangle next door has the same plane with all signs turned. 1 / t is the dot product with N / N.A, where
-// N = (B - A) x (C - A). prepare_origins makes a row a triangle once a frame, for the eye and for each light.
+// N = (B - A) x (C - A). prepare_origins makes a row per triangle once per frame, for the eye and for each light.
 
 #ifndef LINEAR_IN_PIXEL
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"

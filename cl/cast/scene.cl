@@ -6,10 +6,10 @@ typedef struct {
     int light_count;
     float bias; // how far a shadow ray starts from its surface
 #if PLANES_OF_ORIGIN
-    const __global float4 *prepared; // a row a triangle, first for the eye, then for each light
+    const __global float4 *prepared; // a row per triangle, first for the eye, then for each light
 #endif
 #if RECORDS_ONCE
-    const __global ROW_UNIT *records; // a row a triangle, in the mesh's order, or that of a tree's leaves
+    const __global ROW_UNIT *records; // a row per triangle, in the mesh's order, or that of a tree's leaves
 #endif
 #if TREE
     Tree tree;

@@ -1,4 +1,4 @@
-// The nine working vectors of a work-item (the paper's "arrays"), 12 bytes a ray each.
+// The nine working vectors of a work-item (the paper's "arrays"), 12 bytes per ray each.
 
 #ifndef WORKING_VECTORS
 #error "WORKING_VECTORS: how many there are"

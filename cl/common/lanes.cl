@@ -25,7 +25,7 @@
 typedef struct {
     int lane;   // 0 to 31
     int number; // of the group in its work-group
-    __local uint *board; // a word a lane, where lanes have no other way to tell
+    __local uint *board; // a word per lane, where lanes have no other way to tell
 } Group;
 
 #define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))

@@ -51,7 +51,7 @@ typedef struct {
 
 #define FLOATS_OF_SURFACE 17
 
-// A Surface from one lane's numbers a column: normals (9), k_L (3), k_G (3), s, kind.
+// A Surface from one lane's numbers per column: normals (9), k_L (3), k_G (3), s, kind.
 Surface surface_of(const Lanes *column) {
     Surface s;
     s.n0 = vec3(column[0].all, column[1].all, column[2].all);

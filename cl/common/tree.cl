@@ -16,7 +16,7 @@
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
 // By so much a box's far side is moved out, which is more than its rounding (Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
-#define LEAF_ROW ROW_FLOATS // words a triangle: v0, its number; v1, its material; v2
+#define LEAF_ROW ROW_FLOATS // words per triangle: v0, its number; v1, its material; v2
 
 typedef struct {
     const __global float *nodes;

@@ -1,6 +1,6 @@
 // A varying holds one value for each of a work-item's WIDTH rays, as ISPC has it.
 // One source serves a GPU (WIDTH 1 to 8, rays in registers) and a CPU (WIDTH 16, rays in vectors).
-// A Mask is 0 or 1 for a scalar and 0 or -1 a lane for a vector: combine with & and |, negate with !.
+// A Mask is 0 or 1 for a scalar and 0 or -1 per lane for a vector: combine with & and |, negate with !.
 
 #ifndef WIDTH
 #error "WIDTH: rays a work-item casts side by side: 1, 2, 4, 8 or 16"

@@ -11,7 +11,7 @@
 // A helper that takes vectors: some compilers use their widest registers only where a function does.
 vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 
-// STEPS * CHAINS * WIDTH multiply-adds a loop: so many that counting loops does not count.
+// STEPS * CHAINS * WIDTH multiply-adds per loop: so many that counting loops does not count.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const int loops, const float factor,
                                                                          const float addend,
                                                                          __global float *restrict out) {

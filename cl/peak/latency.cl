@@ -4,7 +4,7 @@
 #error "ENTRIES: of the chases in private and __local memory"
 #endif
 
-// STEPS steps a loop, so that counting loops does not count.
+// STEPS steps per loop, so that counting loops does not count.
 #define STEPS 16
 #define DO_STEPS(DO) DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO
 

@@ -1,4 +1,4 @@
-// Reads __local memory, SLOTS vectors a loop, neighbours side by side. Volatile: without it compilers read it once.
+// Reads __local memory, SLOTS vectors per loop, neighbours side by side. Volatile: without it compilers read it once.
 
 #include "peak/vector.cl"
 

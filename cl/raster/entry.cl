@@ -1,4 +1,4 @@
-// The book's rasteriser, one work-item a triangle, made whole: it clips at the near plane and interpolates 1/z. Edge
+// The book's rasteriser, one work-item per triangle, made whole: it clips at the near plane and interpolates 1/z. Edge
 // functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
 // Coordinates", 1997) need no division by a vertex's depth, so triangles may reach behind the eye.
 //

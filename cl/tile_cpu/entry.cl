@@ -57,7 +57,7 @@ typedef struct {
 // A tree, and what shading wants of its triangles.
 typedef struct {
     Tree tree;
-    const __global float4 *surfaces; // normals in leaf order: three float4 a triangle
+    const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
 float least_lane(float16 v) {

@@ -1,6 +1,6 @@
 // Shading a tile's nearest hits.
 
-// Each lane's row of three float4, as 12 columns: a load of 16 bytes a lane and quad, transposed in registers.
+// Each lane's row of three float4, as 12 columns: a load of 16 bytes per lane and quad, transposed in registers.
 void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
     IntLanes at;
     at.all = places * 3;

@@ -36,7 +36,7 @@ typedef uint16 ChildWords;
 #define AS_WORDS(children) as_uint16(children)
 #define CHILD_BITS(mask) LANE_BITS16(mask)
 #else
-#error "tiles walk a tree of 8 or 16 children a node"
+#error "tiles walk a tree of 8 or 16 children per node"
 #endif
 #ifndef UNUSED_WORD
 #error "UNUSED_WORD: the word of a child that is none"

@@ -19,10 +19,10 @@
 #error "a group's tile consists of blocks of 8 x 4 rays, WIDTH 1"
 #endif
 #if NODE_WIDTH != GROUP_LANES
-#error "a group walks a tree of 32 children a node"
+#error "a group walks a tree of 32 children per node"
 #endif
 #ifndef PLANES_OF_ORIGIN
-#error "PLANES_OF_ORIGIN: 0 or 1: whether a row a triangle is prepared for the eye and each light"
+#error "PLANES_OF_ORIGIN: 0 or 1: whether a row per triangle is prepared for the eye and each light"
 #endif
 
 #define RAYS (TILE_X * TILE_Y / GROUP_LANES)

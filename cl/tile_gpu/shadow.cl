@@ -136,7 +136,7 @@ INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights
 
 // Where shadow rays' results go.
 typedef struct {
-    __global uint *lit;    // a word of lights a pixel that hits
+    __global uint *lit;    // a word of lights per pixel that hits
     __global uint2 *queue; // pixels with the lights that are left over
     __global int *queued;  // how many
 } Found;

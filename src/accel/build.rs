@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Nodes of more triangles are binned and moved on all cores.
 const PARALLEL_NODE: usize = 1 << 16;
-/// Triangles a chunk of such a node.
+/// Triangles per chunk of such a node.
 const CHUNK: usize = 1 << 14;
 /// Nodes of fewer triangles are one task, subtree and all.
 const TASK: usize = 1 << 12;

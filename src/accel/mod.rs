@@ -1,7 +1,7 @@
 //! Trees over a mesh's triangles, so that a ray need not meet them all.
 //!
 //! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is what a device reads: the same tree collapsed to 2 to
-//! 32 children a node, as rows of floats. [`validate`](Bvh::validate) proves either of them right, and
+//! 32 children per node, as rows of floats. [`validate`](Bvh::validate) proves either of them right, and
 //! [`WideBvh::closest_hit`] walks one on the host.
 
 mod bins;

@@ -3,7 +3,7 @@
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Words a triangle in [`write_triangle_rows`]: three float4, 48 bytes.
+/// Words per triangle in [`write_triangle_rows`]: three float4, 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
 /// Rows of zeros after the last triangle, for kernels that load as many at once as they prepare (PREPARED in

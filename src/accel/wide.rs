@@ -1,10 +1,10 @@
-//! A tree as devices read it: up to 32 children a node, bounds as rows of floats.
+//! A tree as devices read it: up to 32 children per node, bounds as rows of floats.
 
 use super::{Bvh, Node};
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
 
-/// A tree of `width` children a node in the layout kernels read, made from a [`Bvh`].
+/// A tree of `width` children per node in the layout kernels read, made from a [`Bvh`].
 ///
 /// # Nodes
 ///
@@ -40,7 +40,7 @@ use crate::scene::Mesh;
 /// leaf order, which `order` translates to the mesh's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WideBvh {
-    /// Children a node: 2, 4, 8, 16 or 32.
+    /// Children per node: 2, 4, 8, 16 or 32.
     pub width: usize,
     /// Words from a node to the next.
     pub stride: usize,

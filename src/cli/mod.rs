@@ -1,4 +1,4 @@
-//! The command line: one file a subcommand, each with its `Args` and its `run`.
+//! The command line: one file per subcommand, each with its `Args` and its `run`.
 
 pub mod cache;
 mod choice;

@@ -21,7 +21,7 @@ pub struct Args {
     /// Compute capability, 2.0 to 9.0 [default: 8.6; with --results each device's own]
     #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper")]
     compute_capability: Option<String>,
-    /// Registers a work-item
+    /// Registers per work-item
     #[arg(
         long,
         value_name = "N",
@@ -30,7 +30,7 @@ pub struct Args {
         conflicts_with = "paper"
     )]
     registers: u32,
-    /// __local bytes a work-group
+    /// __local bytes per work-group
     #[arg(
         long,
         value_name = "N",
@@ -39,7 +39,7 @@ pub struct Args {
         conflicts_with = "paper"
     )]
     local_bytes: u32,
-    /// __local bytes a work-item, beside those a work-group (the paper's optimisation 1 takes 108)
+    /// __local bytes per work-item, beside those a work-group (the paper's optimisation 1 takes 108)
     #[arg(
         long,
         value_name = "N",
@@ -163,7 +163,7 @@ fn question_text(question: &Question, sizes: &[LocalSize]) -> String {
     }
     let Multiprocessor { compute_capability, warps, groups, registers, local_bytes, .. } = question.sm;
     format!(
-        "Compute capability {compute_capability}, {} registers a work-item. A multiprocessor holds {groups} groups, \
+        "Compute capability {compute_capability}, {} registers per work-item. A multiprocessor holds {groups} groups, \
          {warps} warps,\n{registers} registers and {} KiB of __local memory at once.\n{table}",
         question.registers,
         local_bytes / 1024

@@ -185,7 +185,7 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// The observer for standard error as it is; a line a point where `verbose`.
+/// The observer for standard error as it is; a line per point where `verbose`.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(());

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
-    /// `__local` memory and barriers: any device, one group a work-group.
+    /// `__local` memory and barriers: any device, one group per work-group.
     #[default]
     Barriers,
     /// `cl_khr_subgroups` of 32 work-items.

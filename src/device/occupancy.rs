@@ -98,13 +98,13 @@ fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) 
         return Err("a group needs threads".into());
     }
     if threads > MAX_GROUP_THREADS {
-        return Err(format!("{threads} threads > {MAX_GROUP_THREADS} a group"));
+        return Err(format!("{threads} threads > {MAX_GROUP_THREADS} per group"));
     }
     if registers > sm.registers_per_thread {
-        return Err(format!("{registers} registers > {} a thread", sm.registers_per_thread));
+        return Err(format!("{registers} registers > {} per thread", sm.registers_per_thread));
     }
     if local_bytes > MAX_GROUP_LOCAL_BYTES {
-        return Err(format!("__local: {local_bytes} B > {MAX_GROUP_LOCAL_BYTES} B a group"));
+        return Err(format!("__local: {local_bytes} B > {MAX_GROUP_LOCAL_BYTES} B per group"));
     }
     Ok(())
 }
@@ -122,7 +122,7 @@ fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<
     let needed = warp_registers * warps.next_multiple_of(granularity);
     if needed > group_registers {
         return Err(format!(
-            "registers: {warp_registers} a warp x {} warps = {needed} > {group_registers} a group",
+            "registers: {warp_registers} per warp x {} warps = {needed} > {group_registers} per group",
             warps.next_multiple_of(granularity)
         ));
     }
@@ -161,7 +161,7 @@ mod tests {
         let sixteen = of("2.0", 63, 0, 256);
         assert_eq!((sixteen.groups, sixteen.threads, sixteen.limiter), (2, 512, Limiter::Registers));
         let Limiter::CannotLaunch(reason) = of("2.0", 63, 0, 1024).limiter else { panic!("it launches") };
-        assert_eq!(reason, "registers: 2048 a warp x 32 warps = 65536 > 32768 a group");
+        assert_eq!(reason, "registers: 2048 per warp x 32 warps = 65536 > 32768 per group");
     }
 
     #[test]
@@ -195,7 +195,7 @@ mod tests {
     fn what_no_group_may_have_cannot_launch() {
         for (registers, local_bytes, threads, part) in [
             (16, 0, 1025, "1025 threads"),
-            (64, 0, 64, "63 a thread"),
+            (64, 0, 64, "63 per thread"),
             (16, 49153, 64, "49152 B"),
             (16, 0, 0, "needs threads"),
         ] {

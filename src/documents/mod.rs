@@ -15,6 +15,7 @@ mod unrecorded;
 pub use page::Difference;
 
 use crate::error::{Error, Result};
+use crate::reader::{self, Kind};
 use crate::record::write_whole;
 use page::Page;
 use sheet::Sheet;
@@ -34,7 +35,7 @@ impl Documents {
     pub fn read(root: &Path) -> Result<Self> {
         let text = |name: &'static str| {
             let path = root.join(name);
-            let text = std::fs::read_to_string(&path).map_err(|error| {
+            let text = reader::text(&path, Kind::Results).map_err(|error| {
                 Error::unreadable("document", &path, &error, "run it in raycl's repository")
             })?;
             Ok((name, text))

@@ -6,6 +6,7 @@ use super::reproduced::{answer, claims};
 use super::runs::runs;
 use super::sources::Sources;
 use crate::error::{Error, Result, line_of};
+use crate::reader::{self, Kind};
 use serde::Deserialize;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
@@ -121,12 +122,13 @@ impl Sheet {
     /// Reads the sheet of the repository at `root`.
     pub fn read(root: &Path) -> Result<Self> {
         let path = root.join(SHEET);
-        let text = std::fs::read_to_string(&path).map_err(|error| {
+        let text = reader::text(&path, Kind::Toml).map_err(|error| {
             Error::unreadable("sheet of figures", &path, &error, "run it in raycl's repository")
         })?;
         let wire: Wire = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| line_of(&text, span.start));
             Error::input(format!("{SHEET}:{line}: {}", error.message()))
+                .with_help("CONTRIBUTING.md tells what stands in it")
         })?;
         let mut facts: Vec<String> = wire.facts.into_values().flatten().collect();
         facts.sort_by_key(|fact| std::cmp::Reverse(fact.len()));

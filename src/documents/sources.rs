@@ -1,5 +1,6 @@
 //! The stored records that figures are made of, each read once.
 
+use crate::reader::{self, Kind};
 use crate::record::Folder;
 use serde_json::Value;
 use std::cell::RefCell;
@@ -57,7 +58,8 @@ impl Sources {
         if !file.is_file() {
             return Folder::read(&path).map(Source::Folder).map_err(|error| error.to_string());
         }
-        let text = std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+        let text =
+            reader::text(&file, Kind::Results).map_err(|error| format!("{}: {error}", file.display()))?;
         serde_json::from_str(&text).map(Source::Json).map_err(|error| format!("{}: {error}", file.display()))
     }
 }

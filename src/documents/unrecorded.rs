@@ -1,9 +1,26 @@
 //! Numbers that no record answers for.
 
-/// Whether a line stands in a fenced block of code.
+/// What the lines before one say of it.
 #[derive(Default)]
 pub struct Fences {
+    /// It stands in a fenced block of code.
     within: bool,
+    /// The last item of a numbered list.
+    item: usize,
+}
+
+impl Fences {
+    /// A line without its place in a numbered list, "1. ", which starts at 1 and goes on by one.
+    fn without_place<'a>(&mut self, line: &'a str) -> &'a str {
+        let item = line.split_once(". ").and_then(|(place, rest)| Some((place.parse().ok()?, rest)));
+        match item {
+            Some((place, rest)) if place == 1 || place == self.item + 1 => {
+                self.item = place;
+                rest
+            }
+            _ => line,
+        }
+    }
 }
 
 /// What a number in a code span must not be followed by: there are options and names in it, and no figures.
@@ -20,18 +37,13 @@ pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<Stri
     if fences.within {
         return Vec::new();
     }
-    let mut text = without_links(&without_code(without_place(line)));
+    let mut text = without_links(&without_code(fences.without_place(line)));
     for fact in facts {
         text = without(&text, fact);
     }
     let words = text.split(|c: char| c.is_whitespace() || "|()[]*".contains(c));
     let words = words.map(|word| word.trim_matches(|c: char| ".,:;\"'!?".contains(c)));
     words.filter(|word| has_digit(word) && !is_name(word)).map(str::to_owned).collect()
-}
-
-/// A line of a list without its place there: "1. ".
-fn without_place(line: &str) -> &str {
-    line.split_once(". ").filter(|(place, _)| place.parse::<u8>().is_ok()).map_or(line, |(_, rest)| rest)
 }
 
 fn has_digit(word: &str) -> bool {
@@ -115,6 +127,14 @@ mod tests {
         assert_eq!(found("The H200 takes 3.2 ms, 17% of `width=4`.", &[]), ["3.2", "17%"]);
         assert_eq!(found("A frame of `3.2 ms` at n=5", &[]), ["3.2", "n=5"]);
         assert!(found("![x 1](images/a-2.png), [AVX-512](x-3)", &["x 1"]).is_empty());
+    }
+
+    #[test]
+    fn the_places_of_a_list_are_no_figures_but_other_numbers_there_are() {
+        let mut fences = Fences::default();
+        let found = ["1. one", "   more", "2. two", "73. three", "3. of 5"]
+            .map(|line| unrecorded(line, &[], &mut fences));
+        assert_eq!(found, [vec![], vec![], vec![], vec!["73".to_owned()], vec!["5".to_owned()]]);
     }
 
     #[test]

@@ -68,11 +68,11 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (launch_ms > frame_ms).then(|| {
         let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
         let (launch, device) = (us(launch_ms), us(frame_ms));
-        format!("launching dominates: it takes {launch} us a frame{batched}, the device {device} us; larger images tell more")
+        format!("launching dominates: it takes {launch} us per frame{batched}, the device {device} us; larger images tell more")
     })
 }
 
-/// Rays and tests a second. Where a strategy does not separate primary rays, the whole frame's time counts.
+/// Rays and tests per second. Where a strategy does not separate primary rays, the whole frame's time counts.
 fn rates(record: &mut Record) {
     let pixels = f64::from(record.image_size[0]) * f64::from(record.image_size[1]);
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn a_frame_shorter_than_its_launch_is_warned_of() {
         let warning = completed(0.004, 0.03, Some(13)).warning.expect("a warning");
-        assert!(warning.contains("26 us a frame") && warning.contains("4.0 us"), "{warning}");
+        assert!(warning.contains("26 us per frame") && warning.contains("4.0 us"), "{warning}");
         assert!(warning.contains("batches of 13"), "{warning}");
         assert_eq!(completed(0.004, 0.0075, None).warning, None);
         assert_eq!(completed(5.0, 5.1, None).warning, None);

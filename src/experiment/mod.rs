@@ -1,7 +1,7 @@
 //! Running an experiment: the plan, what each point needs before it can be timed, the rounds of
 //! measurement, and the folder of results.
 //!
-//! A [`Run`] holds the plan, the journal and the progress; its points run in worker processes, one a device.
+//! A [`Run`] holds the plan, the journal and the progress; its points run in worker processes, one per device.
 //! [`Run::execute`] asks a worker to check a point or to cast a frame of it, and the worker answers with a record
 //! or a sample; what becomes of a worker that dies or hangs is the supervisor's to decide.
 

@@ -52,7 +52,7 @@ impl Run<'_> {
         self.experiment.scenes.iter().map(SceneChoice::load).collect()
     }
 
-    /// The jobs of its workers, one a device; without devices one for the host. Of other kernels likewise, behind them.
+    /// The jobs of its workers, one per device; without devices one for the host. Of other kernels likewise, behind them.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }

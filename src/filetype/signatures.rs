@@ -106,7 +106,7 @@ fn is_3ds(head: &[u8], length: u64) -> bool {
     size == length || matches!(u16::from_le_bytes([low, high]), 0x0002 | 0x3d3d)
 }
 
-/// 80 bytes of anything, a count, and 50 bytes a triangle: only the file's length tells.
+/// 80 bytes of anything, a count, and 50 bytes per triangle: only the file's length tells.
 fn is_binary_stl(head: &[u8], length: u64) -> bool {
     let Some(&[a, b, c, d]) = head.get(80..84) else { return false };
     84 + 50 * u64::from(u32::from_le_bytes([a, b, c, d])) == length

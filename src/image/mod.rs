@@ -19,7 +19,7 @@ pub use movie::Movie;
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Radiance {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,

@@ -18,7 +18,7 @@ use ocl::{Buffer, Kernel};
 /// Triangles that a work-group prepares.
 const PREPARED_TOGETHER: usize = 64;
 
-/// A work-item a triangle and origin. The work-group is given: OpenCL would look for a divisor of the number of triangles,
+/// A work-item per triangle and origin. The work-group is given: OpenCL would look for a divisor of the number of triangles,
 /// which may be one.
 pub(super) fn size_for_preparing(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
     kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
@@ -53,7 +53,7 @@ impl<'a> Parts<'a> {
         builder(queue, program, strategy, kernel, arguments)
     }
 
-    /// A kernel of one work-item a block of pixels, or of as many work-items as `items` says.
+    /// A kernel of one work-item per block of pixels, or of as many work-items as `items` says.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -129,7 +129,7 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// One work-item a triangle and origin; nothing where no planes are wanted or there are no triangles.
+    /// One work-item per triangle and origin; nothing where no planes are wanted or there are no triangles.
     fn prepare_origins(&self, phase: Phase) -> Result<Option<(Phase, Step)>, LaunchError> {
         let uploaded = self.setup.uploaded;
         if self.prepared.is_none() || uploaded.triangle_count == 0 {

@@ -1,4 +1,4 @@
-//! What the ray-triangle test reads of every triangle, where that is prepared once a scene.
+//! What the ray-triangle test reads of every triangle, where that is prepared once per scene.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -10,7 +10,7 @@ use crate::program::BuiltProgram;
 use crate::strategy::Strategy;
 use ocl::{Buffer, Event};
 
-/// A record a triangle, as long as the test's file says.
+/// A record per triangle, as long as the test's file says.
 pub(super) struct Records {
     pub buffer: Buffer<f32>,
     /// Device time of their preparation.

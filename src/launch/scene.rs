@@ -106,7 +106,7 @@ impl Workload {
     }
 }
 
-/// 104 bytes a triangle, nothing shared: the paper's data.
+/// 104 bytes per triangle, nothing shared: the paper's data.
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
     let write = |(row, triangle): (&mut [f32], &Triangle)| {
         let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));

@@ -74,7 +74,7 @@ pub static RASTER: Family = Family {
     ],
 };
 
-/// Tiles of rays that walk a tree in vectors, one work-item a tile.
+/// Tiles of rays that walk a tree in vectors, one work-item per tile.
 pub static TILE_CPU: Family = Family {
     name: "tile-cpu",
     label: "traversal = tile with vectors of rays (width = 16)",

@@ -31,9 +31,9 @@ pub enum Fact {
     Tiled,
     /// Rays walk a tree.
     Tree,
-    /// A row a triangle is prepared for the eye and each light.
+    /// A row per triangle is prepared for the eye and each light.
     Planes,
-    /// A record a triangle is prepared once a scene.
+    /// A record per triangle is prepared once per scene.
     Records,
     /// Working vectors lie in a scratch buffer.
     Scratch,
@@ -60,7 +60,7 @@ pub enum Role {
     Shade,
     /// Casts any rays, and is no part of a frame.
     Rays,
-    /// Prepares records of triangles, once a scene: no part of a frame either.
+    /// Prepares records of triangles, once per scene: no part of a frame either.
     Records,
 }
 

@@ -40,7 +40,7 @@ pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
 /// What is prepared for the eye and each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
-/// What is prepared of triangles once a scene.
+/// What is prepared of triangles once per scene.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
 pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
 /// A tree.

@@ -59,7 +59,7 @@ fn rates(work: f64, seconds: &[f64]) -> Figure {
     Figure::of(&rates)
 }
 
-/// Nanoseconds a step, of seconds a loop of STEPS steps.
+/// Nanoseconds per step, of seconds per loop of STEPS steps.
 fn latency(seconds: &[f64]) -> Figure {
     Figure::of(&seconds.iter().map(|s| s * 1e9 / f64::from(STEPS)).collect::<Vec<_>>())
 }

@@ -50,7 +50,7 @@ pub struct Peak {
     pub raycl_version: String,
     /// The highest clock, as the driver says: what cycles are counted in.
     pub max_clock_mhz: Option<u64>,
-    /// Fused multiply-adds a second, single precision, all units busy.
+    /// Fused multiply-adds per second, single precision, all units busy.
     pub fma_per_s: Figure,
     /// Bytes read and bytes written a second, added up, by a copy in global memory.
     pub copy_bytes_per_s: Figure,

@@ -115,7 +115,7 @@ impl<'a> Rig<'a> {
         Ok((ns as f64 * 1e-6, host_ms))
     }
 
-    /// Seconds a loop of a kernel whose argument 0 is the number of loops, as many times as a figure has repeats, and
+    /// Seconds per loop of a kernel whose argument 0 is the number of loops, as many times as a figure has repeats, and
     /// that number. `before` is called with it before each launch.
     pub fn per_loop(
         &self,

@@ -24,7 +24,7 @@ pub struct Folder {
     pub path: PathBuf,
     /// What a report calls it: the folder's name.
     pub label: String,
-    /// One record a point of the current plan, in its order and by its names; scenes of the same name are told apart.
+    /// One record per point of the current plan, in its order and by its names; scenes of the same name are told apart.
     /// Without a plan: the latest record of every point.
     pub records: Vec<Record>,
     /// `environment.json` as it is, so that what a newer raycl wrote is shown too; null where there is none.

@@ -1,5 +1,5 @@
 //! Records as cache files of Kernel Tuner (B. van Werkhoven, 2019), which can then simulate tuning on them and
-//! draw what it draws of its own results: one file a device, scene and image size, times in milliseconds.
+//! draw what it draws of its own results: one file per device, scene and image size, times in milliseconds.
 
 use serde_json::{Map, Value, json};
 

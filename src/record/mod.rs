@@ -1,4 +1,4 @@
-//! What was found: one flat record a point, kept as JSON lines, and the
+//! What was found: one flat record per point, kept as JSON lines, and the
 //! summaries that are made of nothing but records.
 
 mod anchors;

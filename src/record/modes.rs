@@ -1,8 +1,7 @@
 //! What is to be minded in reading a record's median.
 
 use super::numbers::ms;
-use super::together::launches;
-use super::together::median;
+use super::together::{launches, median};
 use super::types::Record;
 use crate::measure::Modes;
 

@@ -1,4 +1,4 @@
-//! `summary.csv`: a row a record, lists spread over columns.
+//! `summary.csv`: a row per record, lists spread over columns.
 
 use serde::Serialize;
 

@@ -143,17 +143,17 @@ pub struct Record {
     /// Checking it in its first launch: build, first frame, comparing with the reference.
     #[serde(default)]
     pub check_ms: Option<f64>,
-    /// Device time of preparing records of triangles, where that is done once a scene; part of no frame.
+    /// Device time of preparing records of triangles, where that is done once per scene; part of no frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
     /// Primary rays per second of the primary pass, or of the frame where passes are fused: two things, which is why no view
     /// shows it. See [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
-    /// Shadow rays of a frame: one a light for every pixel that hits.
+    /// Shadow rays of a frame: one per light for every pixel that hits.
     pub shadow_rays: Option<u64>,
-    /// Shadow rays a second, where passes are separate.
+    /// Shadow rays per second, where passes are separate.
     pub shadow_rays_per_s: Option<f64>,
-    /// Primary ray-triangle tests a second; shadow tests are not counted.
+    /// Primary ray-triangle tests per second; shadow tests are not counted.
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on certain pixels.
     pub max_difference: Option<f64>,
@@ -198,7 +198,7 @@ pub struct Record {
     /// Floating-point operations of a ray-triangle test, a multiply-add counting as one.
     #[serde(default)]
     pub operations_per_test: Option<u32>,
-    /// Multiply-adds a second that the device was measured to do.
+    /// Multiply-adds per second that the device was measured to do.
     #[serde(default)]
     pub fma_per_s: Option<f64>,
     /// `tests_per_s` x `operations_per_test` over `fma_per_s`.

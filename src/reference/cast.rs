@@ -1,4 +1,4 @@
-//! The ray caster: a primary ray a pixel, the closest hit, then shading once.
+//! The ray caster: a primary ray per pixel, the closest hit, then shading once.
 
 use super::intersect::Hit;
 use super::ray::{Frame, Ray};

@@ -8,7 +8,7 @@ use crate::scene::Mesh;
 use crate::strategy::Culling;
 use glam::DVec3;
 
-/// At most this many triangles a leaf.
+/// At most this many triangles per leaf.
 const LEAF: usize = 4;
 /// How much boxes grow, as a part of the largest coordinate.
 const PADDING: f64 = 1e-9;

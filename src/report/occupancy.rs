@@ -11,12 +11,12 @@ use super::words::{Looks, group_title, tip};
 use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
 use crate::record::{Group, Record, interval, median};
 
-/// The paper's registers a thread.
+/// The paper's registers per thread.
 const REGISTERS: u32 = 63;
 /// The paper's device.
 const PAPER: &str = "2.0";
 
-/// Predicted threads in flight against measured speed, a mark a point of enough samples; none where nothing differs.
+/// Predicted threads in flight against measured speed, a mark per point of enough samples; none where nothing differs.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();

@@ -39,7 +39,7 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Time against local size, a line a strategy; with the paper's points where it has some and they are wanted.
+/// Time against local size, a line per strategy; with the paper's points where it has some and they are wanted.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);

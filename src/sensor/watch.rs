@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const PERIOD: Duration = Duration::from_millis(20);
 /// Readings that are kept: a minute and more.
 const KEPT: usize = 4096;
-/// A counter of energy that is read over less time than this says little: it steps ten times a second.
+/// A counter of energy that is read over less time than this says little: it steps ten times per second.
 const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;

@@ -122,7 +122,7 @@ axis! {
     /// How the triangles that a ray may hit are found.
     Traversal "traversal" "how the triangles that a ray may hit are found" {
         Exhaustive "exhaustive" "every ray tests every triangle, as the paper does",
-        Raster "raster" "one work-item a triangle, depth resolved by atomics, then a shading pass",
+        Raster "raster" "one work-item per triangle, depth resolved by atomics, then a shading pass",
         Bvh "bvh" "every ray, or packet of rays, walks a tree of boxes",
         Tile "tile" "a tile of rays with a common origin walks the tree together",
     }
@@ -183,7 +183,7 @@ axis! {
     /// When what the ray-triangle test reads of a triangle is prepared.
     Records "records" "when what the test reads of a triangle is prepared" {
         EachTest "each-test" "at each test, or with each tile of triangles: the scene's own corners are all that is kept",
-        Once "once" "once a scene, by a kernel of its own: every test reads a triangle's record from global memory",
+        Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
 }
 axis! {

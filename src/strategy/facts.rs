@@ -96,7 +96,7 @@ impl Intersector {
         self.header().number("record_floats").unwrap_or(0) as usize
     }
 
-    /// Whether a row a triangle is prepared for the eye and each light.
+    /// Whether a row per triangle is prepared for the eye and each light.
     pub fn prepares_planes(self) -> bool {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }

@@ -6,24 +6,24 @@ use crate::error::Result;
 
 /// From this many triangles on, a tree walked by single rays or packets beats testing them all.
 const TREE_TRIANGLES: usize = 200;
-/// The same for tiles on a CPU: at 50 triangles 4.6 ms a frame against 7.7, at 6 no difference that lasts (PoCL,
+/// The same for tiles on a CPU: at 50 triangles 4.6 ms per frame against 7.7, at 6 no difference that lasts (PoCL,
 /// 2 cores under load, 800 x 500, 2026-11-20).
 const TREE_TRIANGLES_OF_TILES: usize = 50;
-/// From so many triangles a pixel on, rays of a tile share too little: packets beat tiles on a CPU, single rays on a GPU.
-/// Between what was measured: on terrain at 12 a pixel 37 against 70 ms, at 25 131 against 150, at 47 50 against 30, on a dragon
-/// in a quarter of the picture at 13 11 against 9, at 22 9 against 4.5 (PoCL); on terrain at 1.4 a pixel 1.21 against 1.33 ms, at
+/// From so many triangles per pixel on, rays of a tile share too little: packets beat tiles on a CPU, single rays on a GPU.
+/// Between what was measured: on terrain at 12 per pixel 37 against 70 ms, at 25 131 against 150, at 47 50 against 30, on a dragon
+/// in a quarter of the picture at 13 11 against 9, at 22 9 against 4.5 (PoCL); on terrain at 1.4 per pixel 1.21 against 1.33 ms, at
 /// 4.8 2.59 against 1.71 (NVIDIA H200; all 2026-11-20).
 const TRIANGLES_A_PIXEL_OF_TILES: [usize; 2] = [13, 2];
 
 /// From so many pixels on, and so many for each triangle, tiles of 16 x 8 beat those of 8 x 8 on a GPU: there are enough of
 /// them to keep it busy, and rays share more. At 3.7 million that took 20% less to 17% more time, at 8.3 million 20% less to
 /// 4% more, at 14.7 million 2 to 22% less (six scenes of 10 thousand to 300 thousand triangles); with a million triangles at
-/// 8.3 million pixels 13% more, at 20.7 pixels a triangle (of 16.8 million) 11% more, at 33.6 5% less (NVIDIA H200, 2026-11-20).
+/// 8.3 million pixels 13% more, at 20.7 pixels per triangle (of 16.8 million) 11% more, at 33.6 5% less (NVIDIA H200, 2026-11-20).
 const PIXELS_OF_LARGE_TILES: usize = 6_000_000;
 const PIXELS_A_TRIANGLE_OF_LARGE_TILES: usize = 25;
 
 /// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
-/// (docs/log.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays a work-item as
+/// (docs/log.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays per work-item as
 /// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
 /// tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane operations that
 /// were timed. Where triangles are much smaller than pixels, the rays of a tile go apart.

@@ -10,11 +10,11 @@ use crate::scene::Mesh;
 /// The program, its libraries and a driver: 93 MB with PoCL 3.1 and its kernels cached, 239 MB where LLVM 15 compiles
 /// them (one triangle, 64 x 40 pixels; 2026-11-20).
 const PROGRAM_BYTES: u64 = 240_000_000;
-/// The reference's tree: corners in double precision and a number a triangle, and at most a node of 72 bytes for each.
+/// The reference's tree: corners in double precision and a number per triangle, and at most a node of 72 bytes for each.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// The reference's sample of a pixel (88 bytes), its radiance, whether it is certain.
 const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
-/// Radiance read back, as 8 bits a channel, and the file made from it.
+/// Radiance read back, as 8 bits per channel, and the file made from it.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
 /// Bytes of the host's memory at every moment that could be the worst.

@@ -83,7 +83,7 @@ strategy! {
     culling: Culling,
     /// When a test counts as parallel or outside.
     epsilons: Epsilons,
-    /// Rays a work-item.
+    /// Rays per work-item.
     width: Width,
     /// Children of a tree's node.
     node_width: NodeWidth,

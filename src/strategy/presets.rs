@@ -153,7 +153,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "wide",
-        about: "deferred, 16 rays a work-item in vector types: what a CPU wants",
+        about: "deferred, 16 rays per work-item in vector types: what a CPU wants",
         strategy: Strategy { width: Width::W16, ..MODERN },
         meant_for: Some(DeviceKind::Cpu),
     },
@@ -165,19 +165,19 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "wide-pixel-linear",
-        about: "wide, with the camera's edge planes as linear functions of the pixel: fewest operations a test",
+        about: "wide, with the camera's edge planes as linear functions of the pixel: fewest operations per test",
         strategy: Strategy { width: Width::W16, intersector: Intersector::PIXEL_LINEAR, ..MODERN },
         meant_for: Some(DeviceKind::Cpu),
     },
     Preset {
         name: "tiled-wide",
-        about: "tiled, 4 rays a work-item: the plain test as a GPU wants it",
+        about: "tiled, 4 rays per work-item: the plain test as a GPU wants it",
         strategy: Strategy { width: Width::W4, triangles: Triangles::TILED, ..MODERN },
         meant_for: Some(DeviceKind::Gpu),
     },
     Preset {
         name: "tiled-pixel-linear",
-        about: "pixel-linear planes streamed through __local memory, 16 rays a work-item: fewest operations a test on a GPU",
+        about: "pixel-linear planes streamed through __local memory, 16 rays per work-item: fewest operations per test on a GPU",
         strategy: Strategy {
             width: Width::W16,
             intersector: Intersector::PIXEL_LINEAR,
@@ -188,7 +188,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tiled-common-origin",
-        about: "common-origin planes streamed through __local memory, 8 rays a work-item",
+        about: "common-origin planes streamed through __local memory, 8 rays per work-item",
         strategy: Strategy {
             width: Width::W8,
             intersector: Intersector::COMMON_ORIGIN,
@@ -199,7 +199,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "bvh",
-        about: "deferred and watertight, each ray walking a tree of four children a node: fastest for big scenes on a GPU",
+        about: "deferred and watertight, each ray walking a tree of four children per node: fastest for big scenes on a GPU",
         strategy: Strategy {
             traversal: Traversal::Bvh,
             node_width: NodeWidth::N4,
@@ -210,7 +210,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "bvh-packet",
-        about: "deferred, packets of 16 rays walking a tree of eight children a node",
+        about: "deferred, packets of 16 rays walking a tree of eight children per node",
         strategy: Strategy { traversal: Traversal::Bvh, width: Width::W16, ..MODERN },
         meant_for: Some(DeviceKind::Cpu),
     },
@@ -228,7 +228,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tile-group",
-        about: "tiles of 64 rays, each shared by 32 work-items that walk a tree of 32 children a node: for big scenes on a GPU",
+        about: "tiles of 64 rays, each shared by 32 work-items that walk a tree of 32 children per node: for big scenes on a GPU",
         strategy: TILE_GROUP,
         meant_for: Some(DeviceKind::Gpu),
     },

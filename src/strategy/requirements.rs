@@ -27,7 +27,7 @@ const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
 /// An entry of the stack of work-items that share a tile: a child's word and where it is entered.
 const STACK_ENTRY_BYTES: u64 = 8;
-/// A word a lane, by which they tell each other things where they have no other way.
+/// A word per lane, by which they tell each other things where they have no other way.
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
 /// A leaf's triangle that has to be tested, and the lane that prepared it.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
@@ -43,7 +43,7 @@ const CPU_STACK_BYTES: u64 = 5 << 20;
 /// Bytes a strategy needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Requirements {
-    /// `__local` bytes a work-group.
+    /// `__local` bytes per work-group.
     pub local_bytes: u64,
     /// `__constant` bytes.
     pub constant_bytes: u64,

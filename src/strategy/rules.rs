@@ -64,7 +64,7 @@ impl Strategy {
             ),
             (
                 planes && self.layout.index_bits().is_some(),
-                "intersector = {intersector} reads a table of its own, a row a triangle: layout = soup",
+                "intersector = {intersector} reads a table of its own, a row per triangle: layout = soup",
             ),
             (
                 planes && !tables,
@@ -72,7 +72,7 @@ impl Strategy {
             ),
             (
                 planes && records,
-                "intersector = {intersector} prepares a row for each origin, once a frame: records = each-test",
+                "intersector = {intersector} prepares a row for each origin, once per frame: records = each-test",
             ),
             (
                 records && !tables,

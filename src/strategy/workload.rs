@@ -37,7 +37,7 @@ impl Workload {
         local_size: [8, 8],
     };
 
-    /// Work-items across and down: one a block of pixels or 32 a tile, whole work-groups.
+    /// Work-items across and down: one per block of pixels or 32 per tile, whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
         if strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
@@ -58,7 +58,7 @@ impl Workload {
         ]
     }
 
-    /// Numbers that separate passes hand on: one a pixel, or whole tiles of them.
+    /// Numbers that separate passes hand on: one per pixel, or whole tiles of them.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.traversal == Traversal::Tile && !strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();

@@ -1,4 +1,4 @@
-// meaning: edge planes through the eye or the light, prepared once a frame
+// meaning: edge planes through the eye or the light, prepared once per frame
 // record_floats: 12
 // prepared_for: origin
 // exact_signs: no

@@ -1,4 +1,4 @@
-// meaning: 104 bytes a triangle, nothing shared, as the paper has it
+// meaning: 104 bytes per triangle, nothing shared, as the paper has it
 // index_bits: none
 //
 // 26 floats (104 bytes) a triangle, nothing shared, as the paper has it:

@@ -1,4 +1,4 @@
-// meaning: __local memory, 108 bytes a ray: the paper's optimisation 1
+// meaning: __local memory, 108 bytes per ray: the paper's optimisation 1
 // memory: local
 // bytes_per_ray: 108
 //

@@ -1,5 +1,5 @@
 // A leaf's triangle for the rays of a pass, the test of edge_planes.cl, from a table: tile_prepare makes the planes of
-// every triangle once a frame, for the eye and for each light. It has a row of quads for each axis of the scene; a triangle's
+// every triangle once per frame, for the eye and for each light. It has a row of quads for each axis of the scene; a triangle's
 // quad holds that component of its three planes and of 1/z. So whatever a pass's axes are, three loads bring what it needs,
 // side by side for the triangles of a leaf.
 

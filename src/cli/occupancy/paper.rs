@@ -6,10 +6,10 @@ use super::{LocalSize, Question};
 use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
 use crate::error::Result;
 
-/// Resident groups and threads a multiprocessor: the only caps that Figure 5 uses.
+/// Resident groups and threads per multiprocessor: the only caps that Figure 5 uses.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
-/// The registers a thread that the paper gives with it.
+/// The registers per thread that the paper gives with it.
 const REGISTERS: u32 = 63;
 /// Bytes of a work-item's nine vectors, which its optimisation 1 keeps in `__local` memory.
 const VECTOR_BYTES: u32 = 108;
@@ -58,9 +58,9 @@ fn rows(sizes: &[LocalSize]) -> Result<Vec<Row>> {
 fn text(rows: &[Row]) -> String {
     let header = [
         "local size",
-        "threads a multiprocessor,\nFigure 5's caps",
+        "threads per multiprocessor,\nFigure 5's caps",
         "with its 63 registers\n(CC 2.0)",
-        "and optimisation 1's\n108 B a work-item",
+        "and optimisation 1's\n108 B per work-item",
         "its registers",
     ];
     let mut table = crate::cli::table(&header, 1);

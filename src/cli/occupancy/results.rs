@@ -7,7 +7,7 @@ use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
-/// Prints a row a point of the run in `path`, a folder of results or its records.jsonl. With a compute capability, the
+/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. With a compute capability, the
 /// prediction is made for that one instead of the device's own.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {

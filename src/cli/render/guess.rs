@@ -114,7 +114,7 @@ mod tests {
     fn what_a_scene_needed_is_known_until_anything_that_chooses_changes() {
         let place = tempfile::tempdir().unwrap();
         let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
-        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let [device, other] = ["PoCL", "Other"].map(|name| example(name, "cpu", DeviceKind::Cpu, 2));
         let scene = place.path().join("scene.toml");
         std::fs::write(&scene, "as it is").unwrap();
         let likely = |more: &[&str], device| likely(&cache, &args(&scene, more), &Sources::Embedded, device);
@@ -127,7 +127,6 @@ mod tests {
         assert_eq!(known, needed);
         assert_eq!(likely(&["--width", "99"], &device), None);
         assert_eq!(likely(&["--strategy", "naive"], &device), None);
-        let other = example("Other", "cpu", DeviceKind::Cpu, 2);
         assert_eq!(likely(&[], &other), None);
         std::fs::write(&scene, "as it is now").unwrap();
         assert_eq!(likely(&[], &device), None);

@@ -44,7 +44,7 @@ pub struct Report {
     pub build_from_cache: bool,
     /// Bringing the scene to the device.
     pub upload_ms: f64,
-    /// Device time of preparing records of triangles, once a scene; 0 where tests prepare them.
+    /// Device time of preparing records of triangles, once per scene; 0 where tests prepare them.
     pub records_ms: f64,
     /// Device time of the primary pass, where the strategy has one.
     pub primary_ms: Option<f64>,

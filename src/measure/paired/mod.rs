@@ -3,7 +3,7 @@
 //! Two things make the plain interval of a median too narrow. A machine changes speed for seconds at a time, so samples
 //! are not independent; and what a launch draws once (addresses, placement of threads, the kernel's binary) no sample of
 //! that launch can show. So, after Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013), the launch is
-//! what is repeated: each gives one value a point, and intervals come from how far these lie apart. What happens within a
+//! what is repeated: each gives one value per point, and intervals come from how far these lie apart. What happens within a
 //! launch, autocorrelation included, is in that spread, and needs no model.
 //!
 //! 1. In each launch the drift that all points share is taken away ([`drift`]), and a point's value is the median of what
@@ -47,7 +47,7 @@ pub struct Paired {
     pooled: Pooled,
 }
 
-/// What a point took, in logarithms of milliseconds; a value a launch.
+/// What a point took, in logarithms of milliseconds; a value per launch.
 #[derive(Clone, Debug, PartialEq)]
 struct Point {
     /// The median over all launches.
@@ -220,7 +220,7 @@ fn count(launch: &[PairedSample], point: usize) -> usize {
     launch.iter().filter(|sample| sample.point == point).count()
 }
 
-/// A point's values: one a launch, or one a stretch of the only launch.
+/// A point's values: one per launch, or one per stretch of the only launch.
 fn point(place: usize, launches: &[Vec<PairedSample>], left: &[Vec<f64>]) -> Option<Point> {
     let is_own = |sample: &PairedSample| sample.point == place;
     let plain: Vec<Vec<f64>> = launches

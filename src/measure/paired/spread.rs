@@ -6,7 +6,7 @@ use crate::measure::mean_and_sigma;
 /// The most degrees of freedom by which the spread of all points counts beside a pair's own.
 const BORROWED: usize = 6;
 
-/// What all points together tell of the spread of repeats: a row a point, a column a repeat.
+/// What all points together tell of the spread of repeats: a row per point, a column per repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
     /// The variance of what is left of a table when each row's and each column's mean is taken away.
@@ -28,7 +28,7 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// The error of the mean of `differences` between the means of so many rows and of so many others, a value a column.
+    /// The error of the mean of `differences` between the means of so many rows and of so many others, a value per column.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns - 1));
         let usual: f64 = rows.iter().map(|rows| self.apart / *rows as f64).sum();

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Resources {
-    /// Registers a work-item.
+    /// Registers per work-item.
     pub registers: Option<u32>,
     /// Bytes of stack a work-item.
     pub stack_bytes: Option<u64>,
@@ -23,7 +23,7 @@ pub struct Resources {
     pub spill_store_bytes: Option<u64>,
     /// Bytes of them loaded again.
     pub spill_load_bytes: Option<u64>,
-    /// `__local` bytes a work-group.
+    /// `__local` bytes per work-group.
     pub shared_bytes: Option<u64>,
 }
 

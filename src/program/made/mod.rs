@@ -24,9 +24,9 @@ pub struct MadeKernel {
     pub work_group_size: Option<u64>,
     /// The local size's granularity that the driver prefers: a warp, or a vector.
     pub preferred_multiple: Option<u64>,
-    /// `__local` bytes a work-group, as the driver says.
+    /// `__local` bytes per work-group, as the driver says.
     pub local_bytes: Option<u64>,
-    /// Private bytes a work-item in memory, as the driver says.
+    /// Private bytes per work-item in memory, as the driver says.
     pub private_bytes: Option<u64>,
     /// What the build log tells.
     #[serde(flatten)]
@@ -72,7 +72,7 @@ impl MadeKernel {
         self
     }
 
-    /// `__local` bytes a work-group: the build log's where it has them.
+    /// `__local` bytes per work-group: the build log's where it has them.
     pub fn group_local_bytes(&self) -> u64 {
         self.resources.shared_bytes.or(self.local_bytes).unwrap_or(0)
     }

@@ -125,7 +125,7 @@ impl Comparison {
         Self { labels, pairs: Vec::new(), others: Vec::new(), notes, threshold }
     }
 
-    /// A line a point; but one a scene, where both folders have one of its name and another content.
+    /// A line per point; but one per scene, where both folders have one of its name and another content.
     fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2]) {
         let [before, after] = only;
         let changed = |record: &Record, others: &[Record]| {

@@ -42,7 +42,7 @@ pub struct HeatMap {
     pub x_label: String,
     /// The columns' names.
     pub columns: Vec<String>,
-    /// The rows' names and cells, a cell a column.
+    /// The rows' names and cells, a cell per column.
     pub rows: Vec<(String, Vec<Cell>)>,
     /// What each code means.
     pub codes: Vec<(String, String)>,

@@ -169,7 +169,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray of each test from global memory ({moved} a frame on {} for primary rays alone, by arithmetic), {} from {}; {}",
+        "naive reads the ray of each test from global memory ({moved} per frame on {} for primary rays alone, by arithmetic), {} from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),

@@ -8,11 +8,11 @@ use crate::report::plot::chart::{Across, Chart, Mark, Series};
 use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 
-/// The paper's table: block, threads a multiprocessor.
+/// The paper's table: block, threads per multiprocessor.
 const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
 /// The blocks that it speaks of.
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
-/// Its registers a thread.
+/// Its registers per thread.
 const REGISTERS: u32 = 63;
 /// Its device.
 const PAPER: &str = "2.0";

@@ -1,5 +1,5 @@
 // Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate Transformation", JCGT 5(3), 2016.
-// meaning: Baldwin and Weber 2016: a matrix a triangle, which takes it to the unit triangle
+// meaning: Baldwin and Weber 2016: a matrix per triangle, which takes it to the unit triangle
 // record_floats: 12
 // prepared_for: any-ray
 // exact_signs: no
