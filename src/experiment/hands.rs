@@ -34,7 +34,7 @@ pub struct Hands<'a> {
     entries: HashMap<usize, Entry>,
     /// Once it was asked for.
     anchor: Option<Anchor>,
-    /// The device's sensors, where it has any.
+    /// The device's sensors, once something is checked: who only builds needs none.
     watch: Option<Watch>,
     /// The device in whose name it measures, where that is another.
     stands_for: Option<DeviceInfo>,
@@ -48,7 +48,6 @@ impl<'a> Hands<'a> {
         checker: Checker<'a>,
         stands_for: Option<DeviceInfo>,
     ) -> Self {
-        let watch = checker.device().and_then(|device| watch(&device.info.hardware));
         Self {
             drafter,
             plan,
@@ -57,7 +56,7 @@ impl<'a> Hands<'a> {
             group: None,
             entries: HashMap::new(),
             anchor: None,
-            watch,
+            watch: None,
             stands_for,
         }
     }
@@ -82,6 +81,9 @@ impl<'a> Hands<'a> {
     fn check(&mut self, number: usize, key: &str, verified: Option<&str>) -> Result<Reply> {
         let point = *self.plan.points.get(number).ok_or_else(no_such_point)?;
         self.turn_to(point)?;
+        if self.watch.is_none() {
+            self.watch = self.checker.device().map(|device| watch(&device.info.hardware));
+        }
         let Some((_, at)) = &self.scene else { return Err(no_such_point()) };
         let own = point.device.and(self.checker.device()).map(|device: &Device| &device.info);
         let device = self.stands_for.as_ref().filter(|_| own.is_some()).or(own);

@@ -24,8 +24,9 @@ pub struct Reading {
 }
 
 /// Watches a device's sensors, where it has any that raycl can read.
-pub fn watch(hardware: &Hardware) -> Option<Watch> {
-    nvml::find(hardware).map(Watch::start)
+pub fn watch(hardware: &Hardware) -> Watch {
+    let hardware = hardware.clone();
+    Watch::start(move || nvml::find(&hardware))
 }
 
 /// What sensors showed while a sample was taken; a record has the means of its samples'.

@@ -4,7 +4,6 @@ use super::{Reading, Sensed, Sensor};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// From one reading to the next.
@@ -16,32 +15,26 @@ const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;
 
-/// A sensor being watched; the thread ends with it.
+/// A sensor being watched; its thread ends after it.
 pub struct Watch {
     readings: Arc<Mutex<Readings>>,
     ended: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl Watch {
-    /// Watches a sensor, whose first reading it takes before it returns.
-    pub fn start(mut sensor: Box<dyn Sensor>) -> Self {
-        let first = (Instant::now(), sensor.read());
-        let readings = Arc::new(Mutex::new(Readings::from([first])));
-        let ended = Arc::new(AtomicBool::new(false));
+    /// Watches the sensor that `find` finds, if any. Nobody waits for it: a library that knows all devices of a machine takes
+    /// seconds to start, and until then nothing is known.
+    pub fn start(find: impl FnOnce() -> Option<Box<dyn Sensor>> + Send + 'static) -> Self {
+        let (readings, ended) = (Arc::default(), Arc::new(AtomicBool::new(false)));
         let (kept, end) = (Arc::clone(&readings), Arc::clone(&ended));
-        let thread = std::thread::spawn(move || {
+        std::thread::spawn(move || {
+            let Some(mut sensor) = find() else { return };
             while !end.load(Ordering::Relaxed) {
+                keep(&kept, (Instant::now(), sensor.read()));
                 std::thread::sleep(PERIOD);
-                let reading = (Instant::now(), sensor.read());
-                let mut kept = locked(&kept);
-                kept.push_back(reading);
-                if kept.len() > KEPT {
-                    kept.pop_front();
-                }
             }
         });
-        Self { readings, ended, thread: Some(thread) }
+        Self { readings, ended }
     }
 
     /// What the sensor showed between two times: in readings between them, or in the last before. Energy is that of
@@ -54,10 +47,14 @@ impl Watch {
 impl Drop for Watch {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A sensor that panicked has nothing more to say.
-            let _ = thread.join();
-        }
+    }
+}
+
+fn keep(readings: &Mutex<Readings>, reading: (Instant, Reading)) {
+    let mut kept = locked(readings);
+    kept.push_back(reading);
+    if kept.len() > KEPT {
+        kept.pop_front();
     }
 }
 
@@ -144,12 +141,24 @@ mod tests {
 
     #[test]
     fn a_watch_goes_on_reading_and_ends() {
-        let watch = Watch::start(Box::new(Counting(0.0)));
+        let watch = Watch::start(|| Some(Box::new(Counting(0.0))));
         let deadline = Instant::now() + Duration::from_secs(120);
         while locked(&watch.readings).len() < 3 && Instant::now() < deadline {
             std::thread::sleep(PERIOD);
         }
         let sensed = watch.sense(Instant::now(), Instant::now(), 2.0).expect("a reading");
         assert!(sensed.clock_mhz >= Some(3.0) && sensed.energy_mj == Some(400.0), "{sensed:?}");
+    }
+
+    #[test]
+    fn nobody_waits_for_a_sensor_that_is_found_late_or_never() {
+        let (found, wait) = std::sync::mpsc::channel::<()>();
+        let late = Watch::start(move || {
+            wait.recv().ok()?;
+            Some(Box::new(Counting(0.0)))
+        });
+        assert_eq!(late.sense(Instant::now(), Instant::now(), 1.0), None);
+        drop(found);
+        assert_eq!(Watch::start(|| None).sense(Instant::now(), Instant::now(), 1.0), None);
     }
 }
