@@ -13,7 +13,7 @@ const COARSE: f32 = 31.0;
 const MOST: usize = 1 << 16;
 
 /// The linear value of a channel as displays have it (sRGB, IEC 61966-2-1).
-pub(super) fn linear(displayed: f32) -> f32 {
+pub(in crate::scene) fn linear(displayed: f32) -> f32 {
     if displayed <= 0.04045 { displayed / 12.92 } else { ((displayed + 0.055) / 1.055).powf(2.4) }
 }
 
@@ -23,7 +23,7 @@ fn displayed(linear: f32) -> f32 {
 }
 
 /// Gives each triangle a material of its corners' mean colour times its material's; `colours` are linear, one a position.
-pub(super) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
+pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     for steps in [FINE, COARSE] {
         let (materials, numbers) = painted(mesh, colours, steps);
         if materials.len() <= MOST || steps == COARSE {
@@ -58,7 +58,7 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
 }
 
 /// What a user is told of them.
-pub(super) fn note(count: usize) -> String {
+pub(in crate::scene) fn note(count: usize) -> String {
     format!(
         "colours of {} are one a triangle, the mean of its corners",
         crate::scene::obj::counted(count, "vertex")

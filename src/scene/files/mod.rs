@@ -16,6 +16,7 @@ use crate::reader::Kind;
 use glam::DVec3;
 use std::path::Path;
 
+pub(in crate::scene) use colours::{linear, note as colours_note, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::origin_of;
 

@@ -124,6 +124,10 @@ impl Parts {
         if textures > 0 {
             notes.push(format!("{textures} TextureFile asks for textures, which raycl does not do: each triangle has one colour"));
         }
+        let of_faces = header.elements.get("face").filter(|face| face.properties.contains_key("red"));
+        if let Some(face) = of_faces {
+            notes.push(format!("colours of {} faces are not read", face.count));
+        }
         if short > 0 {
             notes.push(format!("{short} faces of fewer than three corners are left out"));
         }

@@ -18,7 +18,12 @@ const TRIANGLE_BYTES: usize = 50;
 
 /// Reads a file called `name`.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
+    let mut notes = Vec::new();
     let corners = if is_binary(bytes) {
+        let attributes = rows(bytes).filter(|row| row[48..] != [0, 0]).count();
+        notes.extend((attributes > 0).then(|| {
+            format!("attributes of {attributes} facets, such as a colour, are not read")
+        }));
         binary(bytes)
     } else {
         ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?
@@ -26,7 +31,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     let (positions, triangles) = joined(&corners);
     let (positions, origin) = settle(name, &positions)?;
     let mesh = Mesh { positions, triangles, normals: Vec::new(), materials: vec![Material::default()] };
-    Ok(MeshFile { mesh, origin, ..MeshFile::default() })
+    Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 
 /// Whether the length is what the count says: the first word of a binary file may be `solid` too.
@@ -39,12 +44,15 @@ fn count(bytes: &[u8]) -> Option<usize> {
     Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
 }
 
-/// Three corners a triangle.
+fn rows(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES)
+}
+
+/// Three corners per triangle.
 fn binary(bytes: &[u8]) -> Vec<DVec3> {
     let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
     let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
-    let triangles = bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES);
-    triangles.flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
+    rows(bytes).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
 /// The same of text: all that counts is `vertex x y z`, three before each `endfacet`. The mistake has its line.

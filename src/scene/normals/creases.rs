@@ -1,7 +1,8 @@
 //! Edges that stay sharp in a mesh without normals of its own.
 
-use crate::scene::mesh::Mesh;
+use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// At a corner of more faces than this each keeps its own normal: comparing all of them would take too long.
 const MOST_FACES: usize = 1024;
@@ -13,26 +14,24 @@ struct Face {
     weighted: DVec3,
 }
 
+impl Face {
+    fn of(mesh: &Mesh, triangle: u32) -> Self {
+        let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|p| p.as_dvec3());
+        let weighted = (b - a).cross(c - a);
+        Self { triangle, unit: weighted.normalize_or_zero(), weighted }
+    }
+}
+
 /// Gives the corners of triangles, which have smooth normals, others where faces meet at more than an angle: the mean of those
 /// faces that turn from the corner's own by less.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
-    let faces: Vec<Face> = triangles.iter().map(|triangle| face(mesh, *triangle)).collect();
-    let sharp = sharp_positions(mesh, &faces, (crease / 2.0).cos());
-    let mut corners: Vec<(u32, u32)> = Vec::new();
-    for (number, face) in (0..).zip(&faces) {
-        let positions = mesh.triangles[face.triangle as usize].positions;
-        corners
-            .extend(positions.into_iter().filter(|&p| sharp[p as usize]).map(|position| (position, number)));
-    }
-    corners.sort_unstable();
-    for around in corners.chunk_by(|a, b| a.0 == b.0) {
+    for around in sharp_corners(mesh, triangles, (crease / 2.0).cos()).chunk_by(|a, b| a.0 == b.0) {
         let position = around[0].0;
-        let around: Vec<&Face> = around.iter().map(|(_, number)| &faces[*number as usize]).collect();
+        let around: Vec<Face> = around.iter().map(|(_, triangle)| Face::of(mesh, *triangle)).collect();
         for face in &around {
-            let normal = mean(face, &around, crease.cos());
             let index = mesh.normals.len() as u32;
-            mesh.normals.push(normal.normalize_or_zero().as_vec3());
+            mesh.normals.push(mean(face, &around, crease.cos()).normalize_or_zero().as_vec3());
             let triangle = &mut mesh.triangles[face.triangle as usize];
             for (corner, place) in triangle.positions.iter().zip(&mut triangle.normals) {
                 if *corner == position {
@@ -43,31 +42,34 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     }
 }
 
-fn face(mesh: &Mesh, triangle: u32) -> Face {
-    let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|p| p.as_dvec3());
-    let weighted = (b - a).cross(c - a);
-    Face { triangle, unit: weighted.normalize_or_zero(), weighted }
-}
-
-/// Where some face turns from the smooth normal by more than half the angle: only there can two be too far apart.
-fn sharp_positions(mesh: &Mesh, faces: &[Face], least_cosine: f64) -> Vec<bool> {
+/// Positions at which some face turns from the smooth normal by more than half the angle, for only there can two be too far
+/// apart: each with all triangles there, in order.
+fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {
+    let parted = |triangle: &u32| {
+        let unit = Face::of(mesh, *triangle).unit;
+        let triangle = &mesh.triangles[*triangle as usize];
+        let corners = triangle.positions.into_iter().zip(triangle.normals);
+        let far = move |normal: u32| mesh.normals[normal as usize].as_dvec3().dot(unit) < least_cosine;
+        corners.filter(move |(_, normal)| unit != DVec3::ZERO && far(*normal)).map(|(position, _)| position)
+    };
+    let parted: Vec<u32> =
+        triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).flat_map_iter(parted).collect();
     let mut sharp = vec![false; mesh.positions.len()];
-    for face in faces.iter().filter(|face| face.unit != DVec3::ZERO) {
-        let triangle = &mesh.triangles[face.triangle as usize];
-        for (position, normal) in triangle.positions.iter().zip(triangle.normals) {
-            sharp[*position as usize] |=
-                mesh.normals[normal as usize].as_dvec3().dot(face.unit) < least_cosine;
-        }
-    }
-    sharp
+    parted.iter().for_each(|position| sharp[*position as usize] = true);
+    let corners = triangles.iter().flat_map(|triangle| {
+        mesh.triangles[*triangle as usize].positions.map(|position| (position, *triangle))
+    });
+    let mut corners: Vec<(u32, u32)> = corners.filter(|(position, _)| sharp[*position as usize]).collect();
+    corners.par_sort_unstable();
+    corners
 }
 
-fn mean(face: &Face, around: &[&Face], least_cosine: f64) -> DVec3 {
+fn mean(face: &Face, around: &[Face], least_cosine: f64) -> DVec3 {
     if around.len() > MOST_FACES {
         return face.weighted;
     }
     // Rounding must not part faces of one plane, also where the angle is zero.
-    let near = |other: &&&Face| other.unit.dot(face.unit) >= least_cosine - 1e-9;
+    let near = |other: &&Face| other.unit.dot(face.unit) >= least_cosine - 1e-9;
     around.iter().filter(near).map(|other| other.weighted).sum()
 }
 

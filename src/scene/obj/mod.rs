@@ -18,7 +18,7 @@ mod polygon;
 mod text;
 mod wishes;
 
-use super::files::{MeshFile, origin_of};
+use super::files::{MeshFile, colours_note, origin_of, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use faces::{FaceChunk, FaceContext};
@@ -83,7 +83,26 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     faces::note_unknown_materials(&faces, quotes, &mut notes);
     notes::of_statements(&points, &mesh, quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
+    paint_vertices(&mut mesh, &points, &mut notes);
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+}
+
+/// Gives triangles the colours of their vertices, where any has one.
+fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String>) {
+    let coloured = points.iter().map(|chunk| chunk.coloured).sum();
+    if coloured == 0 {
+        return;
+    }
+    let mut colours = Vec::with_capacity(mesh.positions.len());
+    for chunk in points {
+        let end = colours.len() + chunk.positions.len();
+        colours.extend_from_slice(&chunk.colours);
+        colours.resize(end, Vec3::ONE);
+    }
+    // What has no material is in its own colour.
+    mesh.materials[0].lambertian = Vec3::ONE;
+    paint(mesh, &colours);
+    notes.push(colours_note(coloured));
 }
 
 /// The points of all pieces, and what was taken off them: of a mesh far from its origin they are read twice, the second

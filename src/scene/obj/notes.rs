@@ -8,13 +8,6 @@ use std::collections::BTreeSet;
 
 /// Notes of vertices' colours, smoothing groups and other statements; `mesh` is as the file has it, without normals made for it.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
-    let colours: usize = points.iter().map(|chunk| chunk.colours).sum();
-    if colours > 0 {
-        let (vertices, has) = (counted(colours, "vertex"), if colours == 1 { "has" } else { "have" });
-        notes.push(format!(
-            "{vertices} {has} a colour (v x y z r g b), which raycl does not read: colours are the materials'"
-        ));
-    }
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
     // One group is what is done: all faces without normals are smooth.
     let edges = groups.len() > 1 || groups.iter().any(|group| *group == "off");

@@ -4,6 +4,7 @@ use super::asked::Asked;
 use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::MAX_COORDINATE;
+use crate::scene::files::linear;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
@@ -16,8 +17,10 @@ pub(super) struct PointChunk {
     pub libraries: Vec<String>,
     /// The material that holds after the piece, if it changed.
     pub last_material: Option<String>,
-    /// Vertices with a colour.
-    pub colours: usize,
+    /// How many vertices have a colour.
+    pub coloured: usize,
+    /// Linear, one per vertex as far as any has one.
+    pub colours: Vec<Vec3>,
     /// The smoothing groups that `s` lines name; `off` is one.
     pub smoothing: BTreeSet<String>,
     /// What other statements ask for.
@@ -25,6 +28,17 @@ pub(super) struct PointChunk {
 }
 
 impl PointChunk {
+    /// What follows the last vertex's coordinates: one number is a weight, three are a colour.
+    fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>) {
+        let mut channel = || tokens.next().and_then(number);
+        let (Some(red), Some(green), Some(blue)) = (channel(), channel(), channel()) else { return };
+        self.coloured += 1;
+        self.colours.resize(self.positions.len() - 1, Vec3::ONE);
+        // Some programs write 0 to 255.
+        let most = if red.max(green).max(blue) > 1.0 { 255.0 } else { 1.0 };
+        self.colours.push((Vec3::new(red, green, blue) / most).map(linear));
+    }
+
     /// The smallest and the largest position.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let first = *self.positions.first()?;
@@ -43,8 +57,7 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
                     DVec3::ZERO => position(offset, &mut tokens)?,
                     _ => relative(offset, &mut tokens, origin)?,
                 });
-                // One more number is a weight; three are a colour.
-                points.colours += usize::from(tokens.nth(2).is_some());
+                points.colour(tokens);
             }
             (b"vn", rest) => points.normals.push(vector(offset, "normal", &mut tokens(rest))?),
             (b"f" | b"vt" | b"", _) => {}

@@ -206,7 +206,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
         ("call other.obj", "asks for another file or command (call)"),
         ("foo\nbar", "unknown keywords of 2 statements are passed over (`bar` 1, `foo` 1)"),
-        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "2 vertices have a colour"),
+        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices are one per triangle"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
         ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): k_L 0.8"),
@@ -229,7 +229,7 @@ fn notes_stay_short_and_counts_are_readable() {
     let notes = notes_of(&words, "");
     assert!(notes.len() == 1 && notes[0].len() < 600, "{notes:?}");
     let coloured = "v 0 0 0 1 1 1\n".repeat(40_000);
-    assert!(notes_of(&coloured, "")[0].starts_with("40,000 vertices have a colour"));
+    assert!(notes_of(&coloured, "")[0].contains("colours of 40,000 vertices"));
 }
 
 #[test]

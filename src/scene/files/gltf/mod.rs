@@ -36,6 +36,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
         obj::note_materials(&materials.asked, mesh, reach.permitted.quotes, notes);
     })?;
     file.notes.extend(animations(&root));
+    file.notes.extend(passed_over(&root));
     Ok(file)
 }
 
@@ -67,16 +68,28 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
     }
 }
 
+fn is_known(extension: &str) -> bool {
+    KNOWN.contains(&extension) || KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family))
+}
+
+/// Extensions that are used, and neither done nor told of where they are used.
+fn passed_over(root: &Root) -> Option<String> {
+    let unknown: Vec<String> = root
+        .extensions_used
+        .iter()
+        .filter(|extension| !is_known(extension))
+        .take(8)
+        .map(|extension| quoted(extension.as_bytes()))
+        .collect();
+    (!unknown.is_empty()).then(|| format!("extensions that raycl does not have are passed over: {}", unknown.join(", ")))
+}
+
 /// Names the extensions without which the file says it cannot be read.
 fn refuse_required(name: &str, root: &Root) -> Result<()> {
-    let known = |extension: &&String| {
-        KNOWN.contains(&extension.as_str())
-            || KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family))
-    };
     let lacking: Vec<String> = root
         .extensions_required
         .iter()
-        .filter(|extension| !known(extension))
+        .filter(|extension| !is_known(extension))
         .map(|e| quoted(e.as_bytes()))
         .collect();
     if lacking.is_empty() {
