@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-long mutants test-intel test-browser fuzz lint figures bench
+.PHONY: help setup setup-tests build demo test test-long mutants test-intel test-slurm test-slurm-short test-browser fuzz lint figures bench
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -35,6 +35,15 @@ mutants: setup-tests ## break every kernel file in turn, in every family: verifi
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
 	@.ci/test-intel
+
+test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill what can be killed (installs it; root; half an hour)
+	@tests/slurm/setup mpi
+	tests/slurm/run $(RAYCL)
+
+test-slurm-short: ## the same in two minutes, as CI does: some kills, no Open MPI
+	@tests/slurm/setup
+	cargo build --locked
+	RUNS=3 tests/slurm/run $${CARGO_TARGET_DIR:-target}/debug/raycl kill nokill scale
 
 fuzz: ## fuzz every reader of files, MINUTES (10) each; needs cargo-fuzz
 	@.ci/fuzz

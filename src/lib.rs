@@ -9,8 +9,9 @@
 //! those that are something else; [`memory`] says what the host can hold, [`load`] what else it does; [`record`] keeps what
 //! was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
 //! anybody else's.
-//! [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's documents of its stored records.
-//! [`cache`] keeps between runs what can be made again.
+//! [`shard`] splits an experiment among machines and puts the pieces together. [`cli`] holds one file per subcommand;
+//! [`documents`] makes the figures of this repository's documents of its stored records. [`cache`] keeps between runs what can
+//! be made again.
 
 pub mod accel;
 pub mod anchor;
@@ -39,6 +40,7 @@ pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod sensor;
+pub mod shard;
 pub mod sources;
 pub mod strategy;
 mod toml_error;

@@ -43,6 +43,8 @@ mod run;
 mod samples;
 mod scenes;
 mod session;
+#[cfg(unix)]
+mod shards;
 mod split;
 mod supervisor;
 mod torture;

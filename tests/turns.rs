@@ -75,6 +75,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
         retry_failed: false,
         locks,
         spread: false,
+        blocks: None,
         ahead: None,
     };
     let mut results = Results::create(folder.path(), &Environment::default()).expect("results");

@@ -9,6 +9,7 @@ pub mod completions;
 pub mod devices;
 pub mod figures;
 pub mod kernel;
+pub mod merge;
 pub mod noise;
 pub mod occupancy;
 mod output;
@@ -57,6 +58,8 @@ enum Command {
     Render(render::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),
+    /// Put the shards of an experiment together to one folder of results
+    Merge(merge::Args),
     /// Make a page, plots and exports of results
     Report(report::Args),
     /// Run the paper's experiments and say what held
@@ -114,6 +117,7 @@ impl Cli {
         match self.command {
             Command::Render(args) => render::run(args),
             Command::Run(args) => run::run(args),
+            Command::Merge(args) => merge::run(args),
             Command::Report(args) => report::run(args),
             Command::Reproduce(args) => reproduce::run(args),
             Command::Compare(args) => compare::run(args),

@@ -2,26 +2,30 @@
 
 mod earlier;
 mod environment;
+mod folders;
 mod forecast;
+mod measuring;
+mod resume;
+mod sbatch;
+mod shard;
 mod two_kernels;
 
 use super::choice::parse_assignment;
 use super::progress::observer;
-use crate::cache::Cache;
 use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
-use crate::experiment::{
-    Ahead, Fault, Observer, Plan, Processes, Results, Run, Spawner, dry_run, find_devices,
-};
+use crate::experiment::{Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices};
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Folder, Record, summary_terminal};
-use crate::report::quote;
+use crate::shard::{Asked, ShardPlan};
 use earlier::foreseen;
 use environment::environment;
+use folders::default_folder;
 use forecast::forecast;
+use resume::{choices, say_how_to_resume};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::path::{Path, PathBuf};
@@ -98,9 +102,19 @@ pub struct Args {
     /// With two folders of kernels: exit with 1 where the second is surely slower by more than this
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
+    /// Measure one of several parts of the experiment: 3/16, or auto where a launcher numbers the processes (auto/16 where it does not
+    /// say how many there are); `raycl merge` puts them together
+    #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
+    shard: Option<Asked>,
+    /// Print Slurm scripts that measure the experiment in N shards and merge them; submits nothing
+    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    sbatch: Option<u32>,
     /// For tests: let a worker process fail, such as segv@cast:3
     #[arg(long, hide = true)]
     fault: Option<Fault>,
+    /// For tests: cast nothing; every frame is a sleep of so many milliseconds
+    #[arg(long, hide = true, value_name = "MS")]
+    asleep: Option<f64>,
 }
 
 impl Args {
@@ -131,7 +145,10 @@ impl Args {
             verbose: false,
             cl_dir: Vec::new(),
             fail_on_regression: None,
+            shard: None,
+            sbatch: None,
             fault: None,
+            asleep: None,
         }
     }
 }
@@ -150,6 +167,12 @@ pub fn run(args: Args) -> Result<()> {
     named_in_text(std::iter::once(&args.config).chain(&args.out).chain(&args.cl_dir))?;
     if args.dry_run {
         return foresee(&args);
+    }
+    if let Some(asked) = args.shard {
+        return shard::run(&args, asked);
+    }
+    if let Some(shards) = args.sbatch {
+        return sbatch::run(&args, shards);
     }
     let (out, _) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
     report(&args, &out)
@@ -176,8 +199,26 @@ fn run_of<'a>(
         retry_failed: args.retry_failed,
         locks,
         spread: args.spread,
+        blocks: None,
         ahead: None,
     })
+}
+
+/// Every device there is.
+fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
+    match args.asleep {
+        Some(frame_ms) => Ok(vec![asleep::device(frame_ms)]),
+        None => find_devices(args.cl_dir.first().map(PathBuf::as_path)),
+    }
+}
+
+/// A folder that shards write to is merged, not measured in.
+fn refuse_shards(out: &Path) -> Result<()> {
+    match ShardPlan::read(out)? {
+        Some(plan) => Err(Error::input(format!("{} holds an experiment in {} shards", out.display(), plan.header.shards))
+            .with_help("`--shard N/OF` measures one of them, `raycl merge` puts them together; or name another folder with --out")),
+        None => Ok(()),
+    }
 }
 
 /// Measures what is missing; the folder of results, and the records of all points.
@@ -185,63 +226,43 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
     // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
     let interrupted = interrupt_flag()?;
-    let devices = find_devices(args.cl_dir.first().map(PathBuf::as_path))?;
+    let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
+    let blocks = args.spread.then(|| shard::blocks(&run, &out)).transpose()?;
+    let run = Run { blocks: blocks.as_deref(), ..run };
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    if let Some(given) = &args.peak {
-        let wanted = super::peak::Wanted {
-            given,
-            patterns: patterns(args, &experiment),
-            cl_dir: args.cl_dir.first().map(PathBuf::as_path),
-            no_wait: args.no_wait,
-        };
-        results
-            .keep_peak(wanted.for_run(&interrupted).map_err(|error| say_how_to_resume(error, args, &out))?)?;
-    }
+    keep_peak(args, &experiment, &mut results, &interrupted)
+        .map_err(|error| say_how_to_resume(error, args, &out))?;
     if !args.quiet {
         observer.says(&foreseen(&run, &out, &results.past().records)?.to_string());
     }
-    let ahead = Ahead::default();
-    let keeps = Cache::of_user().keeps();
-    let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
-    let builders = if keeps { builders(&run, &out)? } else { Vec::new() };
-    let measured = ahead.beside(builders, args.hang_limit, &interrupted, || {
-        let workers = || Processes::new(run.jobs(&out, args.fault));
-        let workers = || workers().map(|workers| if keeps { workers.after_builders() } else { workers });
-        if args.spread {
-            let mut spawners: Vec<Box<dyn Spawner + Send>> = Vec::new();
-            for _ in &infos {
-                spawners.push(Box::new(workers()?));
-            }
-            run.execute_spread(&mut results, observer, spawners, &interrupted)
-        } else {
-            run.execute(&mut results, observer, &mut workers()?, &interrupted)
-        }
-    });
+    let measured = measuring::execute(args, run, &out, &mut results, observer, &interrupted);
     let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
-    if !args.quiet {
-        ahead.tally().text().into_iter().for_each(|line| observer.says(&line));
-    }
     Ok((out, records))
 }
 
-/// The most processes that build programs at once: each opens the devices.
-const MOST_BUILDERS: usize = 8;
-
-/// Processes that build programs: as many as there are cores.
-fn builders(run: &Run<'_>, out: &Path) -> Result<Vec<Box<dyn Spawner + Send>>> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let builder = |_| {
-        let workers = Processes::new(run.jobs(out, None))?;
-        Ok(Box::new(workers) as Box<dyn Spawner + Send>)
+/// Keeps what the devices can do at most, where that is asked for.
+fn keep_peak(
+    args: &Args,
+    experiment: &Experiment,
+    results: &mut Results,
+    interrupted: &AtomicBool,
+) -> Result<()> {
+    let Some(given) = &args.peak else { return Ok(()) };
+    let wanted = super::peak::Wanted {
+        given,
+        patterns: patterns(args, experiment),
+        cl_dir: args.cl_dir.first().map(PathBuf::as_path),
+        no_wait: args.no_wait,
     };
-    (0..cores.min(MOST_BUILDERS)).map(builder).collect()
+    results.keep_peak(wanted.for_run(interrupted)?)
 }
 
 fn choice(args: &Args) -> Choice {
@@ -299,52 +320,6 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
             .map_err(|error| Error::fault(format!("cannot listen for Ctrl-C: {error}")))?;
     }
     Ok(interrupted)
-}
-
-/// Nothing measured is lost: says how to go on.
-fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
-    let command = format!("to go on from here: {}", resuming(args, out));
-    match &error {
-        Error::Run { help, .. } => {
-            let help = format!("{help}\n{command}");
-            error.with_help(help)
-        }
-        Error::Input(_) => error,
-        _ => error.with_help(command),
-    }
-}
-
-/// The command that goes on with a run.
-fn resuming(args: &Args, out: &Path) -> String {
-    let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
-    words.extend(["--out".to_owned(), out.display().to_string()]);
-    words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
-    words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
-    words.extend(args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]));
-    words.extend(args.spread.then(|| "--spread".to_owned()));
-    words.push("--resume".to_owned());
-    words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
-}
-
-/// The latest folder of this name to go on with, or a free one.
-fn default_folder(name: &str, resume: bool) -> PathBuf {
-    let free = free_folder(name);
-    let latest =
-        (1..).map(|number| numbered_folder(name, number)).take_while(|folder| *folder != free).last();
-    latest.filter(|_| resume).unwrap_or(free)
-}
-
-/// `results/NAME`, or the first of `results/NAME-2`, ... that is free.
-fn free_folder(name: &str) -> PathBuf {
-    let folder = |number| numbered_folder(name, number);
-    (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(1))
-}
-
-fn numbered_folder(name: &str, number: u32) -> PathBuf {
-    match number {
-        1 => Path::new("results").join(name),
-        _ => Path::new("results").join(format!("{name}-{number}")),
-    }
 }
 
 /// Says what was found and where it lies. Points that failed are an error: exit code 1.

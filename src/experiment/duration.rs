@@ -1,6 +1,7 @@
 //! How long a run will take, by how long its points took before.
 
-use super::Run;
+use super::open::Open;
+use super::{Plan, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
 use std::collections::HashMap;
@@ -9,6 +10,9 @@ use std::time::Duration;
 
 /// Starting a worker: its process, its driver, its scene.
 const START_MS: f64 = 500.0;
+
+/// Compiling a program, where nothing is known.
+const COMPILE_MS: f64 = 300.0;
 
 /// How long a run will take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,9 +43,7 @@ impl Run<'_> {
     /// another size, in proportion to the pixels. Points of `done` keys are not measured again.
     pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;
-        let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
-        let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
-        by_name.extend(earlier.iter().map(|record| (point(record), record)));
+        let by_name = by_name(earlier);
         let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
         let mut expected = Expected {
             launches,
@@ -49,7 +51,8 @@ impl Run<'_> {
             ..Expected::default()
         };
         let mut all_ms = 0.0;
-        for group in self.open_points(&self.plan())? {
+        let plan = self.plan();
+        for group in self.open_points(&plan, &self.pieces(&plan))? {
             let meant = group.iter().filter(|open| open.not_for.is_none()).map(|open| &open.record);
             let drafts: Vec<&Record> = meant.filter(|record| !done.contains(&record.key)).collect();
             let known: Vec<Known> = drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect();
@@ -60,6 +63,20 @@ impl Run<'_> {
         // Files may hold anything: what is no time is none.
         expected.time = Duration::try_from_secs_f64(1e-3 * all_ms).unwrap_or_default();
         Ok(expected)
+    }
+
+    /// What each point of the plan for one device will take, in milliseconds, by groups of comparable points: by what was measured
+    /// `earlier`, else by how much there is to compute. Its place is that in the plan.
+    pub fn costs_ms(&self, earlier: &[Record]) -> Result<Vec<Vec<(usize, f64)>>> {
+        let plan = Plan::new(self.experiment, self.devices.len().min(1));
+        let by_name = by_name(earlier);
+        let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
+        let cost = |open: &Open| {
+            let known = of(&open.record).and_then(|earlier| self.known(&open.record, earlier));
+            (open.point, self.group_ms(&[known.unwrap_or_else(|| guessed(&open.record))]))
+        };
+        let groups = self.open_points(&plan, &plan.by_device())?;
+        Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
     }
 
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
@@ -97,6 +114,26 @@ impl Run<'_> {
             + (launches - 1.0) * sum(&|point| point.check_ms[0])
             + sum(&|point| point.check_ms[1])
     }
+}
+
+/// Earlier records by the names of their points, and by those of their strategies.
+fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
+    let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
+    let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
+    by_name.extend(earlier.iter().map(|record| (point(record), record)));
+    by_name
+}
+
+/// What a point that was never measured may take: enough to tell large ones from small ones. A ray is tested against every triangle,
+/// or meets some thirty things on each level of a tree; a device does so many of these a millisecond, and the host a tenth.
+fn guessed(draft: &Record) -> Known {
+    const TESTS_PER_MS: f64 = 1e6;
+    let rays = draft.image_size.iter().map(|side| f64::from(*side)).product::<f64>()
+        * (1.0 + draft.lights.unwrap_or(1) as f64);
+    let triangles = draft.triangles.unwrap_or(1) as f64;
+    let tests = if draft.walks_tree() { 30.0 * (triangles + 1.0).log2() } else { triangles };
+    let sample_ms = rays * tests / if draft.is_baseline() { 0.1 * TESTS_PER_MS } else { TESTS_PER_MS };
+    Known { sample_ms, check_ms: [COMPILE_MS + sample_ms, COMPILE_MS + 2.0 * sample_ms], rounds: None }
 }
 
 /// A point's names without its sizes.

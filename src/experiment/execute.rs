@@ -51,10 +51,10 @@ impl Run<'_> {
         measure: impl FnOnce(Vec<OpenGroup>, &mut Keeper<'_>) -> Result<()>,
     ) -> Result<Vec<Record>> {
         let plan = self.plan();
-        let groups = self.open_points(&plan)?;
-        results.plan(&CurrentPlan::of(groups.iter().flatten().map(|open| &open.record)))?;
-        let points: HashMap<&str, &Open> =
-            groups.iter().flatten().map(|open| (open.record.key.as_str(), open)).collect();
+        let groups = self.open_points(&plan, &self.pieces(&plan))?;
+        let own = || groups.iter().flatten().filter(|open| !open.record.is_control);
+        results.plan(&CurrentPlan::of(own().map(|open| &open.record)))?;
+        let points: HashMap<&str, &Open> = own().map(|open| (open.record.key.as_str(), open)).collect();
         let count = points.len();
         let counts =
             |record: &&Record| points.get(record.key.as_str()).is_some_and(|open| self.is_done(record, open));
@@ -62,7 +62,8 @@ impl Run<'_> {
         let mut missing = Missing { taken: taken.collect() };
         let done = missing.taken.len();
         let launches = self.experiment.timing.launches as usize;
-        observer.begins(count, count * launches);
+        let controls = groups.iter().flatten().filter(|open| open.record.is_control).count();
+        observer.begins(count, (count + controls) * launches);
         observer.resumes(done, done * launches);
         let mut keeper = Keeper { results, observer, done };
         let groups: Result<Vec<_>> = groups
@@ -101,8 +102,17 @@ struct Missing {
 }
 
 impl Missing {
+    /// A block's control point is measured with whatever else of it is missing, also where it has a record.
     fn of(&mut self, group: Vec<Open>) -> Vec<Open> {
-        group.into_iter().filter(|open| self.taken.insert(open.record.key.clone())).collect()
+        let is_control = |open: &Open| open.record.control.as_ref() == Some(&open.record.key);
+        let (mut controls, others): (Vec<_>, Vec<_>) = group.into_iter().partition(is_control);
+        let others: Vec<_> =
+            others.into_iter().filter(|open| self.taken.insert(open.record.key.clone())).collect();
+        for open in controls.iter_mut().filter(|open| !open.record.is_control) {
+            open.record.is_control = !self.taken.insert(open.record.key.clone());
+        }
+        controls.retain(|open| !others.is_empty() || !open.record.is_control);
+        controls.into_iter().chain(others).collect()
     }
 }
 

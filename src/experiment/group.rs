@@ -4,6 +4,7 @@
 mod timed;
 
 use super::Run;
+use super::asleep;
 use super::complete::{Taken, complete};
 use super::keeper::Keep;
 use super::open::Open;
@@ -242,7 +243,9 @@ fn device_of<'a>(run: &Run<'a>, open: &Open) -> Option<&'a DeviceInfo> {
 
 /// What the devices of some points are locked by.
 fn lock_names(run: &Run<'_>, points: &[Open]) -> Vec<LockName> {
-    points.iter().map(|open| LockName::of(device_of(run, open))).collect()
+    let awake =
+        points.iter().filter(|open| device_of(run, open).is_none_or(|device| !asleep::is_asleep(device)));
+    awake.map(|open| LockName::of(device_of(run, open))).collect()
 }
 
 /// What was checked, by the names of its draft: a worker knows of one folder of kernels only.
@@ -250,5 +253,7 @@ fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);
     record.kernels_of.clone_from(&draft.kernels_of);
+    record.control.clone_from(&draft.control);
+    (record.block, record.is_control) = (draft.block, draft.is_control);
     (record, ready)
 }

@@ -30,6 +30,12 @@ impl Identity {
     }
 }
 
+/// What tells this kind of host from others: what keys of its casters have of it.
+pub fn host_identity() -> String {
+    let Identity { device, state, program } = Identity::of_this_process();
+    format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])
+}
+
 /// Casts one frame on the host.
 pub fn cast(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> (Radiance, FrameTimes) {
     let caster = match baseline {

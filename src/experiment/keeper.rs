@@ -71,6 +71,10 @@ impl Keep for Keeper<'_> {
     fn keep(&mut self, mut record: Record) -> Result<()> {
         Peak::apply(self.results.peak(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());
+        record.host = self.results.host().map(str::to_owned);
+        if record.is_control {
+            return self.results.control(&record);
+        }
         self.results.record(&record)?;
         self.observer.finished(&record);
         self.done += 1;
@@ -91,6 +95,7 @@ impl Keep for Keeper<'_> {
             host_ms: Some(times.host_ms),
             batch: times.batch,
             sensed: times.sensed,
+            origin: None,
         })
     }
 }

@@ -6,12 +6,14 @@
 //! or a sample; what becomes of a worker that dies or hangs is the supervisor's to decide.
 
 mod ahead;
+pub mod asleep;
 mod census;
 mod check;
 mod complete;
 mod draft;
 mod dry_run;
 mod duration;
+mod earlier;
 mod execute;
 mod fault;
 mod group;
@@ -25,6 +27,7 @@ mod observer;
 mod open;
 mod oracle;
 mod pictures;
+mod piece;
 mod plan;
 mod process;
 mod protocol;
@@ -44,6 +47,7 @@ pub use complete::Taken;
 pub use dry_run::{Forecast, dry_run};
 pub use duration::Expected;
 pub use fault::{Fault, Step};
+pub use host::host_identity;
 pub use key::{KeyParts, key};
 pub use lock::Lock;
 pub use observer::Observer;

@@ -3,12 +3,14 @@
 use super::ahead::{Needs, Order, Program};
 use super::complete::Taken;
 use super::draft::{Drafter, Hashed};
+use super::piece::Piece;
 use super::supervisor::Task;
 use super::{Built, Plan, Point, Run, Work};
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::program::Sources;
-use crate::record::Record;
+use crate::record::{PlannedPoint, Record};
+use std::collections::HashMap;
 
 /// A point that is yet to be measured.
 pub struct Open {
@@ -68,6 +70,25 @@ impl Needs for Open {
 }
 
 impl Run<'_> {
+    /// Whether a point of the plan for one device is a caster on the host.
+    pub fn is_on_host(&self, place: usize) -> bool {
+        let plan = Plan::new(self.experiment, self.devices.len().min(1));
+        plan.points.get(place).is_some_and(|point| point.device.is_none())
+    }
+
+    /// Every point on every device, or the host, by the names that records have: its place in the plan for one device, and the device's.
+    pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
+        let plan = self.plan();
+        let of: HashMap<usize, (usize, Option<usize>)> =
+            plan.places_on_devices().into_iter().map(|(of, number)| (number, of)).collect();
+        let open = self.open_points(&plan, &plan.by_device())?;
+        let planned = |open: &Open| {
+            let (place, device) = of.get(&open.point)?;
+            Some((*place, *device, PlannedPoint::of(&open.record)))
+        };
+        Ok(open.iter().flatten().filter_map(planned).collect())
+    }
+
     /// Why a point is not measured on a device, which is of another kind than its preset is meant for.
     pub(super) fn not_for(&self, point: &Point, device: Option<&DeviceInfo>) -> Option<String> {
         match point.work {
@@ -76,19 +97,17 @@ impl Run<'_> {
         }
     }
 
-    /// Every point of the plan with what is known of it, by groups. Scenes are loaded one at a time.
-    pub(super) fn open_points(&self, plan: &Plan) -> Result<Vec<Vec<Open>>> {
+    /// Every point that is measured, with what is known of it, as it is measured together. Scenes are loaded one at a time.
+    pub(super) fn open_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<Open>>> {
         let drafters: Vec<_> =
             self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();
         let labels = self.other_sources.map(|other| labels([self.sources, other]));
         let mut groups = Vec::new();
-        let mut number = 0;
         let mut held: Option<(usize, Hashed)> = None;
-        let planned: Vec<&[Point]> =
-            if self.spread { plan.groups_by_device().collect() } else { plan.groups().collect() };
-        for group in planned {
+        for piece in pieces {
             let mut open = Vec::new();
-            for point in group {
+            for number in piece.places() {
+                let point = &plan.points[number];
                 let at = match held.take() {
                     Some((scene, at)) if scene == point.scene => at,
                     _ => self.experiment.scenes[point.scene].load()?.into(),
@@ -97,6 +116,8 @@ impl Run<'_> {
                 for (place, drafter) in drafters.iter().enumerate().take(if device.is_some() { 2 } else { 1 })
                 {
                     let mut record = drafter.draft(point, device, &at)?;
+                    record.block = piece.block;
+                    record.is_control = piece.borrows(number);
                     let of = labels.as_ref().filter(|_| device.is_some()).map(|labels| &labels[place]);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
                     let name = of.map_or(String::new(), |label| format!(" ({label})"));
@@ -108,7 +129,10 @@ impl Run<'_> {
                     open.push(drafted);
                 }
                 held = Some((point.scene, at));
-                number += 1;
+            }
+            if piece.control.is_some() {
+                let key = open.first().map(|open| open.record.key.clone());
+                open.iter_mut().for_each(|open| open.record.control.clone_from(&key));
             }
             groups.push(open);
         }

@@ -31,6 +31,9 @@ pub struct Job {
     pub folder: PathBuf,
     /// For tests: how the worker is to fail.
     pub fault: Option<Fault>,
+    /// For tests: every frame is a sleep of so long, and no device is opened.
+    #[serde(default)]
+    pub asleep_ms: Option<f64>,
 }
 
 /// What a process that lists devices answers.

@@ -1,14 +1,15 @@
 //! The folder a run writes its results to.
 
 use super::complete::Taken;
+use super::earlier;
 use super::lock::Lock;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
 use crate::printer;
 use crate::record::{
-    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
-    own_folder, read_lines, sync_folder,
+    AnchorSample, CONTROLS, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample,
+    TEMPORARY_PREFIX, own_folder, read_lines, sync_folder,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -22,6 +23,10 @@ pub struct Results {
     samples: JsonLines<Sample>,
     rounds: JsonLines<RoundLoad>,
     anchors: JsonLines<AnchorSample>,
+    /// Control measurements, once there is one.
+    controls: Option<JsonLines<Record>>,
+    /// The machine's name, where an experiment is measured on several.
+    host: Option<String>,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
@@ -68,6 +73,24 @@ impl Results {
         Self::open(folder, environment)
     }
 
+    /// Makes the folder of an attempt at a part of an experiment on this host, which goes on where earlier ones ended: their records
+    /// count as done, and of what was not finished samples are copied, with where they come from. Nothing is written to their folders.
+    pub fn of_attempt(
+        folder: &Path,
+        environment: &Environment,
+        host: &str,
+        earlier: &[PathBuf],
+    ) -> Result<Self> {
+        let mut results = Self::create(folder, environment)?;
+        results.host = Some(host.to_owned());
+        let before = earlier::read(earlier)?;
+        for sample in &before.samples {
+            results.samples.append(sample)?;
+        }
+        results.past = Past::of(before.records, before.samples);
+        Ok(results)
+    }
+
     fn open(folder: &Path, environment: &Environment) -> Result<Self> {
         let images = folder.join("images");
         own_folder(&images)
@@ -83,6 +106,8 @@ impl Results {
             samples: JsonLines::append_to(&samples)?,
             rounds: JsonLines::append_to(&rounds)?,
             anchors: JsonLines::append_to(&anchors)?,
+            controls: None,
+            host: None,
             peak: Peak::kept_in(folder)?,
             past: past(&records, &samples)?,
             _lock: lock,
@@ -111,6 +136,19 @@ impl Results {
     /// Keeps a record.
     pub fn record(&mut self, record: &Record) -> Result<()> {
         self.records.append(record)
+    }
+
+    /// Keeps a record of a point that was measured to compare its block with others.
+    pub fn control(&mut self, record: &Record) -> Result<()> {
+        if self.controls.is_none() {
+            self.controls = Some(JsonLines::append_to(&self.folder.join(CONTROLS))?);
+        }
+        self.controls.as_mut().map_or(Ok(()), |controls| controls.append(record))
+    }
+
+    /// The machine's name, where an experiment is measured on several.
+    pub fn host(&self) -> Option<&str> {
+        self.host.as_deref()
     }
 
     /// The number of a launch that begins: no other of the folder has it.

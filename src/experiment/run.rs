@@ -1,6 +1,8 @@
 //! A run: what is measured, on which devices, with which kernels.
 
 use super::ahead::Ahead;
+use super::asleep;
+use super::piece::Piece;
 use super::protocol::Job;
 use super::{Fault, Plan};
 use crate::config::{Experiment, SceneChoice};
@@ -10,6 +12,7 @@ use crate::error::Result;
 use crate::measure::StoppingRule;
 use crate::program::Sources;
 use crate::scene::Loaded;
+use crate::shard::Block;
 use std::path::Path;
 use std::time::Duration;
 
@@ -33,6 +36,8 @@ pub struct Run<'a> {
     pub locks: &'a Locks,
     /// Whether points are spread over the devices, which are alike, instead of each being measured on all.
     pub spread: bool,
+    /// What is measured of the plan, where it is cut into blocks: those of a shard, or all that are spread over the devices.
+    pub blocks: Option<&'a [Block]>,
     /// Where programs are built before their points are checked; none builds each where it is checked.
     pub ahead: Option<&'a Ahead>,
 }
@@ -41,6 +46,15 @@ impl Run<'_> {
     /// The plan.
     pub fn plan(&self) -> Plan {
         Plan::new(self.experiment, self.planned_devices())
+    }
+
+    /// What of the plan is measured together.
+    pub(super) fn pieces(&self, plan: &Plan) -> Vec<Piece> {
+        match self.blocks {
+            Some(blocks) => plan.of_blocks(blocks),
+            None if self.spread => plan.by_device(),
+            None => plan.whole(),
+        }
     }
 
     fn planned_devices(&self) -> usize {
@@ -76,6 +90,7 @@ impl Run<'_> {
             },
             folder: folder.to_owned(),
             fault,
+            asleep_ms: asleep::frame_ms(self.devices),
         };
         match self.devices {
             [] => vec![job(None)],

@@ -1,4 +1,4 @@
-//! A run on several devices of one kind: each group of points on whichever is free, one worker per device.
+//! A run on several devices of one kind: each block of points on whichever is free, one worker per device.
 
 use super::Run;
 use super::complete::Taken;

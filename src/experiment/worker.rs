@@ -1,6 +1,7 @@
 //! A worker: the process that one device's points run in, so that a driver which aborts, faults or hangs takes
 //! down this process and not the run. Requests come in on standard input, replies go out on standard output.
 
+use super::asleep::Asleep;
 use super::check::Checker;
 use super::draft::Drafter;
 use super::hands::Hands;
@@ -33,18 +34,31 @@ pub fn serve() -> Result<()> {
 fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     let sources = Sources::of(job.cl_dir.clone())?;
     let experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
-    let device = job.device.as_deref().map(|identity| find(identity, &sources)).transpose()?;
     let drafter = Drafter { experiment: &experiment, sources: &sources };
-    let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
     let plan = Plan::new(&experiment, job.device_count);
+    if let Some(frame_ms) = job.asleep_ms {
+        let mut asleep = Asleep::new(drafter, plan, frame_ms);
+        return answer(job, lines, |request| asleep.answer(request));
+    }
+    let device = job.device.as_deref().map(|identity| find(identity, &sources)).transpose()?;
+    let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
     let mut hands = Hands::new(drafter, plan, checker, job.stands_for.clone());
+    answer(job, lines, |request| hands.answer(request))
+}
+
+/// Answers requests until there are no more.
+fn answer(
+    job: &Job,
+    lines: &Receiver<String>,
+    mut answer: impl FnMut(&Request) -> Result<Reply>,
+) -> Result<()> {
     reply(&Reply::Started)?;
     while let Ok(line) = lines.recv() {
         let request: Request = parse(&line)?;
         if let (Some(fault), Some((step, point))) = (&job.fault, request.step()) {
             fault.strike(step, point, &job.folder);
         }
-        reply(&hands.answer(&request).unwrap_or_else(|error| Reply::of_error(&error)))?;
+        reply(&answer(&request).unwrap_or_else(|error| Reply::of_error(&error)))?;
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! The one door to a folder of results: what is read through it is the current plan's, and everything shown is read through it.
 
 use super::anchors::AnchorSample;
+use super::hosts::hosts_that_differ;
 use super::plan::CurrentPlan;
 use super::rounds::{RoundLoad, disturbance};
 use super::scenes::tell_scenes_apart;
@@ -16,6 +17,10 @@ use std::path::{Path, PathBuf};
 
 /// The name of the journal of records.
 const RECORDS: &str = "records.jsonl";
+/// The journal of measurements that compare blocks of a plan with each other.
+pub const CONTROLS: &str = "controls.jsonl";
+/// What `raycl merge` says of the attempts that a folder was put together of.
+pub const MERGE: &str = "merge.json";
 
 /// The records of a run, and where and how it was made.
 #[derive(Clone, Debug, Default)]
@@ -27,6 +32,8 @@ pub struct Folder {
     /// One record per point of the current plan, in its order and by its names; scenes of the same name are told apart.
     /// Without a plan: the latest record of every point.
     pub records: Vec<Record>,
+    /// Control points, as each block measured them, where the plan is cut into blocks; none that is among the records.
+    pub controls: Vec<Record>,
     /// `environment.json` as it is, so that what a newer raycl wrote is shown too; null where there is none.
     pub environment: Value,
     /// What else the machine did while rounds were timed.
@@ -52,16 +59,21 @@ impl Folder {
         let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
         let Shown { mut records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
+        let count = records.len();
+        let controls = lines_if_any::<Record>(&folder.join(CONTROLS))?;
+        let lines_damage = lines_damage.into_iter().chain(controls.damage(CONTROLS));
+        records.extend(controls.lines);
         judge(&mut records);
+        let controls = records.split_off(count);
         let rounds = lines_if_any(&folder.join("rounds.jsonl"))?;
         let anchors = lines_if_any(&folder.join("anchors.jsonl"))?;
         let damage: Vec<_> = lines_damage
-            .into_iter()
             .chain(rounds.damage("rounds.jsonl"))
             .chain(anchors.damage("anchors.jsonl"))
             .collect();
         let rounds = rounds.lines;
         let mut sure = how_sure(&records);
+        sure.extend(hosts_that_differ(&records, &controls));
         sure.extend(disturbance(&rounds, &records));
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
         let dirty = dirty(&records, environment["git_revision"].as_str());
@@ -69,11 +81,13 @@ impl Folder {
             path: folder.to_owned(),
             label: label(folder),
             records,
+            controls,
             environment,
             rounds,
             anchors: anchors.lines,
             notes: sure
                 .into_iter()
+                .chain(of_merge(folder))
                 .chain(notes)
                 .chain(dirty)
                 .chain(torn)
@@ -95,6 +109,15 @@ impl Folder {
         write_whole(&self.path.join("summary.md"), markdown.as_bytes())?;
         write_whole(&self.path.join("summary.csv"), &summary_csv(&self.records)?)
     }
+}
+
+/// What is to be said of how a folder was merged.
+fn of_merge(folder: &Path) -> Vec<String> {
+    let merge: Option<Value> = reader::bytes(&folder.join(MERGE), reader::Kind::Results)
+        .ok()
+        .and_then(|text| serde_json::from_slice(&text).ok());
+    let notes = merge.and_then(|merge| Some(merge["notes"].as_array()?.clone())).unwrap_or_default();
+    notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
 }
 
 /// The lines of a file that folders of earlier versions lack.

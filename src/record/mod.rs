@@ -3,9 +3,11 @@
 
 mod anchors;
 mod clocks;
+mod control;
 mod environment;
 mod folder;
 mod git;
+mod hosts;
 mod journal;
 mod kernel_tuner;
 mod markdown;
@@ -31,8 +33,9 @@ mod whole;
 pub use anchors::AnchorSample;
 pub use clocks::Clocks;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
-pub use folder::{Folder, latest, point};
+pub use folder::{CONTROLS, Folder, MERGE, latest, point};
 pub use git::git_state;
+pub use hosts::{AtHost, Control, controls};
 pub use journal::{JsonLines, Lines, read_lines};
 pub use kernel_tuner::kernel_tuner_caches;
 pub use markdown::summary_markdown;
@@ -60,5 +63,6 @@ pub(crate) use together::{
 pub use together::{judge, judge_beside_anchors};
 pub use types::{HOST, Outcome, Record};
 pub use whole::{
-    TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_page, write_whole,
+    TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_new, write_page,
+    write_whole, write_whole_by,
 };

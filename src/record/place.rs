@@ -1,5 +1,6 @@
 //! Where a record stands among those that were measured with it.
 
+use super::control::Control;
 use crate::measure::Standing;
 
 /// Where a record stands among those that were measured with it.
@@ -11,4 +12,6 @@ pub struct Place {
     pub(super) standing: Standing,
     /// The anchor of its device: its name, and where it stands among the same points. Only where it was asked for.
     pub(super) anchor: Option<(String, Standing)>,
+    /// The control point of its block, where it was measured in one of several.
+    pub(super) control: Option<Control>,
 }

@@ -33,4 +33,7 @@ pub struct Sample {
     /// What the device's sensors showed meanwhile.
     #[serde(default)]
     pub sensed: Option<Sensed>,
+    /// The attempt and launch that took it, where an attempt goes on with what another one took.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<String>,
 }

@@ -2,6 +2,7 @@
 //! docs/methodology.md states it.
 
 use super::anchors::AnchorSample;
+use super::control::find_controls;
 use super::numbers::{by, significant};
 use super::place::Place;
 use super::types::{Outcome, Record};
@@ -29,6 +30,7 @@ pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     for (table, paired) in tables.iter().zip(&paired) {
         table.write_places(paired, records);
     }
+    find_controls(records);
 }
 
 /// Records that were measured together, and the anchors that were run beside them.
@@ -63,7 +65,8 @@ impl Table {
             let anchor = anchor
                 .and_then(|at| Some((self.anchors[at].0.clone(), paired.standing(self.places.len() + at)?)));
             let together = self.together;
-            record.place = paired.standing(point).map(|standing| Place { together, standing, anchor });
+            record.place =
+                paired.standing(point).map(|standing| Place { together, standing, anchor, control: None });
         }
     }
 }
@@ -138,10 +141,15 @@ pub(crate) fn fewest(record: &Record) -> usize {
 /// where one has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
-    Some(match slow.together == fast.together {
-        true => slow.standing.ratio(&fast.standing),
-        false => slow.standing.ratio_apart(&fast.standing),
-    })
+    if slow.together == fast.together {
+        return Some(slow.standing.ratio(&fast.standing));
+    }
+    slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
+}
+
+/// The same by their own times, whatever their blocks took for a control point.
+pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
+    Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
 }
 
 /// Whether two records were measured in the same rounds.
@@ -188,7 +196,7 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
 /// The measured ones of some records by their times. Winners are the one of the least time and every other that does not
 /// surely take more than a hundredth longer; one of too few samples has no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
-    let level = |record: &Record| record.place.as_ref().map(|place| place.standing.level());
+    let level = |record: &Record| record.place.as_ref().map(Place::level);
     let measured = records.into_iter().filter(|record| median(record).is_some());
     let ties = |record: &Record, best: &Record| {
         std::ptr::eq(record, best) || ratio(record, best).is_some_and(|ratio| ratio.low <= 1.0 + TIE)

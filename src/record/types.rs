@@ -76,6 +76,21 @@ pub struct Record {
     /// Which of several devices of this kind it was measured on, where points were spread over them.
     #[serde(default)]
     pub measured_on: Option<String>,
+    /// The machine it was measured on, where an experiment is measured on several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host: Option<String>,
+    /// The attempt that measured it, where a folder was put together of several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attempt: Option<String>,
+    /// The block of the plan that it was measured in, where the plan is cut into blocks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub block: Option<u32>,
+    /// The key of the point that all blocks of its group measure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub control: Option<String>,
+    /// Whether it was measured to compare its block with others, and the point's own record is another.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub is_control: bool,
     /// The strategy's name in the config.
     pub name: String,
     /// The preset it is, if it is one.
@@ -217,6 +232,11 @@ pub struct Record {
     /// The git revision that raycl was built from, "-dirty" where the tree was changed.
     #[serde(default)]
     pub revision: Option<String>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 impl Record {

@@ -2,7 +2,7 @@
 //! out of it or to a device.
 
 use crate::error::{Error, Result};
-use std::io::{Error as IoError, ErrorKind, Write as _};
+use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
@@ -12,23 +12,55 @@ pub const TEMPORARY_PREFIX: &str = ".raycl-";
 /// Writes a file beside `path` and then puts it in its place: who reads `path` finds the old file or the new one,
 /// also after a crash or a loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    replace(path, bytes, true)
+    replace(path, true, |file| file.write_all(bytes))
+}
+
+/// The same for what is too much to be held at once: `write` writes it bit by bit.
+pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    replace(path, true, |file| {
+        let mut file = std::io::BufWriter::new(file);
+        write(&mut file)?;
+        file.flush()
+    })
 }
 
 /// The same for what can be made again from records, and need not be on the disk when this returns.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
-    replace(path, bytes, false)
+    replace(path, false, |file| file.write_all(bytes))
+}
+
+/// Writes a file whole unless there is one already, and says whether it did: of several processes that try, one does.
+pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let write = || -> std::io::Result<bool> {
+        let mut file = temporary_in(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        match file.persist_noclobber(path) {
+            Ok(_) => sync_folder(folder).map(|()| true),
+            Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Ok(false),
+            Err(error) => Err(error.error),
+        }
+    };
+    write().map_err(|error| {
+        Error::run(format!("cannot write {}: {error}", path.display()))
+            .with_help("choose another folder with --out DIR, or make room in this one")
+    })
 }
 
 #[allow(
     clippy::disallowed_methods,
     reason = "a folder of results is raycl's, and what commands write elsewhere asks first"
 )]
-fn replace(path: &Path, bytes: &[u8], durable: bool) -> Result<()> {
+fn replace(
+    path: &Path,
+    durable: bool,
+    fill: impl FnOnce(&mut NamedTempFile) -> std::io::Result<()>,
+) -> Result<()> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<()> {
         let mut file = temporary_in(folder)?;
-        file.write_all(bytes)?;
+        fill(&mut file)?;
         if durable {
             file.as_file().sync_all()?;
         }

@@ -13,6 +13,7 @@ mod page;
 pub mod paper;
 pub mod plot;
 mod reproduction;
+mod side_by_side;
 mod view;
 mod words;
 

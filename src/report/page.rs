@@ -7,11 +7,11 @@ use super::merged::{labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name};
-use super::{growth, occupancy, overview, view};
+use super::{growth, occupancy, overview, side_by_side, view};
 use crate::error::{Error, Result};
 use crate::record::{
-    Folder, Group, HOST, Outcome, Record, by, groups, interval, median, ms, not_enough, percent, ratio,
-    significant, to_mind, two_modes,
+    AtHost, Folder, Group, HOST, Outcome, Record, by, controls, groups, interval, median, ms, not_enough,
+    percent, ratio, significant, to_mind, two_modes,
 };
 use askama::Template;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
@@ -37,6 +37,7 @@ pub struct Page {
     overview: Vec<Plot>,
     views: Vec<View>,
     gallery: Vec<gallery::Scene>,
+    hosts: Vec<HostRow>,
     environments: Vec<EnvironmentView>,
     programs: Vec<Program>,
     version: &'static str,
@@ -77,6 +78,17 @@ pub struct Row {
     wins: bool,
 }
 
+/// What a machine took for a control point.
+pub struct HostRow {
+    point: String,
+    host: String,
+    blocks: usize,
+    median: String,
+    interval: String,
+    slower: String,
+    differs: bool,
+}
+
 impl Page {
     /// Puts the page together.
     pub fn of(folders: &[Folder]) -> Self {
@@ -93,6 +105,7 @@ impl Page {
         let answers: Vec<_> = answers.into_iter().map(with_picture).collect();
         let mut overview = overview::scenes(&groups, &looks);
         overview.extend(overview::device_against_device(&groups, &looks));
+        overview.extend(side_by_side::side_by_side(&groups));
         overview.extend(growth::growth(&groups, &looks));
         Self {
             style: STYLE,
@@ -107,6 +120,7 @@ impl Page {
             overview,
             views: views(&groups, &looks, folders),
             gallery: pictures.gallery(&records),
+            hosts: folders.iter().flat_map(hosts).collect(),
             environments: folders.iter().map(environment::view).collect(),
             programs: environment::programs(&records),
             version: env!("CARGO_PKG_VERSION"),
@@ -155,6 +169,24 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
         }
     }
     questions
+}
+
+/// What the machines of a folder took for its control points.
+fn hosts(folder: &Folder) -> Vec<HostRow> {
+    let row = |point: &str, at: &AtHost| HostRow {
+        point: point.to_owned(),
+        host: at.host.clone(),
+        blocks: at.blocks,
+        median: ms(at.median_ms),
+        interval: at.interval_ms.map(interval_text).unwrap_or_default(),
+        slower: at.slower.map_or(String::new(), |ratio| {
+            let [middle, low, high] = ratio.map(|times| significant(times, 3));
+            format!("{middle}× ({low} to {high})")
+        }),
+        differs: at.differs(),
+    };
+    let controls = controls(&folder.records, &folder.controls);
+    controls.iter().flat_map(|control| control.hosts.iter().map(|at| row(&control.point, at))).collect()
 }
 
 fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {

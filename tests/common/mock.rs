@@ -175,6 +175,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
         retry_failed: false,
         locks: &locks,
         spread: false,
+        blocks: None,
         ahead: None,
     })
 }

@@ -16,7 +16,7 @@ pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> 
 }
 
 /// Records of a folder of results and of those beside it, the latest last. What cannot be read tells nothing.
-fn earlier(out: &Path) -> Vec<Record> {
+pub fn earlier(out: &Path) -> Vec<Record> {
     let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();
     let mut journals: Vec<PathBuf> =

@@ -4,7 +4,7 @@ pub mod chart;
 pub mod heat;
 mod heat_narrow;
 mod layout;
-mod legend;
+pub mod legend;
 pub mod look;
 pub mod palette;
 pub mod png;

@@ -1,0 +1,125 @@
+//! `raycl merge`: the shards of an experiment put together to one folder of results.
+
+use crate::error::{Error, Result};
+use crate::output::{Choice, OutFolder};
+use crate::record::{Folder, Record, summary_terminal};
+use crate::report;
+use crate::shard::{Merged, Missing, ShardPlan, merge, status};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Arguments of `raycl merge`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl merge /shared/figure-8
+  raycl merge /shared/figure-8 --status
+  raycl merge /shared/figure-8 --device h200
+
+It needs no device. Exit code: 0 when every point of the plan was measured or cannot fit the device, 1 when one is missing or failed, 2 for a \
+mistake in what was given.")]
+pub struct Args {
+    /// The folder that was --out of `raycl run --shard`
+    #[arg(value_name = "OUT")]
+    out: PathBuf,
+    /// A word of a kind of device that is meant, where others took part by mistake [default: all that took part]
+    #[arg(long, value_name = "NAME")]
+    device: Vec<String>,
+    /// Merge nothing: say how each attempt is (going, hung, lost, or how it ended)
+    #[arg(long)]
+    status: bool,
+    /// With --status, the seconds between two looks at the attempts' counters; more than a network's file system keeps old files
+    #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
+    between: f64,
+    /// Print one JSON object a point, or with --status an attempt, instead of tables
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors
+    #[arg(short, long, conflicts_with = "json")]
+    quiet: bool,
+}
+
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    let wrong = || format!("'{text}' is not a number of seconds up to 3600");
+    text.parse().ok().filter(|seconds| (0.0..=3600.0).contains(seconds)).ok_or_else(wrong)
+}
+
+/// Merges what is there, then says what is missing.
+pub fn run(args: Args) -> Result<()> {
+    if args.status {
+        return tell(&args);
+    }
+    let merged = merge(&args.out, &args.device)?;
+    let folder = Folder::read(&args.out)?;
+    let of_config = |key| folder.config(key).unwrap_or_default();
+    folder.summarise(&of_config("question"), &of_config("expectation"))?;
+    let mut out = OutFolder::open(&args.out, Choice { force: false, elsewhere: "another OUT" })?;
+    let written = report::write(std::slice::from_ref(&folder), &mut out)?;
+    if args.json {
+        folder.records.iter().try_for_each(super::print_json)?;
+    } else if !args.quiet {
+        print(&folder, &merged, &written.page)?;
+    }
+    complete(&merged.missing, &folder.records, &args.out)
+}
+
+fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
+    super::print_coloured(&summary_terminal(&folder.records, super::coloured()))?;
+    folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
+    let [kept, others] = merged.samples;
+    super::print(format!(
+        "Merged:   {} attempts, {} points, {kept} samples; {others} samples stay in their parts",
+        merged.attempts, merged.records
+    ))?;
+    super::print(format!("Report:   {}", page.display()))
+}
+
+/// An error where the plan has points that are missing or failed.
+fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
+    if missing.nothing_began {
+        return Err(Error::run("no shard has begun to measure")
+            .with_help("start them: raycl run CONFIG --shard 1/N --out OUT"));
+    }
+    if !missing.is_empty() {
+        let said = missing.kinds.iter().map(|kind| {
+            let first = kind.points.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+            let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+            let more = if kind.points.len() > 3 { ", ..." } else { "" };
+            format!(
+                "{}: {} of {} points, of shards {shards} ({first}{more}):\n  {}",
+                kind.device,
+                kind.points.len(),
+                kind.of,
+                kind.command
+            )
+        });
+        let help = format!("to measure what is missing\n{}", said.collect::<Vec<_>>().join("\n"));
+        return Err(Error::run(format!("{} points are missing", missing.count())).with_help(help));
+    }
+    match records.iter().filter(|record| !record.outcome.is_fine()).count() {
+        0 => Ok(()),
+        failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
+            .with_help(format!("{} tells why of each", out.join("summary.md").display()))),
+    }
+}
+
+/// How each attempt is.
+fn tell(args: &Args) -> Result<()> {
+    let Some(plan) = ShardPlan::read(&args.out)? else {
+        return Err(Error::input(format!("{} holds no experiment in shards", args.out.display()))
+            .with_help("name the folder that was --out of `raycl run --shard`"));
+    };
+    let all = status(&args.out, Duration::from_secs_f64(args.between));
+    if args.json {
+        return all.iter().try_for_each(|one| {
+            super::print_json(&serde_json::json!({
+                "attempt": one.name, "state": one.state.to_string(), "steps": one.beat.steps, "beats": one.beat.beats,
+            }))
+        });
+    }
+    let mut table = super::table(&["attempt", "state", "steps"], 2);
+    for one in &all {
+        table.add_row([one.name.clone(), one.state.to_string(), one.beat.steps.to_string()]);
+    }
+    super::print(table)?;
+    super::print(format!("{} attempts at {} shards", all.len(), plan.header.shards))
+}

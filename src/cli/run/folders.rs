@@ -1,0 +1,24 @@
+//! Where results go that are given no folder.
+
+use std::path::{Path, PathBuf};
+
+/// The latest folder of this name to go on with, or a free one.
+pub fn default_folder(name: &str, resume: bool) -> PathBuf {
+    let free = free_folder(name);
+    let latest =
+        (1..).map(|number| numbered_folder(name, number)).take_while(|folder| *folder != free).last();
+    latest.filter(|_| resume).unwrap_or(free)
+}
+
+/// `results/NAME`, or the first of `results/NAME-2`, ... that is free.
+fn free_folder(name: &str) -> PathBuf {
+    let folder = |number| numbered_folder(name, number);
+    (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(1))
+}
+
+fn numbered_folder(name: &str, number: u32) -> PathBuf {
+    match number {
+        1 => Path::new("results").join(name),
+        _ => Path::new("results").join(format!("{name}-{number}")),
+    }
+}

@@ -1,0 +1,37 @@
+//! How to go on with a run that was ended: the command.
+
+use super::Args;
+use crate::error::Error;
+use crate::report::quote;
+use std::path::Path;
+
+/// Nothing measured is lost: says how to go on.
+pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
+    let command = format!("to go on from here: {}", resuming(args, out));
+    match &error {
+        Error::Run { help, .. } => {
+            let help = format!("{help}\n{command}");
+            error.with_help(help)
+        }
+        Error::Input(_) => error,
+        _ => error.with_help(command),
+    }
+}
+
+/// The command that goes on with a run.
+fn resuming(args: &Args, out: &Path) -> String {
+    let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
+    words.extend(["--out".to_owned(), out.display().to_string()]);
+    words.extend(choices(args));
+    words.extend(args.spread.then(|| "--spread".to_owned()));
+    words.push("--resume".to_owned());
+    words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
+}
+
+/// What a run that is to measure the same has to be told.
+pub fn choices(args: &Args) -> Vec<String> {
+    let devices = args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]);
+    let set = args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]);
+    let kernels = args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]);
+    devices.chain(set).chain(kernels).collect()
+}

@@ -1,0 +1,55 @@
+//! `raycl run --sbatch N`: scripts for Slurm, printed and never submitted.
+
+use super::{Args, chosen, default_folder, listed, shard, two_kernels};
+use crate::cli::print;
+use crate::config;
+use crate::device::{DeviceInfo, DeviceKind};
+use crate::device_lock::Locks;
+use crate::error::Result;
+use crate::experiment::asleep;
+use crate::shard::{Header, Wishes, scripts};
+use std::path::Path;
+use std::time::Duration;
+
+/// Words of devices that are processors.
+const PROCESSORS: [&str; 3] = ["cpu", "pocl", "portable"];
+
+/// Prints the scripts of so many shards. A login node need not have the devices.
+pub fn run(args: &Args, shards: u32) -> Result<()> {
+    let sources = two_kernels::sources(&args.cl_dir, true)?;
+    let experiment = config::load(&args.config, &args.set)?;
+    let devices = listed(args).unwrap_or_default();
+    let here = chosen(args, &experiment, &devices).ok().filter(|chosen| !chosen.is_empty());
+    let on_gpu = here.as_ref().map(|chosen| chosen.iter().any(|device| device.kind != DeviceKind::Cpu));
+    let stand_in = asleep::device(0.0);
+    let infos: Vec<&DeviceInfo> = here.unwrap_or_else(|| vec![&stand_in]);
+    let locks = Locks::of_machine(false);
+    let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
+    let plan = shard::make(&run, Header { shards, ..Header::default() }, &out)?;
+    let longest_ms = plan.expected_ms.iter().copied().fold(0.0, f64::max);
+    let expected = super::foreseen(&run, &out, &[])?;
+    let wishes = Wishes {
+        name: experiment.name.clone(),
+        shards,
+        command: command(args, &out),
+        out: out.display().to_string(),
+        on_gpu: on_gpu.or_else(|| by_words(&args.device)),
+        longest: Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default(),
+        is_known: expected.points[1] > 0,
+    };
+    print(scripts(&wishes).trim_end())
+}
+
+/// What is asked for by a word, where this machine has no such device.
+fn by_words(devices: &[String]) -> Option<bool> {
+    let first = devices.first()?.to_lowercase();
+    (first != "all").then(|| !PROCESSORS.iter().any(|word| first.contains(word)))
+}
+
+fn command(args: &Args, out: &Path) -> Vec<String> {
+    let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
+    words.extend(["--out".to_owned(), out.display().to_string()]);
+    words.extend(super::choices(args));
+    words
+}

@@ -1,0 +1,197 @@
+//! `raycl run --shard`: one of several processes, on any machines, that measure an experiment together.
+
+use super::environment::environment;
+use super::{Args, chosen, earlier, interrupt_flag, listed, two_kernels};
+use crate::cli::print;
+use crate::cli::progress::observer;
+use crate::config::{self, Experiment};
+use crate::device::DeviceInfo;
+use crate::device_lock::Locks;
+use crate::error::{Error, Result};
+use crate::experiment::{Observer, Plan, Results, Run};
+use crate::output::{Choice, refuse_other_folders};
+use crate::program::Sources;
+use crate::record::{Environment, Record};
+use crate::shard::{
+    About, Asked, Attempt, Block, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, cut, watch_launcher,
+};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// Measures one shard in a folder of its own.
+pub fn run(args: &Args, asked: Asked) -> Result<()> {
+    let shard = asked.resolve(&|name| std::env::var(name).ok())?;
+    let out = args.out.clone().ok_or_else(|| Error::input("--shard needs --out"))?;
+    if args.cl_dir.len() > 1 {
+        return Err(Error::input(
+            "two folders of kernels are compared in the same rounds, which are on one machine",
+        )
+        .with_help("leave out --shard, or one --cl-dir"));
+    }
+    let sources = two_kernels::sources(&args.cl_dir, false)?;
+    let experiment = config::load(&args.config, &args.set)?;
+    let header = header(&experiment, &sources[0], shard.of)?;
+    refuse_others(&out, args.force)?;
+    let interrupted = interrupt_flag()?;
+    let devices = listed(args)?;
+    let infos = chosen(args, &experiment, &devices)?;
+    let locks = Locks::of_machine(!args.no_wait);
+    let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
+    let plan = ShardPlan::open(&out, &header, || make(&run, header.clone(), &out))?;
+    let part = Part { args, out, run, plan, shard, environment: environment(&experiment, &infos, &sources) };
+    let records = part.measure(&interrupted)?;
+    part.report(&records)
+}
+
+/// Refuses a folder of somebody else's, and one of a run without shards, which would write the same files.
+fn refuse_others(out: &Path, force: bool) -> Result<()> {
+    let refused = match out.join("records.jsonl").exists() {
+        true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
+            .with_help("name another folder with --out")),
+        false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
+    };
+    // Looked at last: meanwhile another shard may have begun there.
+    refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
+}
+
+/// What all shards have to agree on.
+fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
+    let hash = |scene: &config::SceneChoice| scene.load().map(|loaded| loaded.scene.content_hash());
+    Ok(Header {
+        shards,
+        config: experiment.path.display().to_string(),
+        config_hash: Environment::hash_of(&experiment.source, &experiment.overrides),
+        overrides: experiment.overrides.clone(),
+        scenes: experiment.scenes.iter().map(hash).collect::<Result<_>>()?,
+        kernels: sources.hash(),
+    })
+}
+
+/// The plan, cut by what its points took before or may take.
+pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
+    let costs = run.costs_ms(&earlier::earlier(out))?;
+    let blocks = cut(&costs, header.shards);
+    let costs: Vec<f64> = costs.into_iter().flatten().map(|(_, cost)| cost).collect();
+    let mut expected_ms = vec![0.0; header.shards as usize];
+    for block in &blocks {
+        let borrowed = block.control.filter(|_| block.borrows_control());
+        let cost: f64 = block.points.iter().chain(&borrowed).filter_map(|place| costs.get(*place)).sum();
+        expected_ms[block.shard as usize - 1] += cost;
+    }
+    let points = Plan::new(run.experiment, run.devices.len().min(1)).points;
+    let mut cases: Vec<usize> = Vec::new();
+    for (place, point) in points.iter().enumerate() {
+        let is_new = place > 0 && !point.is_beside(&points[place - 1]);
+        cases.push(cases.last().map_or(0, |case| case + usize::from(is_new)));
+    }
+    let points = points.iter().map(|point| point.label(run.experiment)).collect();
+    Ok(ShardPlan { header, points, cases, blocks, expected_ms })
+}
+
+/// All blocks for as many devices as a run is spread over.
+pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
+    Ok(cut(&run.costs_ms(&earlier::earlier(out))?, run.devices.len() as u32))
+}
+
+/// A shard that is to be measured.
+struct Part<'a> {
+    args: &'a Args,
+    out: PathBuf,
+    run: Run<'a>,
+    plan: ShardPlan,
+    shard: Shard,
+    environment: Environment,
+}
+
+impl Part<'_> {
+    fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
+        let devices = self.run.devices.iter().map(|device| identity(device)).collect();
+        let about = About::of_this_process(self.shard, devices, self.args.hang_limit.as_secs_f64());
+        let attempt = Attempt::begin(&self.out, &about)?;
+        watch_launcher(&attempt);
+        let pulse = Pulse::start(&attempt.folder)?;
+        let mut listener = observer(self.args.quiet, self.args.verbose);
+        let found = self.attempt(&attempt, &about.host, &mut pulse.listening(listener.as_mut()), interrupted);
+        attempt.ended(&match &found {
+            Ok(_) => End::Done,
+            Err(Error::Interrupted { .. }) => End::Interrupted,
+            Err(error) => End::Failed(error.to_string()),
+        })?;
+        found
+    }
+
+    fn attempt(
+        &self,
+        attempt: &Attempt,
+        host: &str,
+        observer: &mut dyn Observer,
+        interrupted: &AtomicBool,
+    ) -> Result<Vec<Record>> {
+        let blocks = self.plan.of_shard(self.shard.number);
+        let run = Run { blocks: Some(&blocks), ..self.run };
+        self.write_kinds(&blocks.iter().flat_map(|block| block.points.clone()).collect::<Vec<_>>())?;
+        let earlier = attempt.earlier(&self.out);
+        let mut results = Results::of_attempt(&attempt.folder, &self.environment, host, &earlier)?;
+        super::keep_peak(self.args, self.run.experiment, &mut results, interrupted)?;
+        if !self.args.quiet {
+            let again = if earlier.is_empty() {
+                String::new()
+            } else {
+                format!(", after {} earlier attempts", earlier.len())
+            };
+            observer.says(&format!("shard {}{again}: {}", self.shard, attempt.folder.display()));
+        }
+        super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
+    }
+
+    /// Writes what the points are called on the kinds of device that this shard measures on, where no shard has yet.
+    fn write_kinds(&self, own: &[usize]) -> Result<()> {
+        let has_host = own.iter().any(|place| self.run.is_on_host(*place));
+        let kinds = self
+            .run
+            .devices
+            .iter()
+            .enumerate()
+            .map(|(place, device)| (Some(place), device.label.clone(), identity(device)));
+        let host =
+            has_host.then(|| (None, crate::record::HOST.to_owned(), crate::experiment::host_identity()));
+        let wanted: Vec<_> = kinds.chain(host).collect();
+        let path = |label: &str, identity: &str| Kind::file(&self.out, label, identity);
+        if wanted.iter().all(|(_, label, identity)| path(label, identity).exists()) {
+            return Ok(());
+        }
+        let points = self.run.planned_points()?;
+        for (device, label, identity) in wanted {
+            let own = points.iter().filter(|(_, on, _)| *on == device);
+            let points = own
+                .map(|(point, _, planned)| KindPoint { point: *point, planned: planned.clone() })
+                .collect();
+            let path = path(&label, &identity);
+            Kind { device: label, identity, points }.write(&path)?;
+        }
+        Ok(())
+    }
+
+    fn report(&self, records: &[Record]) -> Result<()> {
+        if self.args.json {
+            records.iter().try_for_each(crate::cli::print_json)?;
+        } else if !self.args.quiet {
+            let out = crate::report::quote(&self.out.display().to_string());
+            print(format!(
+                "shard {}: {} points. When all shards have ended: raycl merge {out}",
+                self.shard,
+                records.len()
+            ))?;
+        }
+        match records.iter().filter(|record| !record.outcome.is_fine()).count() {
+            0 => Ok(()),
+            failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
+                .with_help("`raycl merge` tells why of each; --resume --retry-failed tries them again")),
+        }
+    }
+}
+
+/// What tells a kind of device from others: what keys have of it.
+fn identity(device: &DeviceInfo) -> String {
+    format!("{} | {}", device.identity(), device.state())
+}

@@ -1,0 +1,102 @@
+//! For tests: a device that casts nothing, and workers whose frames are sleeps. What many machines do at once, and what becomes of them
+//! when they are killed, can so be tested on one machine. Nothing is opened, and no lock taken.
+
+use super::draft::{Drafter, Hashed};
+use super::protocol::{Reply, Request};
+use super::{Plan, Point};
+use crate::device::{DeviceInfo, DeviceKind, DeviceLimits};
+use crate::error::{Error, Result};
+use crate::launch::FrameTimes;
+use crate::record::Outcome;
+use std::time::{Duration, Instant};
+
+/// Its platform: no driver has this name.
+const PLATFORM: &str = "raycl asleep";
+
+/// A device whose frames take so long.
+pub fn device(frame_ms: f64) -> DeviceInfo {
+    DeviceInfo {
+        platform: PLATFORM.to_owned(),
+        platform_version: String::new(),
+        name: "asleep".to_owned(),
+        vendor: String::new(),
+        version: "OpenCL 1.2".to_owned(),
+        driver: format!("{frame_ms}"),
+        kind: DeviceKind::Gpu,
+        extensions: Vec::new(),
+        limits: DeviceLimits {
+            local_bytes: 1 << 20,
+            constant_bytes: 1 << 20,
+            global_bytes: 1 << 40,
+            allocation_bytes: 1 << 40,
+            work_group_size: 1024,
+            work_item_sizes: [1024; 3],
+            compute_units: 1,
+            native_width: 1,
+            is_cpu: false,
+            lane_operations: Default::default(),
+        },
+        hardware: Default::default(),
+        settings: Vec::new(),
+        cores: None,
+        threads: None,
+        twins_before: 0,
+        label: "asleep".to_owned(),
+        unusable: None,
+    }
+}
+
+/// Whether a device is such a one.
+pub fn is_asleep(device: &DeviceInfo) -> bool {
+    device.platform == PLATFORM
+}
+
+/// How long frames take on such a device, where there is one.
+pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
+    devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
+}
+
+/// Answers requests by sleeping.
+pub struct Asleep<'a> {
+    drafter: Drafter<'a>,
+    plan: Plan,
+    frame: Duration,
+    device: DeviceInfo,
+    scene: Option<(usize, Hashed)>,
+}
+
+impl<'a> Asleep<'a> {
+    /// Of an experiment's plan.
+    pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
+        let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
+        Self { drafter, plan, frame, device: device(frame_ms), scene: None }
+    }
+
+    /// A check passes at once, a frame takes its time.
+    pub fn answer(&mut self, request: &Request) -> Result<Reply> {
+        match request {
+            Request::Check { point, .. } => self.check(*point),
+            Request::Build { .. } => Ok(Reply::Built(None)),
+            Request::Anchor => Ok(Reply::Sample(FrameTimes::whole(1.0, 1.0))),
+            Request::Cast { .. } => {
+                let start = Instant::now();
+                std::thread::sleep(self.frame);
+                let ms = 1e3 * start.elapsed().as_secs_f64();
+                Ok(Reply::Sample(FrameTimes::whole(ms, ms)))
+            }
+        }
+    }
+
+    fn check(&mut self, number: usize) -> Result<Reply> {
+        let gone = || Error::run("a worker was asked for a point it does not have");
+        let point: Point = *self.plan.points.get(number).ok_or_else(gone)?;
+        if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
+            let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(gone)?;
+            self.scene = Some((point.scene, choice.load()?.into()));
+        }
+        let (_, at) = self.scene.as_ref().ok_or_else(gone)?;
+        let mut record = self.drafter.draft(&point, point.device.map(|_| &self.device), at)?;
+        (record.outcome, record.image_hash) = (Outcome::Measured, Some(String::new()));
+        Ok(Reply::Checked { record: Box::new(record), ready: true })
+    }
+}

@@ -1,0 +1,108 @@
+//! What earlier attempts at the same part of an experiment found. Their folders are only read: one of them may still be at work.
+
+use crate::error::Result;
+use crate::record::{Record, Sample, read_lines};
+use serde::de::DeserializeOwned;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// Records, and the samples of launches in which a point took part that has no record.
+#[derive(Debug, Default)]
+pub struct Before {
+    /// A later attempt's record of a point comes after an earlier one's.
+    pub records: Vec<Record>,
+    /// Launches have new numbers, each its own; a sample says where it was taken.
+    pub samples: Vec<Sample>,
+}
+
+/// Reads the folders of earlier attempts.
+pub fn read(folders: &[PathBuf]) -> Result<Before> {
+    let mut before = Before::default();
+    for folder in folders {
+        before.records.extend(lines::<Record>(&folder.join("records.jsonl"))?);
+    }
+    let done: HashSet<&str> = before.records.iter().map(|record| record.key.as_str()).collect();
+    let mut next = 0;
+    for folder in folders {
+        let mut samples = lines::<Sample>(&folder.join("samples.jsonl"))?;
+        // What it copied itself is where it was taken, too.
+        samples.retain(|sample| sample.origin.is_none());
+        let open: HashSet<u32> = samples
+            .iter()
+            .filter(|sample| !done.contains(sample.key.as_str()))
+            .map(|sample| sample.launch)
+            .collect();
+        samples.retain(|sample| open.contains(&sample.launch));
+        before.samples.extend(renumbered(samples, &name(folder), &mut next));
+    }
+    Ok(before)
+}
+
+fn renumbered(samples: Vec<Sample>, attempt: &str, next: &mut u32) -> Vec<Sample> {
+    let mut numbers: HashMap<u32, u32> = HashMap::new();
+    let mut renumbered = Vec::new();
+    for mut sample in samples {
+        sample.origin = Some(format!("{attempt} launch {}", sample.launch));
+        sample.launch = *numbers.entry(sample.launch).or_insert_with(|| {
+            *next += 1;
+            *next - 1
+        });
+        renumbered.push(sample);
+    }
+    renumbered
+}
+
+fn name(folder: &Path) -> String {
+    folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// One that was killed at once has no such file.
+fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
+    if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::JsonLines;
+
+    fn attempt(folder: &Path, record: &str, samples: &[(&str, u32, Option<&str>)]) -> PathBuf {
+        std::fs::create_dir_all(folder).unwrap();
+        let mut records = JsonLines::append_to(&folder.join("records.jsonl")).unwrap();
+        records.append(&Record { key: record.into(), ..Record::default() }).unwrap();
+        let mut journal = JsonLines::append_to(&folder.join("samples.jsonl")).unwrap();
+        for (key, launch, origin) in samples {
+            let origin = origin.map(str::to_owned);
+            journal
+                .append(&Sample { key: (*key).into(), launch: *launch, origin, ..Sample::default() })
+                .unwrap();
+        }
+        folder.to_owned()
+    }
+
+    #[test]
+    fn launches_of_unfinished_points_are_taken_over_once_under_new_numbers() {
+        let place = tempfile::tempdir().unwrap();
+        let one = attempt(
+            &place.path().join("one"),
+            "done",
+            &[("done", 0, None), ("open", 3, None), ("done", 3, None)],
+        );
+        let two = attempt(
+            &place.path().join("two"),
+            "too",
+            &[("open", 0, Some("one launch 3")), ("open", 1, None)],
+        );
+        let before = read(&[one, two, place.path().join("gone")]).unwrap();
+        assert_eq!(before.records.len(), 2);
+        let samples: Vec<_> = before
+            .samples
+            .iter()
+            .map(|sample| (sample.key.as_str(), sample.launch, sample.origin.as_deref().unwrap()))
+            .collect();
+        assert_eq!(
+            samples,
+            [("open", 0, "one launch 3"), ("done", 0, "one launch 3"), ("open", 1, "two launch 1")]
+        );
+    }
+}

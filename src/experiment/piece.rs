@@ -1,0 +1,127 @@
+//! What of a plan is measured together: whole groups, groups of one device, or the blocks that a plan is cut into.
+
+use super::{Plan, Point};
+use crate::shard::Block;
+use std::collections::HashMap;
+
+/// Points that are measured together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Piece {
+    /// Their places in the plan.
+    pub points: Vec<usize>,
+    /// The number of the block they are.
+    pub block: Option<u32>,
+    /// The place of the point that all blocks of their group measure; among the points or not.
+    pub control: Option<usize>,
+}
+
+impl Piece {
+    /// The places of all that is measured, the control point first: where a run ends while it writes records, that one is there.
+    pub fn places(&self) -> Vec<usize> {
+        let others = self.points.iter().filter(|place| Some(**place) != self.control);
+        self.control.iter().chain(others).copied().collect()
+    }
+
+    /// Whether a point is measured for comparison only.
+    pub fn borrows(&self, place: usize) -> bool {
+        self.control == Some(place) && !self.points.contains(&place)
+    }
+}
+
+impl Plan {
+    /// All groups of comparable points.
+    pub fn whole(&self) -> Vec<Piece> {
+        pieces(self.groups())
+    }
+
+    /// The same where each device's points are by themselves, and those of the host.
+    pub fn by_device(&self) -> Vec<Piece> {
+        pieces(self.groups_by_device())
+    }
+
+    /// The points of some blocks, on each device. Blocks are made of the plan for one device.
+    pub fn of_blocks(&self, blocks: &[Block]) -> Vec<Piece> {
+        let places = self.places_on_devices();
+        let mut devices: Vec<Option<usize>> = self.points.iter().map(|point| point.device).collect();
+        devices.sort_unstable();
+        devices.dedup();
+        let on = |block: &Block, device: Option<usize>| {
+            let place = |point: &usize| places.get(&(*point, device)).copied();
+            let points: Vec<usize> = block.points.iter().filter_map(place).collect();
+            let control = block.control.as_ref().and_then(place);
+            (!points.is_empty()).then_some(Piece { points, block: Some(block.number), control })
+        };
+        blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
+    }
+
+    /// The place of each point of the plan for one device, on each device.
+    pub(super) fn places_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
+        let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
+        let first: HashMap<Point, usize> = self
+            .points
+            .iter()
+            .filter(|point| point.device.is_none_or(|device| device == 0))
+            .zip(0..)
+            .map(|(point, number)| (*point, number))
+            .collect();
+        let place =
+            |(place, point): (usize, &Point)| Some(((*first.get(&on_first(point))?, point.device), place));
+        self.points.iter().enumerate().filter_map(place).collect()
+    }
+}
+
+/// Groups follow each other in the plan's order, and leave nothing out.
+fn pieces<'a>(groups: impl Iterator<Item = &'a [Point]>) -> Vec<Piece> {
+    let mut next = 0;
+    groups
+        .map(|group| {
+            let points = (next..next + group.len()).collect();
+            next += group.len();
+            Piece { points, ..Piece::default() }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Work;
+    use super::*;
+    use crate::config::Baseline;
+
+    fn plan(devices: usize) -> Plan {
+        let mut points = Vec::new();
+        for scene in 0..2 {
+            let point = |device, work| Point { scene, device, work, image_size: [8, 5] };
+            points.push(point(None, Work::Host(Baseline::Serial)));
+            for device in 0..devices {
+                for side in 1..=4 {
+                    points.push(point(Some(device), Work::Kernel { strategy: 0, local_size: [side, side] }));
+                }
+            }
+        }
+        Plan { points, compare_scenes: false }
+    }
+
+    fn block(number: u32, points: &[usize], control: Option<usize>) -> Block {
+        Block { number, shard: 1, points: points.to_vec(), control }
+    }
+
+    #[test]
+    fn blocks_are_of_the_plan_for_one_device_and_are_measured_on_each() {
+        let pieces = plan(2).of_blocks(&[block(1, &[0], None), block(3, &[8, 9], Some(6))]);
+        assert_eq!(pieces[0].points, [0]);
+        // The second scene begins at 9 with two devices, at 5 with one.
+        let second: Vec<_> = pieces[1..].iter().map(|piece| (piece.points.clone(), piece.control)).collect();
+        assert_eq!(second, [(vec![12, 13], Some(10)), (vec![16, 17], Some(14))]);
+        assert!(pieces[1].borrows(10) && !pieces[1].borrows(12));
+        assert_eq!(pieces[1].places(), [10, 12, 13]);
+    }
+
+    #[test]
+    fn pieces_without_blocks_are_groups() {
+        let plan = plan(2);
+        assert_eq!(plan.whole().iter().map(|piece| piece.points.len()).collect::<Vec<_>>(), [9, 9]);
+        let by_device: Vec<_> = plan.by_device().into_iter().map(|piece| piece.points).collect();
+        assert_eq!(by_device[1..3], [vec![1, 2, 3, 4], vec![5, 6, 7, 8]]);
+    }
+}

@@ -1,0 +1,81 @@
+//! Points of one group that were measured in different blocks, on different machines perhaps, compared by the control point that all
+//! blocks measured.
+
+use super::place::Place;
+use super::types::Record;
+use crate::measure::{Interval, Standing};
+use std::collections::HashMap;
+
+/// A point that was measured in every block of a group, as one block took it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Control {
+    key: String,
+    standing: Standing,
+    /// What ranks it, the mean over all blocks: what it would have taken where the others were measured.
+    mean_level: f64,
+}
+
+/// Gives each record of a block the block's control point, which was measured with it.
+pub(super) fn find_controls(records: &mut [Record]) {
+    let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
+    let mut levels: HashMap<String, Vec<f64>> = HashMap::new();
+    for record in records.iter().filter(|record| record.control.as_ref() == Some(&record.key)) {
+        let Some(place) = &record.place else { continue };
+        blocks.insert(place.together, place.standing.clone());
+        levels.entry(record.key.clone()).or_default().push(place.standing.level());
+    }
+    for record in records {
+        let (Some(place), Some(key)) = (&mut record.place, &record.control) else { continue };
+        let Some((standing, levels)) = blocks.get(&place.together).zip(levels.get(key)) else { continue };
+        let mean_level = levels.iter().sum::<f64>() / levels.len() as f64;
+        place.control = Some(Control { key: key.clone(), standing: standing.clone(), mean_level });
+    }
+}
+
+impl Place {
+    /// What ranks it: its level; where blocks share a control point, as if all had been measured where that took its mean.
+    pub(super) fn level(&self) -> f64 {
+        let shift =
+            self.control.as_ref().map_or(0.0, |control| control.mean_level - control.standing.level());
+        self.standing.level() + shift
+    }
+
+    /// How many times as long as `other` it takes, by what both are to the control point that their blocks share.
+    pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
+        let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
+        let to_control = |place: &Self, control: &Control| place.standing.ratio(&control.standing);
+        (own.key == others.key).then(|| to_control(self, own).over(to_control(other, others)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{judged, sampled};
+    use super::super::together::{ranking, ratio};
+    use super::*;
+
+    /// Ten samples around a time in the two launches of a block.
+    fn block(name: &str, ms: f64, number: u32) -> Record {
+        let mut record =
+            sampled(name, (0..10).map(|place| (place / 5, ms * (1.0 + 0.02 * f64::from(place / 5)))));
+        record.sample_launches.iter_mut().for_each(|launch| *launch += 7 * number);
+        Record { control: Some(record.key.clone()), ..record }
+    }
+
+    #[test]
+    fn blocks_are_compared_by_the_control_point_that_both_measured() {
+        let control = |ms, number| block("control", ms, number);
+        let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
+        // The second machine takes twice as long for everything: on the first, wide would take 4.
+        let records = judged([
+            control(10.0, 0),
+            with(block("naive", 5.0, 0)),
+            Record { is_control: true, ..control(20.0, 1) },
+            with(block("wide", 8.0, 1)),
+        ]);
+        let found = ratio(&records[1], &records[3]).expect("enough samples");
+        assert!((found.middle - 1.25).abs() < 1e-9 && found.low > 1.2 && found.high < 1.3, "{found:?}");
+        let ranking = ranking([&records[1], &records[3]]);
+        assert_eq!(ranking.winners[0].name, "wide");
+    }
+}

@@ -1,0 +1,143 @@
+//! What the machines of an experiment took for the same point: the control points that blocks on all of them measured.
+
+use super::numbers::{by, duration, significant};
+use super::together::{interval, median, ratio_apart};
+use super::types::Record;
+use std::collections::BTreeMap;
+
+/// A control point, and what each machine took for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Control {
+    /// "teapot, 800 x 500, NVIDIA H200: naive at 8 x 8".
+    pub point: String,
+    /// The machines, in the order of their names.
+    pub hosts: Vec<AtHost>,
+}
+
+/// What one machine took for a control point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AtHost {
+    /// The machine.
+    pub host: String,
+    /// Blocks that measured the point there.
+    pub blocks: usize,
+    /// The median of the block that took least, and its interval.
+    pub median_ms: f64,
+    /// The interval.
+    pub interval_ms: Option<[f64; 2]>,
+    /// How many times as long it takes as on the machine that takes least: the middle, the lower and the upper end.
+    pub slower: Option<[f64; 3]>,
+}
+
+/// Machines of the same kind differ where one surely takes longer by more than this part.
+const DIFFERENT: f64 = 0.02;
+
+impl AtHost {
+    /// Whether it surely takes longer than the fastest machine.
+    pub fn differs(&self) -> bool {
+        self.slower.is_some_and(|[_, low, _]| low > 1.0 + DIFFERENT)
+    }
+}
+
+/// Control points that several blocks measured, own ones and borrowed ones. Keys are the same where devices are of one kind.
+pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
+    let is_control =
+        |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();
+    let mut points: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
+    for record in records.iter().chain(borrowed).filter(is_control) {
+        points.entry(&record.key).or_default().push(record);
+    }
+    let mut controls: Vec<Control> = points.into_values().map(|records| control(&records)).collect();
+    controls.sort_by(|one, other| one.point.cmp(&other.point));
+    controls
+}
+
+fn control(records: &[&Record]) -> Control {
+    let mut hosts: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
+    for record in records {
+        // Devices of one machine that a run was spread over are told apart likewise.
+        let host = record.host.as_deref().or(record.measured_on.as_deref());
+        hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
+    }
+    let least = |records: &[&Record]| -> Option<Record> {
+        records
+            .iter()
+            .min_by(|a, b| a.median_ms.unwrap_or(f64::MAX).total_cmp(&b.median_ms.unwrap_or(f64::MAX)))
+            .map(|&record| record.clone())
+    };
+    let fastest = least(records);
+    let at = |(host, records): (&str, Vec<&Record>)| {
+        let record = least(&records)?;
+        let slower = fastest.as_ref().and_then(|fastest| ratio_apart(&record, fastest));
+        Some(AtHost {
+            host: host.to_owned(),
+            blocks: records.len(),
+            median_ms: record.median_ms?,
+            interval_ms: interval(&record),
+            slower: slower.map(|ratio| [ratio.middle, ratio.low, ratio.high]),
+        })
+    };
+    let hosts = hosts.into_iter().filter_map(at).collect();
+    Control { point: records.first().map_or(String::new(), |record| name(record)), hosts }
+}
+
+fn name(record: &Record) -> String {
+    let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
+    format!("{}, {}, {}: {}{size}", record.scene, by(record.image_size), record.device, record.name)
+}
+
+/// What is to be said where machines of the same kind surely take different times for the same point: the worst of each pair.
+pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
+    let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
+    for control in controls(records, borrowed) {
+        let Some(fastest) = control.hosts.iter().min_by(|a, b| a.median_ms.total_cmp(&b.median_ms)) else {
+            continue;
+        };
+        for host in control.hosts.iter().filter(|host| host.differs()) {
+            let Some([middle, low, high]) = host.slower else { continue };
+            let [middle_text, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
+            let text = format!(
+                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long ({low} to {high}); points of different blocks are compared by their ratios to it.",
+                control.point,
+                duration(fastest.median_ms),
+                fastest.host,
+                duration(host.median_ms),
+                host.host
+            );
+            let worst = said.entry(host.host.clone()).or_insert((0.0, String::new()));
+            if middle > worst.0 {
+                *worst = (middle, text);
+            }
+        }
+    }
+    said.into_values().map(|(_, text)| text).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{judged, measured};
+    use super::*;
+
+    /// A control point as a block on a machine took it; `launch` tells blocks apart.
+    fn on(host: &str, ms: f64, launch: u32) -> Record {
+        let mut record = measured("gpu", "naive", 8, ms);
+        record.sample_launches.iter_mut().for_each(|number| *number += 10 * launch);
+        Record { host: Some(host.to_owned()), control: Some(record.key.clone()), ..record }
+    }
+
+    #[test]
+    fn hosts_that_take_longer_for_the_same_point_are_said() {
+        let same = judged([on("n1", 10.0, 0), on("n2", 10.1, 1)]);
+        assert!(hosts_that_differ(&same, &[]).is_empty());
+        let records = judged([on("n1", 10.0, 0), on("n2", 12.0, 1), on("n2", 12.5, 2)]);
+        let said = hosts_that_differ(&records[..1], &records[1..]);
+        assert!(said[0].contains("took 10.00 ms on n1 and 12.00 ms on n2, 1.20 times as long"), "{said:?}");
+        let [control] = &controls(&records[..1], &records[1..])[..] else { panic!("one point") };
+        assert_eq!(control.hosts.iter().map(|at| at.blocks).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
+    fn what_no_other_block_measured_is_no_control() {
+        assert!(controls(&judged([measured("gpu", "naive", 8, 10.0)]), &[]).is_empty());
+    }
+}

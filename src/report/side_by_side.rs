@@ -1,0 +1,123 @@
+//! Kinds of device side by side: what each strategy is on each of them, and what it costs to use on one what is best on another.
+
+use super::overview::devices;
+use super::plot::Plot;
+use super::plot::heat::{Cell, HeatMap};
+use super::plot::legend::shorten;
+use super::words::title;
+use crate::record::{Group, HOST, Record, median, significant};
+
+/// The characters of a device's name that a column has room for.
+const ROOM: usize = 12;
+
+/// The two heat maps; none of one device.
+pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
+    let devices = devices(groups);
+    if devices.len() < 2 {
+        return Vec::new();
+    }
+    vec![strategies(groups, &devices), losses(groups, &devices)]
+}
+
+/// How many times as slow as the best of its scene, size and device each strategy's best is, in the mean.
+fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
+    let mut names: Vec<&str> = Vec::new();
+    for record in groups.iter().filter(|group| group.device != HOST).flat_map(|group| &group.records) {
+        if !names.contains(&record.name.as_str()) {
+            names.push(&record.name);
+        }
+    }
+    let row = |name: &&str| {
+        let cell = |device: &&str| {
+            let own = |group: &&Group<'_>| group.device == *device;
+            let slower = groups
+                .iter()
+                .filter(own)
+                .filter_map(|group| over_best(group, group.best_where(|record| record.name == **name)?));
+            cell(slower.collect(), &format!("{name} on {device}: each scene's and size's best local size"))
+        };
+        ((*name).to_owned(), devices.iter().map(cell).collect())
+    };
+    let rows = names.iter().map(row).collect();
+    let caption = "Each strategy at its best local size, by how many times it is as slow as the best of its scene, size and device: \
+                   the geometric mean over scenes and sizes. 1 is the best everywhere.";
+    plot("strategies-by-device", "Strategy by device: times the device's best", devices, rows, caption)
+}
+
+/// What it costs to use on one device what is best on another.
+fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
+    let row = |from: &&str| {
+        let cell = |on: &&str| {
+            let slower = groups.iter().filter(|group| group.device == *on).filter_map(|group| {
+                let same = |other: &&Group<'_>| {
+                    other.device == *from
+                        && (other.scene, other.image_size) == (group.scene, group.image_size)
+                };
+                let best = groups.iter().find(same)?.best_where(|_| true)?;
+                let point = (&best.name, best.local_size);
+                let there = group.records.iter().find(|record| (&record.name, record.local_size) == point)?;
+                Some((over_best(group, there)?.0, format!("{}: {}", group.scene, title(best))))
+            });
+            cell(slower.collect(), &format!("the best of {from}, used on {on}"))
+        };
+        (format!("best of {from}"), devices.iter().map(cell).collect())
+    };
+    let rows = devices.iter().map(row).collect();
+    let caption = "What is best on one device (row), used on another (column), by how many times it is as slow as that device's own \
+                   best: the geometric mean over scenes and sizes that both measured.";
+    plot("losses-by-device", "One device's best on another: times the own best", devices, rows, caption)
+}
+
+/// How many times as slow as its group's best a record is, and which it is.
+fn over_best(group: &Group<'_>, record: &Record) -> Option<(f64, String)> {
+    let best = median(group.best_where(|_| true)?)?;
+    Some((median(record)? / best, format!("{}: {}", group.scene, title(record))))
+}
+
+fn cell(slower: Vec<(f64, String)>, what: &str) -> Cell {
+    if slower.is_empty() {
+        return Cell::Empty;
+    }
+    let mean = (slower.iter().map(|(times, _)| times.ln()).sum::<f64>() / slower.len() as f64).exp();
+    let lines = slower.iter().take(12).map(|(times, point)| format!("{}× {point}", significant(*times, 3)));
+    let tip = std::iter::once(what.to_owned()).chain(lines).collect::<Vec<_>>().join("\n");
+    Cell::Time { slower: mean.max(1.0), text: significant(mean, 3), wins: mean < 1.01, tip }
+}
+
+fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)>, caption: &str) -> Plot {
+    let map = HeatMap {
+        id: name.to_owned(),
+        title: title.to_owned(),
+        x_label: "device".into(),
+        columns: devices.iter().map(|device| shorten(device, ROOM)).collect(),
+        rows,
+        codes: Vec::new(),
+    };
+    Plot { name: name.to_owned(), caption: caption.to_owned(), svg: map.svg(), narrow: String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{fixtures::judged, fixtures::measured, groups};
+
+    #[test]
+    fn one_devices_best_costs_what_it_costs_on_another() {
+        let records = judged([
+            measured("gpu", "naive", 8, 1.0),
+            measured("gpu", "wide", 1, 3.0),
+            measured("cpu", "naive", 8, 20.0),
+            measured("cpu", "wide", 1, 10.0),
+        ]);
+        let groups = groups(&records);
+        let plots = side_by_side(&groups);
+        assert_eq!(plots.len(), 2);
+        assert!(
+            plots[1].svg.contains("the best of gpu, used on cpu") && plots[1].svg.contains(">2.00<"),
+            "{}",
+            plots[1].svg
+        );
+        assert!(plots[0].svg.contains("wide on gpu") && plots[0].svg.contains(">3.00<"));
+        assert!(side_by_side(&groups[..1]).is_empty(), "one device");
+    }
+}

@@ -1,0 +1,201 @@
+//! An attempt at a shard: one process, and the one folder that it writes to. Nobody else writes there, so no file is shared and no lock
+//! needed, and a first attempt that runs on beside a second does no harm.
+
+use super::Shard;
+use crate::error::{Error, Result};
+use crate::record::{Host, write_whole};
+use serde::{Deserialize, Serialize};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+/// The folder of attempts.
+const PARTS: &str = "parts";
+/// What an attempt says of itself, and how it ended.
+const ABOUT: &str = "attempt.json";
+const END: &str = "end.json";
+
+/// Who makes an attempt.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    /// The shard, from 1, and of how many.
+    pub shard: u32,
+    /// How many shards there are.
+    pub of: u32,
+    /// The machine.
+    pub host: String,
+    /// The scheduler's number of the job; "0" without one.
+    pub job: String,
+    /// How often the job was begun before, or the first number that is free.
+    pub restart: u32,
+    /// The process's number on its machine.
+    pub process: u32,
+    /// The longest that one of its steps may take, in seconds.
+    pub hang_limit_s: f64,
+    /// The kinds of device that it measures on, by what tells them from others.
+    pub devices: Vec<String>,
+    /// The command, the program first.
+    pub command: Vec<String>,
+}
+
+/// How an attempt ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum End {
+    /// All its points have records.
+    Done,
+    /// The user, or a scheduler's signal, ended it.
+    Interrupted,
+    /// What started it died.
+    LauncherLost(String),
+    /// It could not go on.
+    Failed(String),
+}
+
+/// The folder of an attempt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attempt {
+    /// Where it lies.
+    pub folder: PathBuf,
+    /// Its name: shard, machine, job, restart.
+    pub name: String,
+}
+
+impl About {
+    /// Of this process, by what its scheduler tells.
+    pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
+        let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
+        let first = |names: &[&str]| names.iter().find_map(|name| variable(name));
+        // Slurm's virtual nodes share a machine, and so do pods, whose name is their host's.
+        let host = first(&["SLURMD_NODENAME"]).or(Host::read().name);
+        let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
+        Self {
+            shard: shard.number,
+            of: shard.of,
+            host: host.unwrap_or_else(|| "machine".to_owned()),
+            job: first(&["SLURM_JOB_ID", "CI_JOB_ID", "GITHUB_RUN_ID", "HQ_JOB_ID"])
+                .unwrap_or_else(|| "0".to_owned()),
+            restart: restart.and_then(|count| count.parse().ok()).unwrap_or(0),
+            process: std::process::id(),
+            hang_limit_s,
+            devices,
+            command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
+        }
+    }
+}
+
+impl Attempt {
+    /// Makes the folder of an attempt that begins: the first that is free, from the restart on that it says.
+    pub fn begin(out: &Path, about: &About) -> Result<Self> {
+        let parts = out.join(PARTS);
+        let failed = |path: &Path, error: std::io::Error| {
+            Error::run(format!("cannot make {}: {error}", path.display()))
+                .with_help("choose another folder with --out DIR, which all machines reach")
+        };
+        std::fs::create_dir_all(&parts).map_err(|error| failed(&parts, error))?;
+        let mut about = about.clone();
+        loop {
+            let name = name(&about);
+            let folder = parts.join(&name);
+            // Making a folder fails where there is one: of two that try at once, on any machines, one has it.
+            match std::fs::create_dir(&folder) {
+                Ok(()) => {
+                    let attempt = Self { folder, name };
+                    attempt.write(ABOUT, &about)?;
+                    return Ok(attempt);
+                }
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => about.restart += 1,
+                Err(error) => return Err(failed(&folder, error)),
+            }
+        }
+    }
+
+    /// All attempts of a folder, in the order of their names.
+    pub fn all(out: &Path) -> Vec<Self> {
+        let entries = std::fs::read_dir(out.join(PARTS)).into_iter().flatten().flatten();
+        let folders = entries.map(|entry| entry.path()).filter(|path| path.is_dir());
+        let mut all: Vec<Self> = folders
+            .map(|folder| {
+                let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                Self { folder, name }
+            })
+            .collect();
+        all.sort_by(|one, other| one.name.cmp(&other.name));
+        all
+    }
+
+    /// Others at the same shard.
+    pub fn earlier(&self, out: &Path) -> Vec<PathBuf> {
+        let shard = |name: &str| name.split('.').next().map(str::to_owned);
+        let same = |other: &Self| other.name != self.name && shard(&other.name) == shard(&self.name);
+        Self::all(out).into_iter().filter(same).map(|other| other.folder).collect()
+    }
+
+    /// What it says of itself; none where it was killed before it could.
+    pub fn about(&self) -> Option<About> {
+        self.read(ABOUT)
+    }
+
+    /// How it ended; none where it has not, or was killed.
+    pub fn end(&self) -> Option<End> {
+        self.read(END)
+    }
+
+    /// Says how it ended.
+    pub fn ended(&self, end: &End) -> Result<()> {
+        self.write(END, end)
+    }
+
+    fn read<T: serde::de::DeserializeOwned>(&self, file: &str) -> Option<T> {
+        serde_json::from_slice(&std::fs::read(self.folder.join(file)).ok()?).ok()
+    }
+
+    fn write(&self, file: &str, what: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_vec(what).map_err(|error| Error::run(error.to_string()))?;
+        write_whole(&self.folder.join(file), &text)
+    }
+}
+
+/// "shard-00003.node7.4711.r00": names in their order are shards in theirs.
+fn name(about: &About) -> String {
+    let plain = |text: &str| {
+        text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()
+    };
+    format!("shard-{:05}.{}.{}.r{:02}", about.shard, plain(&about.host), plain(&about.job), about.restart)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn about(shard: u32, host: &str) -> About {
+        About { shard, of: 16, host: host.into(), job: "47_1".into(), ..About::default() }
+    }
+
+    #[test]
+    fn each_attempt_has_a_folder_of_its_own_and_knows_the_others_of_its_shard() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let one = Attempt::begin(out, &about(3, "n.1")).unwrap();
+        let again = Attempt::begin(out, &about(3, "n.1")).unwrap();
+        let other = Attempt::begin(out, &about(12, "n2")).unwrap();
+        assert_eq!([&one.name, &again.name], ["shard-00003.n-1.47-1.r00", "shard-00003.n-1.47-1.r01"]);
+        assert_eq!(Attempt::all(out), [one.clone(), again.clone(), other.clone()]);
+        assert_eq!((again.earlier(out), other.earlier(out)), (vec![one.folder.clone()], vec![]));
+        assert_eq!(again.about().map(|about| (about.shard, about.restart)), Some((3, 1)));
+        assert_eq!(one.end(), None);
+        one.ended(&End::LauncherLost("slurmstepd".into())).unwrap();
+        assert_eq!(one.end(), Some(End::LauncherLost("slurmstepd".into())));
+    }
+
+    #[test]
+    fn of_attempts_that_begin_at_once_none_shares_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let names: Vec<String> = std::thread::scope(|scope| {
+            let begin = |_| scope.spawn(|| Attempt::begin(folder.path(), &about(1, "n1")).unwrap().name);
+            let threads: Vec<_> = (0..8).map(begin).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        let distinct: std::collections::HashSet<_> = names.iter().collect();
+        assert_eq!(distinct.len(), 8);
+    }
+}

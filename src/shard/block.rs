@@ -1,0 +1,177 @@
+//! A plan cut into blocks, and blocks dealt out to shards: points that are compared stay together where they can, and no shard has
+//! much more to do than another.
+
+use serde::{Deserialize, Serialize};
+
+/// Points that one shard measures together.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Block {
+    /// Its number, from 1.
+    pub number: u32,
+    /// The shard that measures it, from 1.
+    pub shard: u32,
+    /// Its points, by their places in the plan.
+    pub points: Vec<usize>,
+    /// A point that all blocks of its group measure, one of them as its own: what they are compared by. None where the group is
+    /// whole.
+    pub control: Option<usize>,
+}
+
+impl Block {
+    /// Whether it measures the control point for comparison only: the point is another block's.
+    pub fn borrows_control(&self) -> bool {
+        self.control.is_some_and(|control| !self.points.contains(&control))
+    }
+}
+
+/// A block, and what it costs.
+type Priced = (f64, Block);
+
+/// Parts of a fair share that a piece of a group may be: the coarsest that will do.
+const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
+/// Finer pieces measure control points more often: they have to end the longest shard sooner by this part.
+const WORTHWHILE: f64 = 0.05;
+
+/// Cuts groups of comparable points into blocks for so many shards. `groups` has each point's place and what it will take, in any
+/// unit. The same numbers make the same blocks.
+pub fn cut(groups: &[Vec<(usize, f64)>], shards: u32) -> Vec<Block> {
+    let shards = shards.max(1);
+    let all: f64 = groups.iter().flatten().map(|(_, cost)| cost).sum();
+    let fair = all / f64::from(shards);
+    let mut best: Option<(f64, Vec<Priced>)> = None;
+    for grain in GRAINS {
+        let mut blocks: Vec<Priced> = groups.iter().flat_map(|group| pieces(group, grain * fair)).collect();
+        let longest = deal(&mut blocks, shards);
+        if best.as_ref().is_none_or(|(known, _)| longest < (1.0 - WORTHWHILE) * known) {
+            best = Some((longest, blocks));
+        }
+    }
+    let blocks = best.map_or_else(Vec::new, |(_, blocks)| blocks);
+    let mut blocks = joined(blocks.into_iter().map(|(_, block)| block).collect());
+    for (block, number) in blocks.iter_mut().zip(1..) {
+        block.number = number;
+    }
+    blocks
+}
+
+/// A group whole, or where it is more than a piece may be in pieces of neighbours.
+fn pieces(group: &[(usize, f64)], most: f64) -> Vec<Priced> {
+    let whole: f64 = group.iter().map(|(_, cost)| cost).sum();
+    // A little more is cheaper than a control point twice; and a piece of one point would only measure two.
+    let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
+    let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
+    let control = group.iter().min_by(|(_, one), (_, other)| one.total_cmp(other)).filter(|_| count > 1);
+    let mut pieces = vec![(0.0, Block::default()); count];
+    let mut before = 0.0;
+    for (place, cost) in group {
+        // By the middle of its cost: a point that lies across a border goes where most of it lies.
+        let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
+        let piece = ((part * count as f64) as usize).min(count - 1);
+        pieces[piece].0 += cost;
+        pieces[piece].1.points.push(*place);
+        before += cost;
+    }
+    pieces.retain(|(_, block)| !block.points.is_empty());
+    let is_cut = pieces.len() > 1;
+    for (cost, block) in &mut pieces {
+        block.control = control.map(|(place, _)| *place).filter(|_| is_cut);
+        if let Some((_, own)) = control.filter(|_| block.borrows_control()) {
+            *cost += own;
+        }
+    }
+    pieces
+}
+
+/// The longest first, each to the shard that has least to do; what the longest shard has then.
+fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
+    let mut order: Vec<usize> = (0..blocks.len()).collect();
+    order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
+    let mut loads = vec![0.0_f64; shards as usize];
+    for place in order {
+        let least = (0..loads.len()).min_by(|one, other| loads[*one].total_cmp(&loads[*other])).unwrap_or(0);
+        loads[least] += blocks[place].0;
+        blocks[place].1.shard = least as u32 + 1;
+    }
+    loads.into_iter().fold(0.0, f64::max)
+}
+
+/// Pieces of a group that one shard has are one block: they are measured together.
+fn joined(blocks: Vec<Block>) -> Vec<Block> {
+    let mut joined: Vec<Block> = Vec::new();
+    for block in blocks {
+        let same = |known: &&mut Block| {
+            known.control.is_some() && known.control == block.control && known.shard == block.shard
+        };
+        match joined.iter_mut().find(same) {
+            Some(known) => known.points.extend(block.points),
+            None => joined.push(block),
+        }
+    }
+    joined
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn groups(costs: &[Vec<f64>]) -> Vec<Vec<(usize, f64)>> {
+        let mut place = 0..;
+        costs.iter().map(|group| place.by_ref().zip(group.iter().copied()).collect()).collect()
+    }
+
+    /// What each shard has to do, borrowed control points included.
+    fn loads(costs: &[Vec<f64>], blocks: &[Block], shards: u32) -> Vec<f64> {
+        let costs: Vec<f64> = costs.concat();
+        let of = |block: &Block| {
+            let borrowed = block.control.filter(|_| block.borrows_control());
+            block.points.iter().chain(&borrowed).map(|place| costs[*place]).sum::<f64>()
+        };
+        (1..=shards).map(|shard| blocks.iter().filter(|block| block.shard == shard).map(of).sum()).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn every_point_is_in_one_block_and_pieces_share_a_control(
+            costs in prop::collection::vec(prop::collection::vec(0.01f64..10.0, 1..40), 1..12), shards in 1u32..20,
+        ) {
+            let groups = groups(&costs);
+            let blocks = cut(&groups, shards);
+            let mut places: Vec<usize> = blocks.iter().flat_map(|block| block.points.clone()).collect();
+            places.sort_unstable();
+            prop_assert_eq!(places, (0..costs.concat().len()).collect::<Vec<_>>());
+            prop_assert!(blocks.iter().all(|block| (1..=shards).contains(&block.shard)));
+            for group in &groups {
+                let own: Vec<&Block> = blocks.iter().filter(|block| group.iter().any(|(place, _)| block.points.contains(place))).collect();
+                prop_assert!(own.iter().all(|block| block.control == own[0].control));
+                let homes = own.iter().filter(|block| block.control.is_some() && !block.borrows_control()).count();
+                prop_assert_eq!(homes, usize::from(own[0].control.is_some()));
+                prop_assert!(own.len() == 1 || own[0].control.is_some());
+            }
+            prop_assert_eq!(&blocks, &cut(&groups, shards), "the same numbers make the same blocks");
+        }
+    }
+
+    #[test]
+    fn shards_have_about_as_much_to_do() {
+        let costs: Vec<Vec<f64>> = vec![vec![1.0; 40], vec![0.5; 20], vec![2.0; 8], vec![0.1; 50]];
+        let blocks = cut(&groups(&costs), 8);
+        let loads = loads(&costs, &blocks, 8);
+        let most = loads.iter().copied().fold(0.0, f64::max);
+        assert!(most < 1.5 * costs.concat().iter().sum::<f64>() / 8.0, "{loads:?}");
+        let six: Vec<Vec<f64>> = vec![vec![1.0; 10]; 6];
+        let most = self::loads(&six, &cut(&groups(&six), 4), 4).into_iter().fold(0.0, f64::max);
+        assert!(most <= 18.0, "whole groups would be 20: {most}");
+        let whole = cut(&groups(&vec![vec![1.0; 8]; 4]), 4);
+        assert!(whole.len() == 4 && whole.iter().all(|block| block.control.is_none()), "{whole:?}");
+        assert_eq!(whole.iter().map(|block| block.shard).collect::<Vec<_>>(), [1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn more_shards_than_points_leave_some_with_nothing() {
+        let blocks = cut(&groups(&[vec![1.0; 3]]), 16);
+        assert_eq!(blocks.iter().map(|block| block.points.len()).sum::<usize>(), 3);
+        assert!(blocks.len() <= 2, "a piece of one point would measure two: {blocks:?}");
+        assert!(cut(&[], 4).is_empty());
+    }
+}

@@ -1,0 +1,126 @@
+//! A kind of device that takes part in an experiment, and what its points are called: a file a kind, written by its first shard.
+
+use crate::error::{Error, Result};
+use crate::record::{PlannedPoint, read_lines, write_new};
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// The folder of the files.
+const FOLDER: &str = "kinds";
+
+/// A kind of device: all that are the same by every name and state that decides a time. The host's processors are one, too.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Kind {
+    /// What records call it.
+    pub device: String,
+    /// Platform, device, driver, and the state that decides its times.
+    pub identity: String,
+    /// Its points, in the plan's order.
+    pub points: Vec<KindPoint>,
+}
+
+/// A point of the plan on a kind of device.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KindPoint {
+    /// Its place in the plan.
+    pub point: usize,
+    /// Its key and its names.
+    #[serde(flatten)]
+    pub planned: PlannedPoint,
+}
+
+impl Kind {
+    /// The file's name: the device's, and a hash of what tells it from others, the program among it.
+    pub fn file(out: &Path, device: &str, identity: &str) -> PathBuf {
+        let program = option_env!("RAYCL_GIT_REVISION").unwrap_or(env!("CARGO_PKG_VERSION"));
+        let hash = blake3::hash(format!("{device}\n{identity}\n{program}").as_bytes()).to_hex();
+        let words: Vec<&str> =
+            device.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        out.join(FOLDER).join(format!("{}-{}.jsonl", words.join("-").to_lowercase(), &hash[..8]))
+    }
+
+    /// Writes it unless another shard has.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let failed =
+            |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
+        std::fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(|error| failed(&error))?;
+        let mut text = serde_json::to_vec(self).map_err(|error| failed(&error))?;
+        text.push(b'\n');
+        write_new(path, &text).map(|_| ())
+    }
+
+    /// All that took part in a folder, in the order of their files' names, the host first. Where several are called the same, each is
+    /// told with what differs.
+    pub fn all(out: &Path) -> Result<Vec<Self>> {
+        let mut files: Vec<PathBuf> = std::fs::read_dir(out.join(FOLDER))
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path())
+            .filter(|path| path.extension().is_some_and(|ending| ending == "jsonl"))
+            .collect();
+        files.sort();
+        let read: Result<Vec<_>> = files.iter().map(|path| Ok(read_lines::<Self>(path)?.lines)).collect();
+        let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
+        kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
+        // Another build of the same program, or another name of the device on its machine: the same is measured.
+        let mut seen = HashSet::new();
+        kinds.retain(|kind| seen.insert(kind.keys()));
+        Ok(kinds)
+    }
+
+    fn keys(&self) -> Vec<String> {
+        self.points.iter().map(|point| point.planned.key.clone()).collect()
+    }
+
+    /// What tells kinds of one name apart: the parts of their identities that not all of them have; none where a name is one's only.
+    pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
+        let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
+        let of = |kind: &Self| {
+            let namesakes: Vec<_> =
+                kinds.iter().filter(|other| other.device == kind.device).map(parts).collect();
+            let own: Vec<String> = parts(kind)
+                .into_iter()
+                .filter(|part| !namesakes.iter().all(|other| other.contains(part)))
+                .collect();
+            (namesakes.len() > 1)
+                .then(|| if own.is_empty() { "another program".to_owned() } else { own.join(", ") })
+        };
+        kinds.iter().map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_of_one_name_are_told_apart_by_what_differs() {
+        let kind = |device: &str, identity: &str| Kind {
+            device: device.into(),
+            identity: identity.into(),
+            ..Kind::default()
+        };
+        let kinds =
+            [kind("cpu", "PoCL | 1 compute units"), kind("cpu", "PoCL | 2 compute units"), kind("gpu", "x")];
+        let told = Kind::distinctions(&kinds);
+        assert_eq!(told, [Some("1 compute units".to_owned()), Some("2 compute units".to_owned()), None]);
+    }
+
+    #[test]
+    fn a_kind_is_written_once_and_the_host_is_read_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        for (device, point) in [("asleep (1)", 1), ("host", 2), ("host", 3)] {
+            let planned = PlannedPoint { key: point.to_string(), ..PlannedPoint::default() };
+            let kind =
+                Kind { device: device.into(), points: vec![KindPoint { point, planned }], ..Kind::default() };
+            kind.write(&Kind::file(out, device, "x")).unwrap();
+        }
+        let kinds = Kind::all(out).unwrap();
+        let found: Vec<_> = kinds.iter().map(|kind| (kind.device.as_str(), kind.points[0].point)).collect();
+        assert_eq!(found, [("host", 2), ("asleep (1)", 1)]);
+        assert!(Kind::all(&out.join("nothing")).unwrap().is_empty());
+    }
+}

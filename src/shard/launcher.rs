@@ -1,0 +1,288 @@
+//! Which number a launcher gave this process. Every launcher that starts n processes tells each its number in variables, under names,
+//! origins and steps of its own; this is the table of them.
+
+use super::Shard;
+use crate::error::{Error, Result};
+
+/// Reads a variable of the environment.
+type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
+
+/// What a launcher told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Told {
+    /// Who, and by which variables: for messages.
+    launcher: &'static str,
+    /// The process's place, from 0; and of how many, where that is told.
+    place: u32,
+    count: Option<u32>,
+    /// Whether it is an element of an array, whose number stands for itself where the count is given.
+    number: Option<u32>,
+}
+
+/// A launcher that counts its processes from 0 or 1 in one variable, and tells how many there are in another.
+struct Ranks {
+    launcher: &'static str,
+    place: &'static str,
+    count: Option<&'static str>,
+    origin: u32,
+    /// A variable without which the others do not count.
+    only_with: Option<&'static str>,
+}
+
+/// Those that number processes inside of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`; a batch script has a
+/// `SLURM_PROCID` too, which numbers nothing.
+const INNER: [Ranks; 3] = [
+    Ranks {
+        launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
+        place: "OMPI_COMM_WORLD_RANK",
+        count: Some("OMPI_COMM_WORLD_SIZE"),
+        origin: 0,
+        only_with: None,
+    },
+    Ranks {
+        launcher: "MPI (PMI_RANK)",
+        place: "PMI_RANK",
+        count: Some("PMI_SIZE"),
+        origin: 0,
+        only_with: None,
+    },
+    Ranks {
+        launcher: "a step of Slurm (SLURM_PROCID)",
+        place: "SLURM_PROCID",
+        count: Some("SLURM_STEP_NUM_TASKS"),
+        origin: 0,
+        only_with: Some("SLURM_STEP_ID"),
+    },
+];
+
+/// Those that number whole jobs, Slurm's arrays aside. A HyperQueue array has the numbers that the user gives it.
+const OUTER: [Ranks; 3] = [
+    Ranks {
+        launcher: "GitLab (CI_NODE_INDEX)",
+        place: "CI_NODE_INDEX",
+        count: Some("CI_NODE_TOTAL"),
+        origin: 1,
+        only_with: None,
+    },
+    Ranks {
+        launcher: "Kubernetes (JOB_COMPLETION_INDEX)",
+        place: "JOB_COMPLETION_INDEX",
+        count: None,
+        origin: 0,
+        only_with: None,
+    },
+    Ranks {
+        launcher: "HyperQueue (HQ_TASK_ID)",
+        place: "HQ_TASK_ID",
+        count: None,
+        origin: 1,
+        only_with: None,
+    },
+];
+
+/// The shard that the innermost launcher gave this process: one of `of` where that is given, else of as many as the launcher says.
+pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
+    let inner =
+        INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
+    let array = array(of.is_some(), variable)?;
+    // One process alone is not numbered by what started it: an element of an array may well be a step of one task.
+    let numbered = inner.into_iter().find(|told| told.count != Some(1));
+    if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
+        return Err(twice(array, inner));
+    }
+    let outer = || OUTER.iter().find_map(|ranks| ranks.told(variable).transpose()).transpose();
+    let alone = || INNER.iter().find_map(|ranks| ranks.told(variable).transpose()).transpose();
+    match numbered
+        .or(array)
+        .map_or_else(outer, |told| Ok(Some(told)))?
+        .map_or_else(alone, |told| Ok(Some(told)))?
+    {
+        Some(told) => told.shard(of),
+        None => outside_of_a_step(variable).map_or_else(|| Err(nobody()), Err),
+    }
+}
+
+impl Ranks {
+    fn told(&self, variable: Variable<'_>) -> Result<Option<Told>> {
+        if self.only_with.is_some_and(|name| variable(name).is_none()) {
+            return Ok(None);
+        }
+        let Some(place) = number(self.place, variable)? else { return Ok(None) };
+        let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
+        let place = place.checked_sub(self.origin).ok_or_else(|| {
+            Error::input(format!("{} is {place}, but it counts from {}", self.place, self.origin))
+                .with_help("number the tasks from 1, or say which shard it is: --shard 3/16")
+        })?;
+        Ok(Some(Told { launcher: self.launcher, place, count, number: None }))
+    }
+}
+
+/// An element of a Slurm array. With the count given its number is the shard's: a part of an array may be repeated.
+fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
+    let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
+    let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
+    if count_is_given {
+        return Ok(Some(Told { launcher, place: 0, count: None, number: Some(task) }));
+    }
+    let of = |name| number(name, variable);
+    let (least, most) = (of("SLURM_ARRAY_TASK_MIN")?, of("SLURM_ARRAY_TASK_MAX")?);
+    let (step, count) = (of("SLURM_ARRAY_TASK_STEP")?.unwrap_or(1).max(1), of("SLURM_ARRAY_TASK_COUNT")?);
+    let (Some(least), Some(count)) = (least, count) else { return Err(no_count(launcher)) };
+    let place = task.checked_sub(least).filter(|above| above % step == 0).map(|above| above / step);
+    let whole = most.is_none_or(|most| {
+        u64::from(least) + u64::from(step) * u64::from(count.max(1) - 1) == u64::from(most)
+    });
+    match place.filter(|place| whole && *place < count) {
+        Some(place) => Ok(Some(Told { launcher, place, count: Some(count), number: None })),
+        None => Err(Error::input(format!(
+            "element {task} of a Slurm array of {count} that has gaps: which shard that is cannot be told"
+        ))
+        .with_help("--shard auto/16 takes the element's number for the shard's, from 1 to 16")),
+    }
+}
+
+impl Told {
+    fn shard(&self, of: Option<u32>) -> Result<Shard> {
+        let launcher = self.launcher;
+        if let (Some(of), Some(count)) = (of, self.count.filter(|count| Some(*count) != of)) {
+            let message = format!("--shard auto/{of}, but {launcher} started {count} processes");
+            return Err(
+                Error::input(message).with_help("start as many, or leave the count out: --shard auto")
+            );
+        }
+        let of = of.or(self.count).ok_or_else(|| no_count(launcher))?;
+        let number = self.number.unwrap_or(self.place.saturating_add(1));
+        let error = |_| {
+            let from = self.number.map_or(self.place, |number| number);
+            Error::input(format!("{launcher} says {from}, which is none of {of} shards"))
+                .with_help(format!("number the tasks so that they are the shards 1 to {of}"))
+        };
+        Shard::new(number, of).map_err(error)
+    }
+}
+
+/// A variable's value; one that is no number is an error.
+fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
+    let Some(text) = variable(name) else { return Ok(None) };
+    text.trim().parse().map(Some).map_err(|_| {
+        Error::input(format!("{name} is '{text}', which is no number"))
+            .with_help("say which shard it is: --shard 3/16")
+    })
+}
+
+fn no_count(launcher: &str) -> Error {
+    Error::input(format!("{launcher} does not say how many processes there are"))
+        .with_help("say how many: --shard auto/16")
+}
+
+fn twice(array: &Told, inner: &Told) -> Error {
+    let told = |told: &Told| match told.number {
+        Some(number) => format!("{} is element {number}", told.launcher),
+        None => format!(
+            "{} is {} of {}",
+            told.launcher,
+            told.place,
+            told.count.map_or("?".to_owned(), |n| n.to_string())
+        ),
+    };
+    Error::input(format!("two launchers number this process: {}, and {}", told(array), told(inner)))
+        .with_help("let each element of the array start one process, or leave out the array; or say which shard it is: --shard 3/16")
+}
+
+/// A script of several tasks that starts raycl itself: without `srun` it runs once, and its number is that of nothing.
+fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
+    let place = variable("SLURM_PROCID")?;
+    let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
+    Some(
+        Error::input(format!(
+            "SLURM_PROCID is {place} of {tasks} tasks, but this is no step: raycl runs once here"
+        ))
+        .with_help("start it with srun: srun raycl run ... --shard auto"),
+    )
+}
+
+fn nobody() -> Error {
+    let known = INNER.iter().map(|ranks| ranks.launcher).chain(["a Slurm array (SLURM_ARRAY_TASK_ID)"]);
+    let known: Vec<_> = known.chain(OUTER.iter().map(|ranks| ranks.launcher)).collect();
+    Error::input("--shard auto, but no launcher numbered this process")
+        .with_help(format!("say which shard it is: --shard 3/16. Known launchers: {}", known.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The shard, or the beginning of what is said.
+    fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
+        let variable = |name: &str| {
+            variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
+        };
+        shard(of, &variable).map(|shard| (shard.number, shard.of)).map_err(|error| error.to_string())
+    }
+
+    const ARRAY: &str =
+        "SLURM_ARRAY_TASK_MIN=10 SLURM_ARRAY_TASK_MAX=22 SLURM_ARRAY_TASK_STEP=4 SLURM_ARRAY_TASK_COUNT=4";
+    const BATCH: &str = "SLURM_PROCID=0 SLURM_NTASKS=1";
+
+    #[test]
+    fn each_launcher_has_its_origin_and_its_step() {
+        let table = [
+            (None, "OMPI_COMM_WORLD_RANK=0 OMPI_COMM_WORLD_SIZE=4".to_owned(), (1, 4)),
+            (Some(4), "OMPI_COMM_WORLD_RANK=3 OMPI_COMM_WORLD_SIZE=4".to_owned(), (4, 4)),
+            (None, "PMI_RANK=2 PMI_SIZE=3".to_owned(), (3, 3)),
+            (None, "SLURM_PROCID=1 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=4 SLURM_NTASKS=9".to_owned(), (2, 4)),
+            (None, format!("SLURM_ARRAY_TASK_ID=18 {ARRAY} {BATCH}"), (3, 4)),
+            (
+                Some(16),
+                "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=3 SLURM_ARRAY_TASK_COUNT=2".to_owned(),
+                (7, 16),
+            ),
+            (None, "CI_NODE_INDEX=1 CI_NODE_TOTAL=5".to_owned(), (1, 5)),
+            (Some(8), "JOB_COMPLETION_INDEX=0".to_owned(), (1, 8)),
+            (Some(8), "HQ_TASK_ID=8".to_owned(), (8, 8)),
+        ];
+        for (of, variables, expected) in table {
+            assert_eq!(told(of, &variables), Ok(expected), "{variables}");
+        }
+    }
+
+    #[test]
+    fn the_innermost_launcher_wins() {
+        let mpirun = "OMPI_COMM_WORLD_RANK=1 OMPI_COMM_WORLD_SIZE=4";
+        let step = "SLURM_PROCID=0 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=2";
+        assert_eq!(told(None, &format!("{step} {mpirun} PMI_RANK=0 PMI_SIZE=2")), Ok((2, 4)));
+        assert_eq!(told(None, &format!("{step} CI_NODE_INDEX=3 CI_NODE_TOTAL=3")), Ok((1, 2)));
+        let alone = "SLURM_PROCID=0 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=1";
+        assert_eq!(
+            told(None, &format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {alone}")),
+            Ok((1, 4)),
+            "a step of one task"
+        );
+        assert_eq!(told(Some(8), &format!("JOB_COMPLETION_INDEX=4 {alone}")), Ok((5, 8)));
+        assert_eq!(told(None, alone), Ok((1, 1)));
+    }
+
+    #[test]
+    fn what_numbers_nothing_or_twice_is_refused_with_what_was_found() {
+        let step = "SLURM_PROCID=1 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=4";
+        let table = [
+            (None, String::new(), "no launcher numbered this process"),
+            (None, format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {step}"), "two launchers number this process"),
+            (Some(4), format!("SLURM_ARRAY_TASK_ID=2 {step}"), "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4"),
+            (None, "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(), "SLURM_PROCID is 0 of 4 tasks, but this is no step"),
+            (None, BATCH.to_owned(), "no launcher numbered"),
+            (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
+            (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
+            (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
+            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is none of 8 shards"),
+            (Some(8), "HQ_TASK_ID=0".to_owned(), "counts from 1"),
+            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "says 0, which is none of 8"),
+            (Some(8), "OMPI_COMM_WORLD_RANK=0 OMPI_COMM_WORLD_SIZE=4".to_owned(), "started 4 processes"),
+            (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is no number"),
+        ];
+        for (of, variables, expected) in table {
+            let said = told(of, &variables).expect_err(&variables);
+            assert!(said.contains(expected), "{variables}: {said}");
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! Which attempt's record of a point counts.
+
+use super::{Measured, lines};
+use crate::error::Result;
+use crate::record::{Outcome, Record};
+use crate::shard::Attempt;
+use std::collections::{BTreeMap, HashMap};
+
+/// The records that count, by key, and what other attempts found of the same points.
+#[derive(Debug, Default)]
+pub struct Chosen {
+    best: HashMap<String, Measured>,
+    /// Of points with several records: every attempt that has one, and its outcome.
+    several: BTreeMap<String, Vec<(usize, Outcome)>>,
+}
+
+/// Reads the attempts' records. A wrong image beats everything; a time beats no time; then more samples count, then the lower name of an
+/// attempt, and never a clock. Within an attempt the later record counts, as in any journal.
+pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
+    let mut chosen = Chosen::default();
+    for (place, attempt) in attempts.iter().enumerate() {
+        let mut own: HashMap<String, Record> = HashMap::new();
+        for record in lines::<Record>(&attempt.folder.join("records.jsonl"))? {
+            own.insert(record.key.clone(), record);
+        }
+        own.into_values().for_each(|record| chosen.offer(place, record));
+    }
+    Ok(chosen)
+}
+
+/// The lower counts.
+fn rank(record: &Record) -> (u8, usize) {
+    let kind = match record.outcome {
+        Outcome::WrongImage => 0,
+        Outcome::Measured => 1,
+        // What the device cannot do is known; what became of an attempt may be the attempt's.
+        Outcome::Infeasible | Outcome::BuildFailed => 2,
+        Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
+        // Nothing was found out; another attempt may have been asked for it.
+        Outcome::OtherKind => 4,
+    };
+    (kind, usize::MAX - record.samples_ms.len())
+}
+
+impl Chosen {
+    /// Attempts come in the order of their names: an equal one changes nothing.
+    fn offer(&mut self, attempt: usize, record: Record) {
+        let Some((known, held)) = self.best.get_mut(&record.key) else {
+            self.best.insert(record.key.clone(), (attempt, record));
+            return;
+        };
+        let several = self.several.entry(record.key.clone()).or_insert_with(|| vec![(*known, held.outcome)]);
+        several.push((attempt, record.outcome));
+        if rank(&record) < rank(held) {
+            (*known, *held) = (attempt, record);
+        }
+    }
+
+    /// Whether a point has a record.
+    pub fn has(&self, key: &str) -> bool {
+        self.best.contains_key(key)
+    }
+
+    /// The records of some points, in their order.
+    pub fn of_keys<'a>(mut self, keys: impl Iterator<Item = &'a str>) -> Vec<Measured> {
+        keys.filter_map(|key| self.best.remove(key)).collect()
+    }
+
+    /// What is to be said of points that several attempts measured.
+    pub fn notes(&self, attempts: &[Attempt]) -> Vec<String> {
+        let mut notes = Vec::new();
+        for (key, found) in self.several.iter().filter(|(_, found)| is_wrong_and_right(found)) {
+            let Some((_, record)) = self.best.get(key) else { continue };
+            let told: Vec<String> = found
+                .iter()
+                .map(|(attempt, outcome)| format!("{} of {}", outcome.name(), attempts[*attempt].name))
+                .collect();
+            notes.push(format!(
+                "Attempts disagree on {} of {}: {}; the wrong image counts.",
+                record.name,
+                record.scene,
+                told.join(", ")
+            ));
+        }
+        if !self.several.is_empty() {
+            let mut who: Vec<&str> = self
+                .several
+                .values()
+                .flatten()
+                .map(|(attempt, _)| attempts[*attempt].name.as_str())
+                .collect();
+            who.sort_unstable();
+            who.dedup();
+            let points = if self.several.len() == 1 {
+                "1 point was".to_owned()
+            } else {
+                format!("{} points were", self.several.len())
+            };
+            notes.push(format!("{points} measured by several attempts ({}); of each one record counts, the others stay in their parts.", few(&who)));
+        }
+        notes
+    }
+}
+
+fn is_wrong_and_right(found: &[(usize, Outcome)]) -> bool {
+    let wrong = |outcome: &Outcome| *outcome == Outcome::WrongImage;
+    found.iter().any(|(_, outcome)| wrong(outcome)) && !found.iter().all(|(_, outcome)| wrong(outcome))
+}
+
+fn few(names: &[&str]) -> String {
+    let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
+    names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(outcome: Outcome, samples: usize) -> Record {
+        Record { key: "k".into(), outcome, samples_ms: vec![1.0; samples], ..Record::default() }
+    }
+
+    #[test]
+    fn a_wrong_image_beats_a_time_and_a_time_what_became_of_an_attempt() {
+        use Outcome::{Crashed, Infeasible, LaunchFailed, Measured, OtherKind, TimedOut, WrongImage};
+        let table = [
+            (vec![(Measured, 30), (WrongImage, 0)], 1),
+            (vec![(WrongImage, 0), (Measured, 30)], 0),
+            (vec![(TimedOut, 0), (Measured, 10)], 1),
+            (vec![(Measured, 10), (Crashed, 0)], 0),
+            (vec![(LaunchFailed, 0), (Infeasible, 0)], 1),
+            (vec![(Measured, 10), (Measured, 11), (Measured, 11)], 1),
+            (vec![(Crashed, 0), (TimedOut, 0)], 0),
+            (vec![(OtherKind, 0), (Crashed, 0)], 1),
+        ];
+        for (offered, expected) in table {
+            let mut chosen = Chosen::default();
+            for (attempt, (outcome, samples)) in offered.iter().enumerate() {
+                chosen.offer(attempt, record(*outcome, *samples));
+            }
+            let found = chosen.of_keys(["k", "absent"].into_iter());
+            assert_eq!((found.len(), found[0].0), (1, expected), "{offered:?}");
+        }
+    }
+
+    #[test]
+    fn both_attempts_are_told_where_one_saw_a_wrong_image() {
+        let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
+        let mut chosen = Chosen::default();
+        chosen.offer(0, record(Outcome::Measured, 5));
+        chosen.offer(1, record(Outcome::WrongImage, 0));
+        let notes = chosen.notes(&[attempt("one"), attempt("two")]);
+        assert!(notes[0].contains("measured of one, wrong-image of two"), "{notes:?}");
+        assert!(notes[1].starts_with("1 point was measured by several attempts (one, two)"), "{notes:?}");
+    }
+}

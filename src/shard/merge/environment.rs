@@ -1,0 +1,35 @@
+//! Where and how a merged folder was made: what the first attempt wrote down, and every machine that took part.
+
+use crate::error::{Error, Result};
+use crate::record::write_whole;
+use crate::shard::Attempt;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Writes `environment.json`; nothing where no attempt came that far.
+pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
+    let read = |attempt: &Attempt| -> Option<(String, Value)> {
+        let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;
+        let host = attempt.about().map_or_else(|| attempt.name.clone(), |about| about.host);
+        Some((host, serde_json::from_slice(&text).ok()?))
+    };
+    let mut hosts: Vec<Value> = Vec::new();
+    let mut first: Option<Value> = None;
+    for (host, environment) in attempts.iter().filter_map(read) {
+        let devices: Vec<&Value> =
+            environment["devices"].as_array().into_iter().flatten().map(|device| &device["device"]).collect();
+        let machine = &environment["host"];
+        let told = json!({
+            "name": host, "cpu": machine["cpu"], "cores": machine["cores"], "os": machine["os"], "devices": devices,
+            "git_revision": environment["git_revision"],
+        });
+        if !hosts.contains(&told) {
+            hosts.push(told);
+        }
+        first.get_or_insert(environment);
+    }
+    let Some(mut environment) = first else { return Ok(()) };
+    environment["hosts"] = Value::Array(hosts);
+    let text = serde_json::to_vec_pretty(&environment).map_err(|error| Error::run(error.to_string()))?;
+    write_whole(&out.join("environment.json"), &text)
+}

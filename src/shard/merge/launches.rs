@@ -1,0 +1,65 @@
+//! New numbers for launches: each attempt counts its own from 0.
+
+use super::Measured;
+use crate::record::Record;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+/// The number of each attempt's launches that records rest on, in the order of attempts.
+#[derive(Clone, Debug, Default)]
+pub struct Launches(BTreeMap<(usize, u32), u32>);
+
+impl Launches {
+    /// Those that some records rest on.
+    pub fn of<'a>(records: impl Iterator<Item = &'a Measured>) -> Self {
+        let used = |(attempt, record): &Measured| {
+            let attempt = *attempt;
+            record.sample_launches.clone().into_iter().map(move |launch| (attempt, launch))
+        };
+        let all: BTreeSet<(usize, u32)> = records.flat_map(used).collect();
+        Self(all.into_iter().zip(0..).collect())
+    }
+
+    /// A launch's number; none where no record rests on it.
+    pub fn number(&self, attempt: usize, launch: u32) -> Option<u32> {
+        self.0.get(&(attempt, launch)).copied()
+    }
+
+    /// Gives a record's samples the new numbers.
+    pub fn renumber(&self, attempt: usize, record: &mut Record) {
+        for launch in &mut record.sample_launches {
+            *launch = self.number(attempt, *launch).unwrap_or(*launch);
+        }
+    }
+}
+
+/// The samples that records rest on: attempt, launch and key of each.
+pub fn counted(records: &[Measured]) -> HashSet<(usize, u32, &str)> {
+    let of = |(attempt, record): &'_ Measured| (*attempt, record.sample_launches.clone());
+    let mut counted = HashSet::new();
+    for measured in records {
+        let (attempt, launches) = of(measured);
+        counted.extend(launches.into_iter().map(|launch| (attempt, launch, measured.1.key.as_str())));
+    }
+    counted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn launches_of_two_attempts_never_share_a_number() {
+        let record = |launches: &[u32]| Record {
+            key: "k".into(),
+            sample_launches: launches.to_vec(),
+            ..Record::default()
+        };
+        let mut records = [(0, record(&[1, 1, 2])), (3, record(&[1, 2])), (0, record(&[2]))];
+        let launches = Launches::of(records.iter());
+        assert!(counted(&records).contains(&(3, 2, "k")) && !counted(&records).contains(&(3, 0, "k")));
+        records.iter_mut().for_each(|(attempt, record)| launches.renumber(*attempt, record));
+        let found: Vec<_> = records.iter().map(|(_, record)| record.sample_launches.clone()).collect();
+        assert_eq!(found, [vec![0, 0, 1], vec![2, 3], vec![1]]);
+        assert_eq!(launches.number(0, 0), None);
+    }
+}

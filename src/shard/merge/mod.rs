@@ -1,0 +1,223 @@
+//! Attempts put together to one folder of results, as of one run. No device is needed, and no clock decides: the same parts make the same
+//! folder, however often and wherever they are merged. Attempts' folders are only read.
+
+mod choice;
+mod environment;
+mod launches;
+mod pictures;
+mod planned;
+
+use super::missing::{self, Missing};
+use super::{Attempt, End, Kind, ShardPlan};
+use crate::error::{Error, Result};
+use crate::peak::{self, Peak};
+use crate::record::{AnchorSample, CONTROLS, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines};
+use crate::record::{write_whole, write_whole_by};
+use choice::choose;
+use launches::Launches;
+use planned::Planned;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::json;
+use std::path::Path;
+
+/// What was put together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Merged {
+    /// Attempts that there are.
+    pub attempts: usize,
+    /// Points of the plan that have a record, on all kinds of device.
+    pub records: usize,
+    /// Samples that were kept, and those that stay in their parts.
+    pub samples: [usize; 2],
+    /// What is to be said wherever the figures are shown.
+    pub notes: Vec<String>,
+    /// What is yet to be measured.
+    pub missing: Missing,
+}
+
+/// A record, or a control measurement, and the place of the attempt that measured it.
+type Measured = (usize, Record);
+
+/// Merges the attempts of a folder, and writes all but summary and pages. `meant` has words of the kinds of device that are meant; without
+/// any, all are that took part.
+pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
+    let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
+    refuse_other_results(out)?;
+    let (kinds, attempts) = (meant_kinds(out, meant)?, Attempt::all(out));
+    let chosen = choose(&attempts)?;
+    let planned = Planned::of(&plan, &kinds);
+    let missing = missing::missing(&plan, &kinds, &attempts, &|key| chosen.has(key));
+    let mut notes = chosen.notes(&attempts);
+    notes.extend(ended_early(&attempts));
+    let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
+    let mut controls = controls(&attempts)?;
+    let launches = Launches::of(records.iter().chain(&controls));
+    // First of all: what is written from here on is known to be a merge's.
+    write_about(out, &attempts, &notes)?;
+    environment::write(out, &attempts)?;
+    let samples = write_samples(out, &attempts, &records, &launches)?;
+    write_renumbered::<RoundLoad>(out, "rounds.jsonl", &attempts, &launches, |line| &mut line.launch)?;
+    write_renumbered::<AnchorSample>(out, "anchors.jsonl", &attempts, &launches, |line| &mut line.launch)?;
+    write_peak(out, &attempts)?;
+    for (attempt, record) in records.iter_mut().chain(&mut controls) {
+        launches.renumber(*attempt, record);
+        planned.tell_apart(record);
+        record.attempt = Some(attempts[*attempt].name.clone());
+        pictures::copy(out, &attempts[*attempt].folder, record)?;
+    }
+    write_lines(&out.join(CONTROLS), controls.iter().map(|(_, record)| record))?;
+    CurrentPlan { points: planned.points }.write(out)?;
+    write_lines(&out.join("records.jsonl"), records.iter().map(|(_, record)| record))?;
+    Ok(Merged { attempts: attempts.len(), records: records.len(), samples, notes, missing })
+}
+
+fn no_shards(out: &Path) -> Error {
+    Error::input(format!("{} holds no experiment in shards", out.display()))
+        .with_help("name the folder that was --out of `raycl run --shard`")
+}
+
+/// A run's own results are nobody's parts.
+fn refuse_other_results(out: &Path) -> Result<()> {
+    match out.join("records.jsonl").exists() && !out.join(MERGE).exists() {
+        true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
+            .with_help("let the shards write to another folder with --out")),
+        false => Ok(()),
+    }
+}
+
+/// The kinds that took part and are meant, and always the host.
+fn meant_kinds(out: &Path, meant: &[String]) -> Result<Vec<Kind>> {
+    let all = Kind::all(out)?;
+    let has = |kind: &Kind, word: &String| {
+        format!("{} | {}", kind.device, kind.identity).to_lowercase().contains(&word.to_lowercase())
+    };
+    let names = || {
+        all.iter().map(|kind| format!("{} ({})", kind.device, kind.identity)).collect::<Vec<_>>().join("; ")
+    };
+    if let Some(word) = meant.iter().find(|word| !all.iter().any(|kind| has(kind, word))) {
+        return Err(Error::input(format!("no kind of device that took part is called '{word}'"))
+            .with_help(format!("these took part: {}", names())));
+    }
+    let is_meant = |kind: &Kind| {
+        meant.is_empty() || kind.device == crate::record::HOST || meant.iter().any(|word| has(kind, word))
+    };
+    Ok(all.iter().filter(|kind| is_meant(kind)).cloned().collect())
+}
+
+/// What became of attempts that did not end by themselves, in a line.
+fn ended_early(attempts: &[Attempt]) -> Option<String> {
+    let ends: Vec<Option<End>> = attempts.iter().map(Attempt::end).collect();
+    let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
+    let words = [
+        (count(&|end| end.is_none()), "were killed, or are at work yet"),
+        (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost their launcher"),
+        (count(&|end| matches!(end, Some(End::Interrupted))), "were interrupted"),
+        (count(&|end| matches!(end, Some(End::Failed(_)))), "could not go on"),
+    ];
+    let words: Vec<String> = words
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, words)| format!("{count} {words}"))
+        .collect();
+    (!words.is_empty()).then(|| format!("Of {} attempts {}.", attempts.len(), words.join(", ")))
+}
+
+fn controls(attempts: &[Attempt]) -> Result<Vec<Measured>> {
+    let mut controls = Vec::new();
+    for (place, attempt) in attempts.iter().enumerate() {
+        controls.extend(
+            lines::<Record>(&attempt.folder.join(CONTROLS))?.into_iter().map(|record| (place, record)),
+        );
+    }
+    Ok(controls)
+}
+
+fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()> {
+    let about =
+        |attempt: &Attempt| json!({ "name": attempt.name, "about": attempt.about(), "end": attempt.end() });
+    let all = json!({ "notes": notes, "attempts": attempts.iter().map(about).collect::<Vec<_>>() });
+    let text = serde_json::to_vec_pretty(&all).map_err(|error| Error::run(error.to_string()))?;
+    write_whole(&out.join(MERGE), &text)
+}
+
+/// The samples of the records that count, under the launches' new numbers; how many they are, and how many stay in their parts.
+fn write_samples(
+    out: &Path,
+    attempts: &[Attempt],
+    records: &[Measured],
+    launches: &Launches,
+) -> Result<[usize; 2]> {
+    let counted = launches::counted(records);
+    let mut counts = [0, 0];
+    write_whole_by(&out.join("samples.jsonl"), |file| {
+        for (place, attempt) in attempts.iter().enumerate() {
+            for mut sample in
+                lines::<Sample>(&attempt.folder.join("samples.jsonl")).map_err(std::io::Error::other)?
+            {
+                let counts_here = counted.contains(&(place, sample.launch, sample.key.as_str()));
+                counts[usize::from(!counts_here)] += 1;
+                if counts_here {
+                    sample.launch = launches.number(place, sample.launch).unwrap_or(sample.launch);
+                    write_line(file, &sample)?;
+                }
+            }
+        }
+        Ok(())
+    })?;
+    Ok(counts)
+}
+
+/// Lines of launches that records rest on, under the launches' new numbers.
+fn write_renumbered<T: Serialize + DeserializeOwned>(
+    out: &Path,
+    name: &str,
+    attempts: &[Attempt],
+    launches: &Launches,
+    launch: fn(&mut T) -> &mut u32,
+) -> Result<()> {
+    write_whole_by(&out.join(name), |file| {
+        for (place, attempt) in attempts.iter().enumerate() {
+            for mut line in lines::<T>(&attempt.folder.join(name)).map_err(std::io::Error::other)? {
+                if let Some(number) = launches.number(place, *launch(&mut line)) {
+                    *launch(&mut line) = number;
+                    write_line(file, &line)?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// What devices can do at most, where attempts measured it: a device by its name is the first attempt's.
+fn write_peak(out: &Path, attempts: &[Attempt]) -> Result<()> {
+    let mut all: Vec<Peak> = Vec::new();
+    for attempt in attempts {
+        for peak in Peak::kept_in(&attempt.folder)? {
+            if !all.iter().any(|known| known.device == peak.device) {
+                all.push(peak);
+            }
+        }
+    }
+    if all.is_empty() { Ok(()) } else { Peak::write(&all, &out.join(peak::FILE)) }
+}
+
+fn write_lines<'a, T: Serialize + 'a>(path: &Path, lines: impl Iterator<Item = &'a T>) -> Result<()> {
+    write_whole_by(path, |file| {
+        for line in lines {
+            write_line(file, line)?;
+        }
+        Ok(())
+    })
+}
+
+fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::Result<()> {
+    let mut text = serde_json::to_vec(line)?;
+    text.push(b'\n');
+    file.write_all(&text)
+}
+
+/// An attempt that was killed at once has no such file.
+fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
+    if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
+}

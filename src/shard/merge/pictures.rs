@@ -1,0 +1,82 @@
+//! The pictures that records name, copied beside them.
+
+use crate::error::{Error, Result};
+use crate::record::{Record, own_folder, write_page};
+use std::path::{Component, Path, PathBuf};
+
+/// Copies a record's pictures from its attempt's folder. One that is there with the same bytes stays; where another has its name the
+/// record names the copy with the hash of its bytes.
+pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
+    let pictures = [
+        &mut record.image,
+        &mut record.difference_image,
+        &mut record.reference_image,
+        &mut record.certainty_image,
+        &mut record.tests_image,
+        &mut record.nodes_image,
+    ];
+    for name in pictures.into_iter().flatten() {
+        if !stays_inside(name) {
+            continue;
+        }
+        // What was lost with its machine is a picture less, and no reason to lose the times.
+        let Ok(bytes) = std::fs::read(attempt.join(&name)) else { continue };
+        let (mut target, mut place) = (name.clone(), out.join(&name));
+        if std::fs::read(&place).is_ok_and(|there| there != bytes) {
+            target = with_hash(name, &bytes);
+            place = out.join(&target);
+        }
+        if !place.exists() {
+            let folder = place.parent().map_or_else(|| out.to_owned(), PathBuf::from);
+            own_folder(&folder)
+                .map_err(|error| Error::run(format!("cannot make {}: {error}", folder.display())))?;
+            write_page(&place, &bytes)?;
+        }
+        *name = target;
+    }
+    Ok(())
+}
+
+/// Whether a name leads nowhere but into the folder.
+fn stays_inside(name: &str) -> bool {
+    Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+fn with_hash(name: &str, bytes: &[u8]) -> String {
+    let hash = blake3::hash(bytes).to_hex();
+    match name.rsplit_once('.') {
+        Some((stem, ending)) => format!("{stem}-{}.{ending}", &hash[..8]),
+        None => format!("{name}-{}", &hash[..8]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn copied(out: &Path, attempt: &Path) -> Option<String> {
+        let mut record = Record { image: Some("images/a.png".into()), ..Record::default() };
+        copy(out, attempt, &mut record).unwrap();
+        record.image
+    }
+
+    #[test]
+    fn pictures_of_one_name_and_two_contents_are_both_kept_and_copied_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let attempt = |name: &str, bytes: &str| {
+            let attempt = folder.path().join(name);
+            std::fs::create_dir_all(attempt.join("images")).unwrap();
+            std::fs::write(attempt.join("images/a.png"), bytes).unwrap();
+            attempt
+        };
+        let (one, same, other) = (attempt("one", "x"), attempt("same", "x"), attempt("other", "y"));
+        for _ in 0..2 {
+            let names = [&one, &same, &other].map(|attempt| copied(&out, attempt).unwrap());
+            assert_eq!([names[0].as_str(), names[1].as_str()], ["images/a.png"; 2]);
+            assert!(names[2].starts_with("images/a-"), "{names:?}");
+            assert_eq!(std::fs::read_dir(out.join("images")).unwrap().count(), 2);
+        }
+        assert!(!stays_inside("../a.png") && !stays_inside("/a.png") && stays_inside("images/a.png"));
+    }
+}

@@ -1,0 +1,53 @@
+//! The points that a merged folder shows, and by which names: those of every kind of device that is meant.
+
+use crate::record::{HOST, PlannedPoint, Record};
+use crate::shard::{Kind, ShardPlan};
+use std::collections::{HashMap, HashSet};
+
+/// The points of a merge.
+pub struct Planned {
+    /// Each once: scene by scene and size by size, in these a kind of device after the other.
+    pub points: Vec<PlannedPoint>,
+    /// What tells a caster on the host from the same on another kind of host, by key.
+    hosts: HashMap<String, String>,
+}
+
+impl Planned {
+    /// Of a plan on some kinds of device.
+    pub fn of(plan: &ShardPlan, kinds: &[Kind]) -> Self {
+        let mut all: Vec<(usize, usize, usize, PlannedPoint)> = Vec::new();
+        let mut hosts = HashMap::new();
+        for (number, (kind, distinction)) in kinds.iter().zip(Kind::distinctions(kinds)).enumerate() {
+            for point in &kind.points {
+                let mut planned = point.planned.clone();
+                if let Some(what) = &distinction {
+                    match kind.device == HOST {
+                        true => {
+                            planned.name = format!("{} ({what})", planned.name);
+                            hosts.insert(planned.key.clone(), what.clone());
+                        }
+                        false => planned.device = format!("{} ({what})", planned.device),
+                    }
+                }
+                let case = plan.cases.get(point.point).copied().unwrap_or(0);
+                all.push((case, number, point.point, planned));
+            }
+        }
+        all.sort_by_key(|(case, kind, point, _)| (*case, *kind, *point));
+        let mut seen = HashSet::new();
+        let points = all.into_iter().map(|(.., point)| point);
+        Self { points: points.filter(|point| seen.insert(point.key.clone())).collect(), hosts }
+    }
+
+    /// The points' keys, in their order.
+    pub fn keys(&self) -> impl Iterator<Item = &str> {
+        self.points.iter().map(|point| point.key.as_str())
+    }
+
+    /// Gives a caster on the host the name of its kind, by which tables and plots tell it from the same elsewhere.
+    pub fn tell_apart(&self, record: &mut Record) {
+        if let Some(what) = self.hosts.get(&record.key) {
+            record.strategy = format!("{} ({what})", record.strategy);
+        }
+    }
+}

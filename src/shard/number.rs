@@ -1,0 +1,91 @@
+//! Which part of an experiment a process measures, as the option says it: `3/16`, `auto`, `auto/16`.
+
+use super::launcher;
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// One of several parts of an experiment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which, from 1.
+    pub number: u32,
+    /// Of how many.
+    pub of: u32,
+}
+
+/// More shards than any scheduler starts: a number with a digit too many is a mistake.
+const MOST: u32 = 100_000;
+
+impl Shard {
+    /// The one of this number, from 1.
+    pub fn new(number: u32, of: u32) -> Result<Self> {
+        match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
+            true => Ok(Self { number, of }),
+            false => Err(Error::input(format!("there is no shard {number} of {of}"))
+                .with_help(format!("shards are numbered from 1 to their count, at most {MOST}"))),
+        }
+    }
+}
+
+impl fmt::Display for Shard {
+    /// "3/16".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+/// What `--shard` asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// A shard by its number.
+    Given(Shard),
+    /// The one that the launcher numbered, of as many as it says or of so many.
+    Auto(Option<u32>),
+}
+
+impl Asked {
+    /// The shard of this process, by the variables that its launcher set.
+    pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard> {
+        match self {
+            Self::Given(shard) => Ok(shard),
+            Self::Auto(of) => launcher::shard(of, variable),
+        }
+    }
+}
+
+impl FromStr for Asked {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let wrong = || format!("'{text}' is no shard; expected such as 3/16, auto or auto/16");
+        let (number, of) = match text.split_once('/') {
+            Some((number, of)) => (number, Some(of.parse().map_err(|_| wrong())?)),
+            None => (text, None),
+        };
+        match (number, of) {
+            ("auto", Some(0)) => Err(wrong()),
+            ("auto", of) => Ok(Self::Auto(of)),
+            (number, Some(of)) => {
+                let number = number.parse().map_err(|_| wrong())?;
+                Shard::new(number, of).map(Self::Given).map_err(|error| error.to_string())
+            }
+            _ => Err(wrong()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_numbered_from_one_to_their_count() {
+        assert_eq!("3/16".parse(), Ok(Asked::Given(Shard { number: 3, of: 16 })));
+        assert_eq!(("auto".parse(), "auto/16".parse()), (Ok(Asked::Auto(None)), Ok(Asked::Auto(Some(16)))));
+        for wrong in ["", "3", "0/4", "5/4", "-1/4", "1/0", "auto/0", "auto/x", "x/4", "1/4/4", "1/99999999"]
+        {
+            assert!(wrong.parse::<Asked>().is_err(), "{wrong}");
+        }
+    }
+}

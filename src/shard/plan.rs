@@ -1,0 +1,192 @@
+//! `shards.json`: what all shards of an experiment share. The first one writes it, the others read it.
+
+use super::Block;
+use crate::error::{Error, Result};
+use crate::record::{ordinary, write_new};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Its name in the folder of results.
+pub const FILE: &str = "shards.json";
+
+/// What must be the same for all shards.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Header {
+    /// How many shards there are.
+    pub shards: u32,
+    /// The config's path, as the first shard was given it: for messages.
+    pub config: String,
+    /// The hash of the config's text and of the values laid over it.
+    pub config_hash: String,
+    /// The values laid over it, each as a line of TOML.
+    pub overrides: Vec<String>,
+    /// The hash of each scene's content, in the config's order.
+    pub scenes: Vec<String>,
+    /// The hash of the kernels' files; none of those built in.
+    pub kernels: Option<String>,
+}
+
+/// The plan of an experiment in shards. It knows of no device: each kind that takes part measures all of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ShardPlan {
+    /// What must be the same for all.
+    #[serde(flatten)]
+    pub header: Header,
+    /// The points, for people: scene, size, strategy, local size.
+    pub points: Vec<String>,
+    /// The scene and size of each point, numbered.
+    pub cases: Vec<usize>,
+    /// The points in blocks, and which shard measures each.
+    pub blocks: Vec<Block>,
+    /// What each shard is expected to take, in milliseconds; a guess where nothing was measured before.
+    pub expected_ms: Vec<f64>,
+}
+
+impl ShardPlan {
+    /// That of a folder, or the one that `make` makes, which is written for the others. One of another plan is refused.
+    pub fn open(out: &Path, header: &Header, make: impl FnOnce() -> Result<Self>) -> Result<Self> {
+        if let Some(plan) = Self::read(out)? {
+            return plan.checked(header, out);
+        }
+        let plan = make()?;
+        let text = serde_json::to_vec(&plan).map_err(|error| Error::run(error.to_string()))?;
+        std::fs::create_dir_all(out)
+            .map_err(|error| Error::run(format!("cannot make {}: {error}", out.display())))?;
+        if write_new(&out.join(FILE), &text)? {
+            return Ok(plan);
+        }
+        // Another shard was first. Its blocks count: they may rest on other times.
+        let first =
+            Self::read(out)?.ok_or_else(|| Error::run(format!("{FILE} in {} is gone", out.display())))?;
+        first.checked(header, out)
+    }
+
+    /// That of a folder; none where it has none.
+    pub fn read(out: &Path) -> Result<Option<Self>> {
+        let path = path(out);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let unreadable = |error: &dyn std::fmt::Display| {
+            Error::input(format!("cannot read {}: {error}", path.display()))
+                .with_help("name a folder that `raycl run --shard` wrote, or another one with --out")
+        };
+        let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
+        serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
+    }
+
+    /// The blocks of a shard.
+    pub fn of_shard(&self, number: u32) -> Vec<Block> {
+        self.blocks.iter().filter(|block| block.shard == number).cloned().collect()
+    }
+
+    /// The block that a point is in as its own.
+    pub fn block_of(&self, point: usize) -> Option<&Block> {
+        self.blocks.iter().find(|block| block.points.contains(&point))
+    }
+
+    fn checked(self, wanted: &Header, out: &Path) -> Result<Self> {
+        let found = &self.header;
+        let count = |header: &Header| header.shards.to_string();
+        let differs = [
+            ("the number of shards", found.shards != wanted.shards, count(found), count(wanted)),
+            (
+                "the config or a value set in it",
+                found.config_hash != wanted.config_hash,
+                told(found),
+                told(wanted),
+            ),
+            ("a scene", found.scenes != wanted.scenes, few(&found.scenes), few(&wanted.scenes)),
+            (
+                "the kernels",
+                found.kernels != wanted.kernels,
+                format!("{:?}", found.kernels),
+                format!("{:?}", wanted.kernels),
+            ),
+        ];
+        let Some((what, _, there, here)) = differs.into_iter().find(|(_, differs, ..)| *differs) else {
+            return Ok(self);
+        };
+        let message =
+            format!("{} holds another plan: {what} differs, {there} there and {here} here", out.display());
+        Err(Error::input(message)
+            .with_help("give every shard the same command, or name another folder with --out"))
+    }
+}
+
+/// Where a folder has it.
+pub fn path(out: &Path) -> PathBuf {
+    out.join(FILE)
+}
+
+fn told(header: &Header) -> String {
+    let hash = header.config_hash.get(..8).unwrap_or_default();
+    let set = if header.overrides.is_empty() {
+        String::new()
+    } else {
+        format!(" with {}", header.overrides.join(", "))
+    };
+    format!("{}{set} (hash {hash})", header.config)
+}
+
+/// Scenes by the begins of their hashes.
+fn few(hashes: &[String]) -> String {
+    let begins: Vec<_> = hashes.iter().take(4).map(|hash| hash.get(..8).unwrap_or(hash)).collect();
+    format!("{} ({})", hashes.len(), begins.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header() -> Header {
+        Header {
+            shards: 4,
+            config: "x.toml".into(),
+            config_hash: "01234567".into(),
+            scenes: vec!["a".into()],
+            ..Header::default()
+        }
+    }
+
+    fn plan(expected_ms: f64) -> ShardPlan {
+        ShardPlan { header: header(), expected_ms: vec![expected_ms], ..ShardPlan::default() }
+    }
+
+    #[test]
+    fn the_first_shards_plan_counts_and_another_one_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let open = |header: &Header, ms| ShardPlan::open(&out, header, || Ok(plan(ms)));
+        assert_eq!(open(&header(), 1.0).unwrap(), plan(1.0));
+        assert_eq!(open(&header(), 2.0).unwrap(), plan(1.0));
+        for (other, what) in [
+            (Header { shards: 5, ..header() }, "the number of shards differs, 4 there and 5 here"),
+            (
+                Header { config_hash: "76543210".into(), ..header() },
+                "the config or a value set in it differs",
+            ),
+            (Header { scenes: vec!["b".into()], ..header() }, "a scene differs"),
+            (Header { kernels: Some("c".into()), ..header() }, "the kernels differs"),
+        ] {
+            let error = open(&other, 1.0).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains(what), "{error}");
+        }
+        let elsewhere = Header { config: "y.toml".into(), ..header() };
+        assert!(open(&elsewhere, 1.0).is_ok(), "a path decides nothing");
+    }
+
+    #[test]
+    fn of_shards_that_begin_at_once_one_writes_the_plan() {
+        let folder = tempfile::tempdir().unwrap();
+        let plans: Vec<ShardPlan> = std::thread::scope(|scope| {
+            let open = |number: u32| {
+                let out = folder.path();
+                scope.spawn(move || ShardPlan::open(out, &header(), || Ok(plan(f64::from(number)))).unwrap())
+            };
+            let threads: Vec<_> = (0..8).map(open).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert!(plans.iter().all(|plan| *plan == plans[0]), "{plans:?}");
+    }
+}

@@ -1,0 +1,183 @@
+//! A counter in an attempt's folder that goes on as long as its process lives: by it others tell an attempt that is at work from one that
+//! was killed, without comparing the clocks of two machines.
+
+use crate::error::{Error, Result};
+use crate::experiment::Observer;
+use crate::record::Record;
+use std::fs::File;
+use std::io::{Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// The file's name.
+const FILE: &str = "pulse";
+/// How often it beats.
+pub const BEAT: Duration = Duration::from_secs(1);
+/// How often an end is looked for.
+const LOOK_UP: Duration = Duration::from_millis(50);
+
+/// What the file says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Beat {
+    /// Beats so far, one a second.
+    pub beats: u64,
+    /// Beats since the last step.
+    pub quiet: u64,
+    /// Steps so far: checks begun, frames, points finished.
+    pub steps: u64,
+}
+
+impl Beat {
+    /// That of an attempt's folder; none where it never began.
+    pub fn read(folder: &Path) -> Option<Self> {
+        let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
+        let mut numbers = text.split_whitespace().map(|word| word.parse().ok());
+        Some(Self { beats: numbers.next()??, quiet: numbers.next()??, steps: numbers.next()?? })
+    }
+
+    fn after(self, steps: u64) -> Self {
+        let quiet = if steps == self.steps { self.quiet + 1 } else { 0 };
+        Self { beats: self.beats + 1, quiet, steps }
+    }
+
+    /// Of constant length, so that whoever reads meanwhile finds the old line or the new one.
+    fn line(self) -> String {
+        format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
+    }
+}
+
+/// Counts steps for whoever listens, and passes everything on.
+pub struct Steps<'a> {
+    steps: Arc<AtomicU64>,
+    listener: &'a mut dyn Observer,
+}
+
+/// Beats in a thread until dropped.
+pub struct Pulse {
+    steps: Arc<AtomicU64>,
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Pulse {
+    /// Begins to beat in an attempt's folder.
+    pub fn start(folder: &Path) -> Result<Self> {
+        let path = folder.join(FILE);
+        let mut file = File::create(&path)
+            .map_err(|error| Error::run(format!("cannot write {}: {error}", path.display())))?;
+        let (steps, ended) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+        let thread = {
+            let (steps, ended) = (Arc::clone(&steps), Arc::clone(&ended));
+            std::thread::spawn(move || {
+                let mut beat = Beat::default();
+                loop {
+                    // A beat that cannot be written is one that is missed.
+                    let _ =
+                        file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(beat.line().as_bytes()));
+                    if sleeps_through(BEAT, &ended) {
+                        return;
+                    }
+                    beat = beat.after(steps.load(Ordering::Relaxed));
+                }
+            })
+        };
+        Ok(Self { steps, ended, thread: Some(thread) })
+    }
+
+    /// An observer whose every call is a step.
+    pub fn listening<'a>(&self, listener: &'a mut dyn Observer) -> Steps<'a> {
+        Steps { steps: Arc::clone(&self.steps), listener }
+    }
+}
+
+/// Whether the end came meanwhile.
+fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
+    let mut left = time;
+    while !left.is_zero() && !ended.load(Ordering::Relaxed) {
+        let nap = left.min(LOOK_UP);
+        std::thread::sleep(nap);
+        left -= nap;
+    }
+    ended.load(Ordering::Relaxed)
+}
+
+impl Drop for Pulse {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+impl Steps<'_> {
+    fn step(&self) {
+        self.steps.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+impl Observer for Steps<'_> {
+    fn enters(&mut self, stage: &str) {
+        self.listener.enters(stage);
+    }
+
+    fn begins(&mut self, points: usize, steps: usize) {
+        self.listener.begins(points, steps);
+    }
+
+    fn resumes(&mut self, points: usize, steps: usize) {
+        self.listener.resumes(points, steps);
+    }
+
+    fn advances(&mut self, steps: usize) {
+        self.step();
+        self.listener.advances(steps);
+    }
+
+    fn works_on(&mut self, what: &str) {
+        self.step();
+        self.listener.works_on(what);
+    }
+
+    fn says(&mut self, line: &str) {
+        self.listener.says(line);
+    }
+
+    fn finished(&mut self, record: &Record) {
+        self.step();
+        self.listener.finished(record);
+    }
+
+    fn ends(&mut self) {
+        self.listener.ends();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_beat_counts_how_long_nothing_was_done() {
+        let first = Beat::default().after(3);
+        assert_eq!(first, Beat { beats: 1, quiet: 0, steps: 3 });
+        assert_eq!(first.after(3).after(3), Beat { beats: 3, quiet: 2, steps: 3 });
+        assert_eq!(first.after(3).after(4).quiet, 0);
+    }
+
+    #[test]
+    fn the_file_is_there_at_once_and_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Beat::read(folder.path()), None);
+        let pulse = Pulse::start(folder.path()).unwrap();
+        let mut nobody = ();
+        pulse.listening(&mut nobody).works_on("x");
+        let start = std::time::Instant::now();
+        while Beat::read(folder.path()).is_none_or(|beat| beat.steps == 0) {
+            assert!(start.elapsed() < Duration::from_secs(120), "no beat");
+            std::thread::sleep(LOOK_UP);
+        }
+        drop(pulse);
+    }
+}

@@ -1,0 +1,121 @@
+//! Scripts for Slurm, printed and never submitted: the shards, the merge, and the two lines that submit them.
+
+use crate::report::quote;
+use std::fmt::Write as _;
+use std::time::Duration;
+
+/// What the scripts are to do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wishes {
+    /// The experiment's name.
+    pub name: String,
+    /// How many shards.
+    pub shards: u32,
+    /// The command of a shard, without its number: the program, "run", the config, options.
+    pub command: Vec<String>,
+    /// The folder of results.
+    pub out: String,
+    /// Whether a shard needs a GPU, or processors for itself; none where no device is known here.
+    pub on_gpu: Option<bool>,
+    /// What the longest shard is expected to take, and whether that rests on earlier times.
+    pub longest: Duration,
+    /// Whether that rests on earlier times.
+    pub is_known: bool,
+}
+
+/// Elements of an array are started one after another, some seconds each; they are requeued singly. A step starts all at once.
+const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
+
+/// A shell script that writes both scripts and submits them.
+pub fn scripts(wishes: &Wishes) -> String {
+    let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
+    let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));
+    let is_array = wishes.longest >= WORTH_AN_ELEMENT || !wishes.is_known;
+    let how = if wishes.is_known { "by earlier times" } else { "a guess: nothing was measured before" };
+    let seconds = wishes.longest.as_secs();
+    let mut text = format!(
+        "# {n} shards; the longest takes about {seconds} s ({how}). The limit is twice that and ten minutes.\n\
+         cat >shards.sh <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}\n"
+    );
+    let tasks = if is_array {
+        format!("--array=1-{n}\n#SBATCH --ntasks=1")
+    } else {
+        format!("--ntasks={n}\n#SBATCH --ntasks-per-node=1")
+    };
+    let minutes = (2 * seconds).div_ceil(60) + 10;
+    let run = match is_array {
+        true => format!("exec {command} --shard auto/{n}"),
+        // A task that is lost must not take the others with it.
+        false => format!("exec srun --kill-on-bad-exit=0 {command} --shard auto"),
+    };
+    // A failure to write to a String is impossible, so the results are let go.
+    let _ = write!(
+        text,
+        "#SBATCH {tasks}\n{}#SBATCH --time={minutes}\n#SBATCH --requeue\n#SBATCH --open-mode=append\n{run}\nEND\n",
+        devices(wishes.on_gpu)
+    );
+    let _ = write!(
+        text,
+        "cat >merge.sh <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}-merge\n#SBATCH --ntasks=1\n#SBATCH --time=30\nexec raycl merge {out}\nEND\n\
+         job=$(sbatch --parsable shards.sh)\n\
+         sbatch --dependency=afterany:${{job%%;*}} merge.sh\n"
+    );
+    text
+}
+
+fn devices(on_gpu: Option<bool>) -> &'static str {
+    match on_gpu {
+        Some(true) => "#SBATCH --gres=gpu:1\n",
+        Some(false) => "#SBATCH --exclusive\n",
+        None => "#SBATCH --exclusive\n# for GPUs, instead of the line above: #SBATCH --gres=gpu:1\n",
+    }
+}
+
+/// A job's name is one word.
+fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wishes(seconds: u64, is_known: bool) -> Wishes {
+        Wishes {
+            name: "figure 6".into(),
+            shards: 16,
+            command: ["raycl", "run", "a b.toml", "--out", "o"].map(str::to_owned).to_vec(),
+            out: "o".into(),
+            on_gpu: Some(true),
+            longest: Duration::from_secs(seconds),
+            is_known,
+        }
+    }
+
+    #[test]
+    fn long_shards_are_an_array_and_short_ones_a_step() {
+        let long = scripts(&wishes(600, true));
+        for line in [
+            "#SBATCH --array=1-16",
+            "#SBATCH --time=30",
+            "#SBATCH --gres=gpu:1",
+            "#SBATCH --requeue",
+            "exec raycl run 'a b.toml' --out o --shard auto/16",
+        ] {
+            assert!(long.lines().any(|found| found == line), "{line}\n{long}");
+        }
+        let short = scripts(&wishes(20, true));
+        assert!(
+            short.contains("#SBATCH --ntasks=16")
+                && short.contains("exec srun --kill-on-bad-exit=0 raycl run"),
+            "{short}"
+        );
+        assert!(short.ends_with(
+            "job=$(sbatch --parsable shards.sh)\nsbatch --dependency=afterany:${job%%;*} merge.sh\n"
+        ));
+        assert!(scripts(&wishes(1, false)).contains("--array"), "what is not known may be long");
+        assert!(
+            scripts(&Wishes { on_gpu: Some(false), ..wishes(1, true) }).contains("#SBATCH --exclusive\n")
+        );
+    }
+}

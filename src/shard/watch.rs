@@ -1,0 +1,163 @@
+//! Whether what started this process still lives. A scheduler that lost a step never looks for its processes again; one that went on
+//! would measure beside its successor, for nobody.
+
+use super::{Attempt, End};
+use std::time::Duration;
+
+/// How often it is looked for.
+const LOOK_UP: Duration = Duration::from_millis(500);
+/// Programs that start others on a machine for a launcher: what lies between one and this process may be shells.
+const LAUNCHERS: [&str; 12] = [
+    "slurmstepd",
+    "orted",
+    "prted",
+    "prte",
+    "mpirun",
+    "mpiexec",
+    "orterun",
+    "prterun",
+    "hydra_pmi_proxy",
+    "mpiexec.hydra",
+    "pmi_proxy",
+    "hq",
+];
+
+/// Watches in a thread for as long as the process lives. Where the launcher is lost that is written down in the attempt's folder, and the
+/// process ends with exit code 1; its workers end with it, and the point under way stays unmeasured. Whoever was not started by a
+/// launcher is not watched: a shell may end before what it left running.
+pub fn watch_launcher(attempt: &Attempt) {
+    let (chain, attempt) = (Chain::of_this_process(), attempt.clone());
+    if chain.is_empty() {
+        return;
+    }
+    std::thread::spawn(move || {
+        loop {
+            std::thread::sleep(LOOK_UP);
+            if let Some(lost) = chain.lost() {
+                // Where not even that can be written there is nobody to tell.
+                let _ = attempt.ended(&End::LauncherLost(lost.clone()));
+                eprintln_if_heard(&format!("launcher lost: {lost}"));
+                std::process::exit(1);
+            }
+        }
+    });
+}
+
+/// Standard error may be a pipe that the launcher had.
+fn eprintln_if_heard(line: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// A process, told from a later one of the same number by when it began.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Process {
+    id: u32,
+    name: String,
+    parent: u32,
+    began: String,
+}
+
+/// The processes from this one's parent up to the launcher.
+#[derive(Clone, Debug, Default)]
+struct Chain(Vec<Process>);
+
+impl Chain {
+    fn of_this_process() -> Self {
+        Self::from(parent(), &read)
+    }
+
+    /// Empty where none of them is a launcher.
+    fn from(mut id: u32, read: &dyn Fn(u32) -> Option<Process>) -> Self {
+        let mut chain = Vec::new();
+        while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
+            id = process.parent;
+            let is_launcher = LAUNCHERS.contains(&process.name.as_str());
+            chain.push(process);
+            if is_launcher {
+                return Self(chain);
+            }
+        }
+        Self::default()
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Which of them is gone.
+    fn lost(&self) -> Option<String> {
+        self.lost_by(&read)
+    }
+
+    fn lost_by(&self, read: &dyn Fn(u32) -> Option<Process>) -> Option<String> {
+        let lives = |process: &&Process| read(process.id).is_some_and(|found| found.began == process.began);
+        let gone = self.0.iter().find(|process| !lives(process))?;
+        Some(format!("{} (process {}) has ended", gone.name, gone.id))
+    }
+}
+
+#[cfg(unix)]
+fn parent() -> u32 {
+    std::os::unix::process::parent_id()
+}
+
+#[cfg(not(unix))]
+fn parent() -> u32 {
+    0
+}
+
+/// What Linux tells of a process; one that has ended and that nobody has asked for is gone, too. Other systems tell nothing.
+fn read(id: u32) -> Option<Process> {
+    parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
+}
+
+/// `proc(5)`: number, name in brackets, state, parent, ..., and in the 22nd place when it began.
+fn parse(id: u32, stat: &str) -> Option<Process> {
+    let (before, after) = stat.rsplit_once(')')?;
+    let name = before.split_once('(')?.1.to_owned();
+    let fields: Vec<&str> = after.split_whitespace().collect();
+    let is_gone = matches!(*fields.first()?, "Z" | "X");
+    let process =
+        Process { id, name, parent: fields.get(1)?.parse().ok()?, began: (*fields.get(19)?).to_owned() };
+    (!is_gone).then_some(process)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn process(id: u32, name: &str, parent: u32, began: &str) -> Process {
+        Process { id, name: name.into(), parent, began: began.into() }
+    }
+
+    #[test]
+    fn the_chain_goes_up_to_the_launcher_and_is_empty_without_one() {
+        let table = [
+            process(9, "bash", 7, "3"),
+            process(7, "slurmstepd", 1, "2"),
+            process(20, "bash", 19, "5"),
+            process(19, "sshd", 1, "4"),
+        ];
+        let read = |id: u32| table.iter().find(|process| process.id == id).cloned();
+        let chain = Chain::from(9, &read);
+        assert_eq!(chain.0.len(), 2);
+        assert!(Chain::from(20, &read).is_empty(), "a shell is no launcher");
+        assert_eq!(chain.lost_by(&read), None);
+        let without = |id: u32| read(id).filter(|process| process.id != 7);
+        assert_eq!(chain.lost_by(&without).as_deref(), Some("slurmstepd (process 7) has ended"));
+        let another = |id: u32| read(id).map(|process| Process { began: "99".into(), ..process });
+        assert!(chain.lost_by(&another).is_some(), "a number that was given again");
+    }
+
+    #[test]
+    fn what_linux_tells_is_read_and_a_zombie_is_gone() {
+        let fields = "1 1 1 0 -1 0 0 0 0 0 0 0 0 0 20 0 1 0 777 0";
+        let stat = |state: &str| format!("42 (a (b) c) {state} 7 {fields}");
+        let found = parse(42, &stat("S")).expect("a process");
+        assert_eq!((found.name.as_str(), found.parent), ("a (b) c", 7));
+        assert_eq!(parse(42, &stat("Z")), None);
+        #[cfg(target_os = "linux")]
+        assert_eq!(read(std::process::id()).expect("this process").parent, parent());
+    }
+}

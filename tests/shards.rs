@@ -1,0 +1,492 @@
+//! One experiment in shards: whatever starts the processes and whatever becomes of them, what is put together is what one run would have
+//! found. Most of it is done asleep: frames that cast nothing and take a known time.
+
+use crate::binary::{Place, device, has, repository, run, until};
+use crate::common::is_long;
+use raycl::record::{PlannedPoint, Record, Sample, read_lines};
+use raycl::shard::{About, Attempt, Block, End, Header, Kind, KindPoint, ShardPlan, cut};
+use rustix::process::{Pid, Signal, kill_process};
+use std::collections::{BTreeMap, HashSet};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+/// Points of the config: strategies, local sizes, image sizes.
+const POINTS: usize = 2 * 3 * 2;
+
+/// A config, and the folder that its shards write to.
+struct Ground {
+    place: Place,
+}
+
+impl Ground {
+    fn new() -> Self {
+        let scene = repository("scenes/triangle.toml");
+        let text = format!(
+            "question = \"?\"\nexpectation = \"!\"\nscenes = [{scene:?}]\nimage_sizes = [[40, 25], [24, 15]]\n\
+             local_sizes = [2, 4, 8]\nstrategies = [\"naive\", \"deferred\"]\n\
+             [timing]\nlaunches = 2\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n"
+        );
+        Self { place: Place::with(&[("test.toml", &text)]) }
+    }
+
+    fn command(&self, shard: &str, frame_ms: &str, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+        command.args(["run", "test.toml", "--out", "out", "--shard", shard, "--quiet"]);
+        if !frame_ms.is_empty() {
+            command.args(["--asleep", frame_ms]);
+        }
+        command.args(more).current_dir(self.place.path("")).env("RAYCL_LOCK_DIR", self.place.path(".locks"));
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        for name in [
+            "SLURM_JOB_ID",
+            "SLURMD_NODENAME",
+            "SLURM_RESTART_COUNT",
+            "GITHUB_RUN_ID",
+            "GITHUB_RUN_ATTEMPT",
+            "CI_JOB_ID",
+        ] {
+            command.env_remove(name);
+        }
+        command
+    }
+
+    fn shard(&self, shard: &str) {
+        succeeds(run(&mut self.command(shard, "1", &[])));
+    }
+
+    fn merge(&self) -> String {
+        self.place.output(&["merge", "out"])
+    }
+
+    fn attempts(&self) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(self.place.path("out/parts")).into_iter().flatten().flatten();
+        let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        folders.sort();
+        folders
+    }
+
+    fn records(&self, file: &str) -> Vec<Record> {
+        read_lines(&self.place.path(file)).expect("records").lines
+    }
+
+    /// Every point has one record, every sample of it is there once, and none else.
+    fn is_whole(&self) {
+        let records = self.records("out/records.jsonl");
+        let keys: HashSet<_> = records.iter().map(|record| record.key.clone()).collect();
+        assert_eq!((records.len(), keys.len()), (POINTS, POINTS));
+        let samples = read_lines::<Sample>(&self.place.path("out/samples.jsonl")).expect("samples").lines;
+        let mut by_key: BTreeMap<String, Vec<(u32, u64)>> = BTreeMap::new();
+        for sample in &samples {
+            by_key.entry(sample.key.clone()).or_default().push((sample.launch, sample.ms.to_bits()));
+        }
+        for record in records {
+            let times = record.samples_ms.iter().map(|ms| ms.to_bits());
+            let mut own: Vec<_> = record.sample_launches.iter().copied().zip(times).collect();
+            own.sort_unstable();
+            let mut found = by_key.remove(&record.key).unwrap_or_default();
+            found.sort_unstable();
+            assert_eq!(own, found, "{} {:?}", record.name, record.local_size);
+        }
+        assert!(by_key.is_empty(), "{by_key:?}");
+    }
+}
+
+#[track_caller]
+fn succeeds(output: Output) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{:?}: {said}", output.status);
+}
+
+fn kill(process: u32) {
+    let process = Pid::from_raw(process as i32).expect("a process has a number");
+    let _ = kill_process(process, Signal::KILL);
+}
+
+/// Every file of a folder with its bytes, but those that are never the same: the report, whose script has a random name, and its hash.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
+    let same =
+        |path: &PathBuf| path.is_file() && !path.ends_with("report.html") && !path.ends_with("raycl.b3sum");
+    entries.filter(same).map(|path| (path.clone(), std::fs::read(path).expect("a file"))).collect()
+}
+
+#[test]
+fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() {
+    let ground = Ground::new();
+    (1..=3).for_each(|shard| ground.shard(&format!("{shard}/3")));
+    let said = ground.merge();
+    has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
+    ground.is_whole();
+    // Two groups in three shards: one is cut, and its pieces share a control point.
+    let controls = ground.records("out/controls.jsonl");
+    assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
+    let records = ground.records("out/records.jsonl");
+    assert!(records.iter().all(|record| record.host.is_some() && record.attempt.is_some()));
+    let before = files(&ground.place.path("out"));
+    ground.merge();
+    assert!(before == files(&ground.place.path("out")), "the second merge changed something");
+    has(&ground.place.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
+}
+
+#[test]
+fn what_is_missing_is_named_with_the_command_that_measures_it() {
+    let ground = Ground::new();
+    ground.shard("1/2");
+    let said = ground.place.mistake(&["merge", "out", "--quiet"], 1);
+    has(
+        &said,
+        &[
+            "points are missing",
+            "of shards 2",
+            "raycl run test.toml --out out --quiet --asleep 1 --shard 2/2",
+        ],
+    );
+    let line = said.lines().find(|line| line.trim_start().starts_with("raycl run")).expect("a command");
+    let words: Vec<&str> = line.split_whitespace().skip(1).collect();
+    ground.place.output(&words);
+    ground.merge();
+    ground.is_whole();
+}
+
+#[test]
+fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
+    let ground = Ground::new();
+    let mut first = ground.command("1/1", "20", &[]).spawn().expect("it starts");
+    until("a group is done", || {
+        ground.attempts().first().is_some_and(|attempt| lines(&attempt.join("records.jsonl")) > 0)
+    });
+    until("the next group has begun", || lines(&ground.attempts()[0].join("samples.jsonl")) > 93);
+    kill(first.id());
+    first.wait().expect("it has ended");
+    let before = files(&ground.attempts()[0]);
+    has(
+        &ground.place.output(&["merge", "out", "--status", "--between", "2"]),
+        &["lost: its counter stands still"],
+    );
+    has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
+    succeeds(run(&mut ground.command("1/1", "20", &[])));
+    assert!(before == files(&ground.attempts()[0]), "the first attempt's folder was written to");
+    let records = |attempt: usize| lines(&ground.attempts()[attempt].join("records.jsonl"));
+    assert_eq!(records(0) + records(1), POINTS, "no point was measured twice");
+    ground.merge();
+    ground.is_whole();
+}
+
+/// Whole lines of a file that may not be there yet.
+fn lines(path: &Path) -> usize {
+    std::fs::read(path).map_or(0, |bytes| bytes.iter().filter(|byte| **byte == b'\n').count())
+}
+
+#[test]
+fn two_attempts_at_once_are_both_seen_and_counted_once() {
+    let ground = Ground::new();
+    let both: Vec<Child> =
+        (0..2).map(|_| ground.command("1/1", "5", &[]).spawn().expect("it starts")).collect();
+    both.into_iter().for_each(|child| succeeds(crate::binary::finish(child)));
+    assert_eq!(ground.attempts().len(), 2);
+    has(&ground.merge(), &["12 points were measured by several attempts", "120 samples stay in their parts"]);
+    ground.is_whole();
+}
+
+#[test]
+fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
+    let ground = Ground::new();
+    ground.shard("1/2");
+    let refused = |arguments: &[&str]| ground.place.mistake(arguments, 2);
+    let shard = ["run", "test.toml", "--out", "out", "--asleep", "1", "--shard"];
+    has(&refused(&[&shard[..], &["1/3"]].concat()), &["the number of shards differs, 2 there and 3 here"]);
+    let other = [&shard[..], &["1/2", "--set", "timing.seed=7"]].concat();
+    has(&refused(&other), &["the config or a value set in it differs", "timing.seed = 7"]);
+    has(
+        &refused(&["run", "test.toml", "--out", "out", "--asleep", "1"]),
+        &["holds an experiment in 2 shards"],
+    );
+    has(&refused(&["merge", "elsewhere"]), &["holds no experiment in shards"]);
+    ground.place.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);
+    has(
+        &refused(&["run", "test.toml", "--out", "whole", "--asleep", "1", "--shard", "1/2"]),
+        &["holds results of a run that had no shards"],
+    );
+}
+
+#[test]
+fn launchers_and_a_shell_loop_make_the_same_shards() {
+    let ground = Ground::new();
+    let loops = Ground::new();
+    let plan = |ground: &Ground, attempt: usize| {
+        std::fs::read_to_string(ground.attempts()[attempt].join("plan.json")).expect("a plan")
+    };
+    for rank in 0..4 {
+        let mut command = ground.command("auto", "0.1", &[]);
+        command.env("OMPI_COMM_WORLD_RANK", rank.to_string()).env("OMPI_COMM_WORLD_SIZE", "4");
+        succeeds(run(&mut command));
+        succeeds(run(&mut loops.command(&format!("{}/4", rank + 1), "0.1", &[])));
+        assert_eq!(plan(&ground, rank), plan(&loops, rank));
+    }
+    let output = run(&mut ground.command("auto", "1", &[]));
+    assert_eq!(output.status.code(), Some(2));
+    has(
+        &String::from_utf8_lossy(&output.stderr),
+        &["no launcher numbered this process", "JOB_COMPLETION_INDEX"],
+    );
+}
+
+/// A program under a launcher's name starts the shard and is killed.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_lost_launcher_ends_the_attempt_and_its_worker() {
+    let ground = Ground::new();
+    let launcher = ground.place.path("slurmstepd");
+    std::fs::copy("/bin/sh", &launcher).expect("a shell");
+    let raycl = format!(
+        "{} run test.toml --out out --shard 1/1 --quiet --asleep 2000; true",
+        env!("CARGO_BIN_EXE_raycl")
+    );
+    let mut command = Command::new(&launcher);
+    command.args(["-c", &raycl]).current_dir(ground.place.path("")).stdin(Stdio::null());
+    let mut launcher = command.spawn().expect("it starts");
+    until("a worker is at work", || {
+        ground.attempts().first().is_some_and(|attempt| !workers(attempt).is_empty())
+    });
+    let attempt = ground.attempts().remove(0);
+    let workers = workers(&attempt);
+    kill(launcher.id());
+    launcher.wait().expect("it has ended");
+    until("the attempt says that its launcher is lost", || {
+        std::fs::read_to_string(attempt.join("end.json")).is_ok_and(|end| end.contains("launcher-lost"))
+    });
+    until("its worker is gone", || workers.iter().all(|process| !lives(process)));
+    assert_eq!(lines(&attempt.join("records.jsonl")), 0, "the point under way stays unmeasured");
+    has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["12 points are missing"]);
+    has(&ground.place.output(&["merge", "out", "--status"]), &["launcher lost: slurmstepd"]);
+}
+
+/// The workers of an attempt's process.
+#[cfg(target_os = "linux")]
+fn workers(attempt: &Path) -> Vec<String> {
+    let about = std::fs::read_to_string(attempt.join("attempt.json")).unwrap_or_default();
+    let about: serde_json::Value = serde_json::from_str(&about).unwrap_or_default();
+    let process = about["process"].as_u64().unwrap_or(0);
+    let children =
+        std::fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap_or_default();
+    children.split_whitespace().map(str::to_owned).collect()
+}
+
+#[cfg(target_os = "linux")]
+fn lives(process: &String) -> bool {
+    std::fs::read_to_string(format!("/proc/{process}/stat")).is_ok_and(|stat| !stat.contains(") Z "))
+}
+
+#[test]
+fn a_device_of_one_compute_unit_and_the_same_of_two_are_two_kinds() {
+    let ground = Ground::new();
+    for threads in ["1", "2"] {
+        for shard in ["1/2", "2/2"] {
+            let mut command = ground.command(
+                shard,
+                "",
+                &["--device", &device(), "--set", "strategies=['naive']", "--set", "local_sizes=[4]"],
+            );
+            command.env("POCL_CPU_MAX_CU_COUNT", threads).env("POCL_MAX_PTHREAD_COUNT", threads);
+            succeeds(run(&mut command));
+        }
+    }
+    ground.merge();
+    let records = ground.records("out/records.jsonl");
+    let keys: HashSet<_> = records.iter().map(|record| &record.key).collect();
+    assert_eq!((records.len(), keys.len()), (4, 4));
+    has(&ground.place.text("out/summary.md"), &["1 compute units", "2 compute units"]);
+}
+
+#[test]
+fn slurm_scripts_are_printed_and_none_submitted() {
+    let ground = Ground::new();
+    let said =
+        ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "16", "--device", "h200"]);
+    has(
+        &said,
+        &[
+            "#SBATCH --array=1-16",
+            "#SBATCH --gres=gpu:1",
+            "--out out --device h200 --shard auto/16",
+            "raycl merge out",
+            "afterany",
+        ],
+    );
+    let said = ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "4", "--device", "cpu"]);
+    has(&said, &["#SBATCH --exclusive"]);
+    assert!(!ground.place.path("out").exists(), "nothing was written");
+}
+
+/// The pages for Kubernetes and CIs are YAML that says what the text says.
+#[test]
+fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() {
+    let text = std::fs::read_to_string(repository("docs/clusters.md")).expect("the page");
+    let blocks: Vec<&str> =
+        text.split("```yaml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    let read = |text: &&str| yaml_rust2::YamlLoader::load_from_str(text).expect("YAML").remove(0);
+    let [job, github, gitlab] = &blocks.iter().map(read).collect::<Vec<_>>()[..] else {
+        panic!("three pages")
+    };
+    let spec = &job["spec"];
+    let words: Vec<&str> = spec["template"]["spec"]["containers"][0]["command"]
+        .as_vec()
+        .expect("words")
+        .iter()
+        .filter_map(yaml_rust2::Yaml::as_str)
+        .collect();
+    assert_eq!((spec["completionMode"].as_str(), spec["completions"].as_i64()), (Some("Indexed"), Some(16)));
+    assert!(words.join(" ").contains("--shard auto/16") && words[0] == "raycl", "{words:?}");
+    let shards = github["jobs"]["shard"]["strategy"]["matrix"]["shard"].as_vec().expect("a matrix").len();
+    let steps = github["jobs"]["shard"]["steps"].as_vec().expect("steps");
+    let run = steps
+        .iter()
+        .filter_map(|step| step["run"].as_str())
+        .find(|run| run.contains("--shard"))
+        .expect("a shard");
+    assert!(run.contains(&format!("/{shards} ")), "{run}");
+    assert_eq!(gitlab["shard"]["parallel"].as_i64(), Some(4));
+    assert!(gitlab["shard"]["script"][1].as_str().is_some_and(|line| line.contains("--shard auto ")));
+    // Their options are this program's.
+    for option in ["--shard", "--out", "--device"] {
+        has(&Ground::new().place.output(&["run", "--help"]), &[option]);
+    }
+}
+
+/// A sweep of many points in many shards, as if it had been measured: recorded times, under other names, in attempts' folders.
+struct Replay {
+    points: usize,
+    shards: u32,
+    /// Points of one scene and size.
+    group: usize,
+}
+
+impl Replay {
+    /// Recorded points, over and over, each with a key and names of its own and ten samples in two launches.
+    fn record(&self, recorded: &[Record], point: usize) -> Record {
+        let mut record = recorded[point % recorded.len()].clone();
+        record.key = format!("{point:032x}");
+        record.scene = format!("scene-{}", point / self.group);
+        record.scene_hash = Some(record.scene.clone());
+        record.name = format!("strategy-{}", (point % self.group) / 8);
+        record.preset = None;
+        record.local_size = Some([1 << (point % 8), 1]);
+        let median = record.median_ms.expect("a time");
+        record.samples_ms = (0..10).map(|place| median * (1.0 + 0.001 * f64::from(place * 7 % 10))).collect();
+        record.sample_launches = (0..10).map(|place| place / 5).collect();
+        record.samples_at_ms = (0..10).map(|place| f64::from(place % 5)).collect();
+        record
+    }
+
+    /// Writes the plan, the kind of device and every shard's attempt.
+    fn write(&self, out: &Path) {
+        let file = repository("docs/results/2026-11-20-h200/figure-8/records.jsonl");
+        let recorded: Vec<Record> = read_lines::<Record>(&file).expect("recorded times").lines;
+        let recorded: Vec<Record> = recorded
+            .into_iter()
+            .filter(|record| record.median_ms.is_some() && record.device != "host")
+            .collect();
+        let places: Vec<usize> = (0..self.points).collect();
+        let records: Vec<Record> = places.iter().map(|point| self.record(&recorded, *point)).collect();
+        let cost = |point: &usize| (*point, records[*point].median_ms.expect("a time"));
+        let groups: Vec<Vec<(usize, f64)>> =
+            places.chunks(self.group).map(|group| group.iter().map(cost).collect()).collect();
+        let plan = ShardPlan {
+            header: Header { shards: self.shards, ..Header::default() },
+            points: records.iter().map(|record| record.name.clone()).collect(),
+            cases: places.iter().map(|point| point / self.group).collect(),
+            blocks: cut(&groups, self.shards),
+            expected_ms: Vec::new(),
+        };
+        ShardPlan::open(out, &plan.header.clone(), || Ok(plan.clone())).expect("a plan");
+        let kind = Kind {
+            device: recorded[0].device.clone(),
+            identity: "recorded".to_owned(),
+            points: records
+                .iter()
+                .enumerate()
+                .map(|(point, record)| KindPoint { point, planned: PlannedPoint::of(record) })
+                .collect(),
+        };
+        kind.write(&Kind::file(out, &kind.device, &kind.identity)).expect("a kind");
+        for shard in 1..=self.shards {
+            let about =
+                About { shard, of: self.shards, host: format!("n{}", shard % 16), ..About::default() };
+            let attempt = Attempt::begin(out, &about).expect("an attempt");
+            Self::write_attempt(&attempt, &about, &plan.of_shard(shard), &records);
+        }
+    }
+
+    fn write_attempt(attempt: &Attempt, about: &About, blocks: &[Block], records: &[Record]) {
+        let mut files = [String::new(), String::new(), String::new()];
+        for (number, block) in blocks.iter().enumerate() {
+            let borrowed = block.control.filter(|_| block.borrows_control());
+            for place in block.points.iter().chain(&borrowed) {
+                let mut record = records[*place].clone();
+                record.sample_launches.iter_mut().for_each(|launch| *launch += 2 * number as u32);
+                record.control = block.control.map(|control| records[control].key.clone());
+                (record.block, record.host) = (Some(block.number), Some(about.host.clone()));
+                record.is_control = borrowed == Some(*place);
+                for (round, ms) in record.samples_ms.iter().enumerate() {
+                    let (key, launch) = (record.key.clone(), record.sample_launches[round]);
+                    let sample =
+                        Sample { key, launch, round: round as u32 % 5, ms: *ms, ..Sample::default() };
+                    files[1] += &(serde_json::to_string(&sample).expect("JSON") + "\n");
+                }
+                files[if record.is_control { 2 } else { 0 }] +=
+                    &(serde_json::to_string(&record).expect("JSON") + "\n");
+            }
+        }
+        for (name, text) in ["records.jsonl", "samples.jsonl", "controls.jsonl"].into_iter().zip(files) {
+            std::fs::write(attempt.folder.join(name), text).expect("a file");
+        }
+        attempt.ended(&End::Done).expect("an end");
+    }
+}
+
+/// The most memory that a process has held so far, in MB; 0 where the system does not tell.
+fn held_mb(process: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1024
+}
+
+#[test]
+fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
+    let replay = match is_long() {
+        true => Replay { points: 10_000, shards: 256, group: 500 },
+        false => Replay { points: 600, shards: 32, group: 200 },
+    };
+    let place = Place::new();
+    replay.write(&place.path("out"));
+    let start = std::time::Instant::now();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    command
+        .args(["merge", "out", "--quiet"])
+        .current_dir(place.path(""))
+        .stdin(Stdio::null())
+        .stderr(Stdio::piped());
+    let child = command.spawn().expect("it starts");
+    let process = child.id();
+    let watch = std::thread::spawn(move || {
+        let mut most_mb = 0;
+        while let held @ 1.. = held_mb(process) {
+            most_mb = most_mb.max(held);
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        most_mb
+    });
+    succeeds(crate::binary::finish(child));
+    let most_mb = watch.join().expect("the most that it held");
+    println!(
+        "{} points in {} shards: merged and reported in {:.1} s, {most_mb} MB",
+        replay.points,
+        replay.shards,
+        start.elapsed().as_secs_f64()
+    );
+    let records: Vec<Record> = read_lines(&place.path("out/records.jsonl")).expect("records").lines;
+    assert_eq!(records.len(), replay.points);
+    let samples = read_lines::<Sample>(&place.path("out/samples.jsonl")).expect("samples").lines;
+    assert_eq!(samples.len(), 10 * replay.points);
+    assert!(place.path("out/report.html").exists());
+}
