@@ -53,7 +53,7 @@ lint: setup ## check format and lints, as CI does
 	cargo clippy --all-targets --locked -- -D warnings
 	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
 
-figures: build ## make the figures of README.md, docs/paper.md and docs/performance.md of the stored records
+figures: build ## make the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
 	$(RAYCL) figures
 
 bench: build ## measure the fast strategies

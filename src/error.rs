@@ -45,7 +45,7 @@ pub enum Error {
 }
 
 /// The remedy of a mistake that has none of its own.
-const GENERAL: &str = "`raycl help COMMAND` says what a command takes, docs/ what its files hold";
+const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, docs/ its files";
 /// That of a run which could not go on.
 const AGAIN: &str = "run it again; `raycl devices` says whether the devices are still there";
 /// That of a run which the user ended.

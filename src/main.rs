@@ -28,7 +28,7 @@ fn limit_threads() {
     }
 }
 
-/// Wraps an error's lines for a terminal only: who searches a log for a message finds it in one line.
+/// Wraps an error's lines for a terminal only: in a log, a message stays in one line and can be searched for.
 fn keep_lines_whole() {
     if std::io::stderr().is_terminal() {
         return;

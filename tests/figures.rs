@@ -1,4 +1,4 @@
-//! Every number in README.md, docs/paper.md and docs/performance.md is what the stored records say, and a change of any is
+//! Every number in README.md, docs/kernels.md, docs/paper.md and docs/performance.md is what the stored records say, and a change of any is
 //! noticed. The records, docs/results, are in the repository and not in the package.
 
 use raycl::documents::{DOCUMENTS, Difference, Documents};

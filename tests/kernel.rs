@@ -175,7 +175,7 @@ fn sizes_are_those_of_the_scene_and_the_local_size() {
 #[test]
 fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
     let (place, file) = (Place::new(), "cast/intersect/moller_trumbore.cl");
-    let folder = place.kernels(file, "// Of a ray", "// Quite another comment:\n\n  // Of a ray");
+    let folder = place.kernels(file, "// This test", "// Quite another comment:\n\n  // This test");
     let of = |arguments: &[&str]| place.output(&[&["kernel", "naive", "--canonical"], arguments].concat());
     assert_eq!(of(&[]), of(&["--cl-dir", &folder]));
     assert_ne!(of(&[]), of(&["--local-size", "4x4"]));

@@ -1,11 +1,11 @@
-//! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as docs/kernels.md tells.
+//! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as docs/own-kernels.md tells.
 
 use crate::binary::{Place, TRIANGLE, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
 use raycl::strategy::{Records, Strategy, preset};
 use serde_json::Value;
 
-/// The example of docs/kernels.md: one file, `cast/intersect/baldwin_weber.cl`.
+/// The example of docs/own-kernels.md: one file, `cast/intersect/baldwin_weber.cl`.
 fn example() -> String {
     repository("docs/kernels").to_str().expect("UTF-8").to_owned()
 }

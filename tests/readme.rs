@@ -1,4 +1,5 @@
-//! What README.md and docs/scenes.md show must work: their TOML loads, and their command lines parse.
+//! README.md, docs/scenes.md and docs/kernels.md show only what works: TOML that loads, command lines that parse, and lines that
+//! stand in the kernels.
 
 use clap::Parser as _;
 use raycl::cli::Cli;
@@ -97,4 +98,20 @@ fn every_command_line_parses_and_names_files_that_are_there() {
         }
     }
     assert!(seen >= 10, "only {seen} command lines");
+}
+
+#[test]
+fn the_lines_that_the_kernels_page_quotes_stand_in_their_files() {
+    let page = fs::read_to_string(repository().join("docs/kernels.md")).expect("a page");
+    let quotes: Vec<_> =
+        page.split("\n```c cl/").skip(1).filter_map(|quote| quote.split_once('\n')).collect();
+    assert!(quotes.len() > 10, "{} quotes", quotes.len());
+    for (file, rest) in quotes {
+        let body = rest.split("\n```").next().unwrap_or_default();
+        let source = fs::read_to_string(repository().join("cl").join(file)).expect("a kernel file");
+        let mut lines = source.lines().map(str::trim);
+        for quoted in body.lines().map(str::trim).filter(|line| *line != "...") {
+            assert!(lines.any(|line| line == quoted), "cl/{file} has no line, or not there: {quoted}");
+        }
+    }
 }

@@ -22,9 +22,11 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
+    // Node 0 is the root. The stack holds children still to be visited, the nearest on top.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
+            // A leaf: its triangles lie side by side in leaf order.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++) {
 #if RECORDS_ONCE
@@ -36,21 +38,25 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 Hit hit;
 #if ANY_HIT
                 const Vec3 to_light = working_get(working, TO_LIGHT);
+                // Off the surface by the bias, so that the triangle just hit does not shadow itself.
                 const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
                 if (intersect(&probe, start, to_light, row, t_max, &hit)) open &= !hit.lanes;
 #else
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
+                // Lanes of a packet that are outside the image are carried along, but keep no hit.
                 const Mask nearer = wanted & hit.lanes;
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, place);
                 nearest->t = SELECT(nearer, hit.t, nearest->t);
                 nearest->triangle = SELECT(nearer, (varying_int)(triangle), nearest->triangle);
+                // With shading = eager, shading happens here, at every improvement; with deferred, this does nothing.
                 on_nearer_hit(working, scene, triangle, &hit, nearer);
 #endif
             }
 #if ANY_HIT
+            // All shadow rays of this work-item are blocked.
             if (!ANY(open)) break;
 #endif
         } else {
@@ -59,6 +65,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         // The nearest child that can still hold a nearer hit.
 #if !ANY_HIT
         const varying reach = REACH;
+        // Boxes entered behind the nearest hits found meanwhile are dropped unopened.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

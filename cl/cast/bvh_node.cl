@@ -1,6 +1,6 @@
 // Which children of a node rays meet. The tests err towards a hit.
 
-// The reciprocals of a direction; where a component is nearly zero, of something small.
+// The reciprocal of a component; where the component is nearly zero, the reciprocal of a small number.
 varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
 }
@@ -25,6 +25,7 @@ typedef struct {
 // Puts a child onto the stack, below those of its node (above `below`) that are entered earlier. Returns the new height.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
+    // Insertion sort: children that are entered earlier move up, so that the nearest ends on top.
     for (; place > below && stack[place - 1].entry < entry; place--) stack[place] = stack[place - 1];
     stack[place].word = word;
     stack[place].entry = entry;
@@ -32,8 +33,8 @@ int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
 }
 
 #if WIDTH == 1
-// One ray tests all children at once, a lane each; a node is read before anything is done with it, in as few pieces as a
-// device can.
+// One ray tests all children at once, a lane each. A node is loaded whole before its first use, in as few loads as the
+// device allows.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2
@@ -61,10 +62,12 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
     const int below = waiting;
     for (int first = 0; first < NODE_WIDTH; first += CHILD_LANES) {
         const __global float *box = node + first;
+        // The slab test (Kay and Kajiya 1986), a lane per child: t at both sides of each axis.
         const BoxLanes x0 = pass_sides(box, o.x, per.x), x1 = pass_sides(box + NODE_WIDTH, o.x, per.x);
         const BoxLanes y0 = pass_sides(box + 2 * NODE_WIDTH, o.y, per.y), y1 = pass_sides(box + 3 * NODE_WIDTH, o.y, per.y);
         const BoxLanes z0 = pass_sides(box + 4 * NODE_WIDTH, o.z, per.z), z1 = pass_sides(box + 5 * NODE_WIDTH, o.z, per.z);
         EachBox entry, leave, word;
+        // A ray is in the box after the last entry and before the first exit.
         entry.all = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (BoxLanes)(0.0f)));
         leave.all = min(min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * OUTWARDS, (BoxLanes)(reach));
         word.all = *(const __global BoxLanes *)(box + CHILD_ROW);
@@ -79,6 +82,7 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
 // Lanes whose ray meets a child's box nearer than reach, and where it enters.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
+    // The slab test (Kay and Kajiya 1986), a lane per ray: t at both sides of each axis.
     const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
     const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
     const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;
@@ -91,6 +95,7 @@ Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, 
 // The least of the lanes that are set.
 float least_of(varying values, Mask mask) {
     Lanes lanes;
+    // The packet visits a child when its first ray comes to it.
     lanes.all = SELECT(mask, values, (varying)(FAR));
     float least = lanes.each[0];
     for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);
@@ -103,6 +108,7 @@ int push_met_children(const BoxProbe *probe, const __global float *node, varying
     for (int child = 0; child < NODE_WIDTH; child++) {
         varying entry;
         const Mask met = enter_box(probe, node + child, reach, &entry);
+        // One ray that meets the box takes the whole packet along.
         if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
     }
     return waiting;

@@ -1,5 +1,5 @@
-// The kernels of rays that are cast one by one or side by side. They declare what lies in __local memory, and call what the
-// axes provide.
+// The kernels of rays that are cast one by one or side by side. They declare the arrays in __local memory, and call the
+// functions that the files of the axes provide.
 
 #include "cast/parts.cl"
 
@@ -10,9 +10,11 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+// The search counted rays in pixels; shading needs unit directions, so that t is a distance.
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
 #endif
+    // Lanes past the image's edge took part so far, since all must reach the barriers; from here on they count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -25,15 +27,17 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
+    // One number per pixel is enough: shade_nearest computes t and the weights again from the triangle.
     store_nearest(nearest_triangle, image_size, pixels, nearest.triangle);
 }
 
 #include "cast/shade_nearest.cl"
 
-// Casts any rays, for tests and for who wants more than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
+// Casts rays from a buffer, for tests and for uses other than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
+    // A ray's floats become one lane each of seven vectors (origin, direction, t_min); past the last ray, lanes repeat it.
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {

@@ -18,6 +18,7 @@ Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec
     Lanes column[9];
     IntLanes id;
     id.all = triangle;
+    // Nine columns, a lane per ray: corner a in 0 to 2, the edge from a to b in 3 to 5, from a to c in 6 to 8.
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;

@@ -1,6 +1,6 @@
-// What kernels that cast rays are made of: what is common to all, a file of each axis, and what binds them to arguments.
-// {braces} name an axis: the host puts the file of the strategy's value there. It follows an include under `#if NAME` where
-// that define holds, and no other.
+// The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments.
+// {braces} name an axis: the host includes the file of the strategy's value there. An include under `#if NAME` is followed
+// only where the host defines NAME as 1.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -91,7 +91,7 @@
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
 
-// What every kernel of rays begins with.
+// The first lines of every kernel that casts rays.
 #define SCENE_AND_WORKING  \
     SCENE_LOCALS           \
     WORKING_LOCALS         \
@@ -106,7 +106,7 @@
 #define search_ray camera_ray
 #endif
 
-// Puts rays into the working vectors and says from where their hits count.
+// Puts rays into the working vectors. Returns the least distance at which their hits count.
 varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
@@ -118,7 +118,8 @@ varying begin_rays(Working *working, Ray ray) {
 
 #include "common/store_radiance.cl"
 
-// What a pass leaves for the next: a number per pixel, its nearest triangle or that one's place in leaf order.
+// The result that one pass leaves for the next: a number per pixel, of its nearest triangle or of that triangle's place in
+// leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

@@ -7,9 +7,9 @@
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// Whether to ask after each edge if all rays are outside. Where vectors are made of scalars that saves what is left of most
-// tests (43% faster on a GPU, 28% with planes that are linear in the pixel); where they are registers, a question costs more
-// than an edge (10% slower on a CPU).
+// Whether to check after each edge if all rays are outside. Where vectors are made of scalars, the check saves the rest of
+// most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). Where vectors are registers, a check costs
+// more than an edge (10% slower on a CPU).
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -29,10 +29,10 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 }
 
 // Planes are scaled so that triangles overlap by 1, which costs nothing: it is where the multiply-adds begin. A ray counted
-// in pixels has a z of 1, so that its planes hold the overlap themselves; what is added then is nothing (-0 + z is z).
+// in pixels has a z of 1, so that its planes hold the overlap themselves; then -0 is added, which changes nothing (-0 + z is z).
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
-// What pixels share comes first: depth, then down.
+// The terms that pixels share come first: depth, then down.
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
@@ -45,20 +45,23 @@ varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
 // there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    // Three dot products of three terms, one for each edge; the origin takes no part, as the planes hold it.
     const varying w0 = inside_edge(probe, row.a, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w0))) return 0;
     const varying w1 = inside_edge(probe, row.b, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w1))) return 0;
     const varying w2 = inside_edge(probe, row.c, direction);
-    // What is not negative has no sign bit: one test for three.
+    // A number that is not negative has no sign bit: one test for three.
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 
+    // Few rays come here. 1 / t is linear in the direction; the edge functions, divided by their sum, are the weights.
     const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
     const varying per_sum = 1.0f / (w0 + w1 + w2);
     hit->t = 1.0f / per_t;
     hit->w1 = w1 * per_sum;
     hit->w2 = w2 * per_sum;
+    // per_t * t_max > 1 says 0 < t < t_max without a division's rounding.
     hit->lanes = (outside >= 0) & (per_t * t_max > 1.0f) & (hit->t > probe->t_min);
     return 1;
 }

@@ -3,6 +3,7 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);
     if (triangle >= triangle_count) return;
+    // Origin 0 is the eye, origin i light i - 1.
     const Uniform3 from = origin ? LOAD3(lights + LIGHT_FLOATS * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     const __global float *at = soup + SOUP_STRIDE * triangle;
     Corners corners;
@@ -12,6 +13,7 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     // A shadow ray runs towards the light: its front faces are those that face away from the light.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
+    // Only the eye's rays come in a grid.
     if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
 #endif
     STORE_ROW(row, prepared + 3 * ((size_t)origin * triangle_count + triangle))

@@ -1,4 +1,4 @@
-// What a kernel knows of the scene, and from where a traversal takes the rows it tests.
+// The scene as a kernel sees it, and the source of the rows that a traversal tests.
 
 typedef struct {
     Geometry geometry;
@@ -52,6 +52,7 @@ void stage_tile(const Scene *scene, int origin, int first) {
         const Row row = source_row(scene, origin, first + k);
         STORE_ROW(row, scene->tile + ROW_UNITS * k)
     }
+    // Nobody reads the tile before all of it is written.
     barrier(CLK_LOCAL_MEM_FENCE);
 }
 

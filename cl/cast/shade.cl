@@ -3,17 +3,20 @@
 // Sums the lights that reach `active` lanes' hits, at distance t and with the working vectors' weights, into
 // the working vector RADIANCE of these lanes.
 void shade(Working *working, const Scene *scene, const Surface *surface, varying t, Mask active) {
+    // P = origin + t w, and n = w0 n0 + w1 n1 + w2 n2 of unit length.
     const Vec3 weights = working_get(working, WEIGHTS);
     const Vec3 direction = working_get(working, RAY_DIRECTION);
     working_set(working, POINT, along(working_get(working, RAY_ORIGIN), t, direction));
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
+    // With shading = eager, a lane may hold the radiance of a hit behind this one: its sum begins again.
     const varying zero = (varying)(0.0f);
     working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
 
     for (int light = 0; light < scene->light_count; light++) {
         const __global float *at = scene->lights + LIGHT_FLOATS * light;
+        // w_i, and the cosine n . w_i: a light behind the surface gives nothing and needs no shadow ray.
         const Vec3 offset = subtract(splat(LOAD3(at)), working_get(working, POINT));
         const varying squared = dot3(offset, offset);
         const varying distance = sqrt(squared);
@@ -24,12 +27,15 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #if !STREAM_TILES // there, every work-item has to meet the barriers
         if (!ANY(lit)) continue;
 #endif
+        // The shadow ray ends a bias before the light. Origins are counted from 1 for lights; 0 is the eye.
         lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
         // Here and not before the loop: where any_hit has barriers, a compiler for CPUs negates only after them, and then
         // the direction of another work-item, which is left in a register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
+        // A point light's power is spread over a sphere of radius r: L_i = power / (4 pi r^2).
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));
+        // One light's term of the reflection equation: L_o += L_i f(w_i, w_o, n) (n . w_i).
         const Vec3 f = reflectance(surface, working_get(working, TO_LIGHT), working_get(working, TO_EYE),
                                    working_get(working, NORMAL), lit);
         const Vec3 received = scale(multiply(working_get(working, INCOMING), f), cosine);

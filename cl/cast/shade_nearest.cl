@@ -1,4 +1,4 @@
-// Shades the nearest triangle of every pixel, whoever found it.
+// Shades the nearest triangle of every pixel, whichever kernel found it.
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = own_pixels(image_size);

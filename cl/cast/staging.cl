@@ -1,4 +1,4 @@
-// The spaces that follow from what is staged, and the copy into __local memory.
+// The address space of each part of a triangle, and the copy of staged parts into __local memory.
 
 #if STAGE_VERTICES
 #define VERTEX_SPACE __local

@@ -2,6 +2,9 @@
 // Volatile: without it compilers keep a vector in registers between a store and its next load,
 // and a measurement of this memory would measure none of it.
 
+// With n work-items:   vector 0                          vector 1
+//                      | item 0: x y z | ... | item n-1 | item 0: x y z | ...
+//                        ^ first                          ^ first + stride, for item 0
 typedef struct {
     volatile WORKING_SPACE varying *first; // this work-item's x of vector 0
     int stride;                            // from one vector to the next

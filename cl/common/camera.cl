@@ -1,4 +1,4 @@
-// Which rays belong to a work-item, and which pixels.
+// The pixels and rays of a work-item.
 // The ray through pixel coordinates (x, y) leaves eye.xyz along corner + x * step_x + y * step_y, a direction
 // of depth 1; pixel centres lie at half-integers. eye.w is z_near: nearer depths are not seen.
 
@@ -11,6 +11,10 @@ typedef struct {
     Mask inside; // the image: the last work-items of a row may hang over its edge
 } Pixels;
 
+// The pixels of this work-item's lanes, a block. With WIDTH 4 and BLOCK_X 2:
+//     lane  0 1  at  (x, y)      (x + 1, y)
+//           2 3      (x, y + 1)  (x + 1, y + 1)
+// Rays of a block stay close to each other, so that they mostly meet the same triangles and boxes.
 Pixels own_pixels(int2 image_size) {
     Pixels pixels;
     pixels.x = (int)get_global_id(0) * BLOCK_X + LANE_X;
@@ -47,6 +51,7 @@ Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
     ray.direction = scale(d, 1.0f / length);
+    // z_near is a depth, and this ray has a depth of 1 / length per unit of t.
     ray.t_min = eye.w * length;
     return ray;
 }

@@ -1,4 +1,4 @@
-// What a test finds, and what a traversal keeps.
+// The result of a test, and the nearest hit that a traversal keeps.
 
 #ifndef NO_HIT
 #error "NO_HIT: the triangle of a ray that hits nothing"
@@ -7,8 +7,8 @@
 
 // A few roundings of single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
-// By this, at most, triangles overlap where neighbours share an edge's plane: only rays at vertices need any, and more of it
-// darkens what lies beside an edge that is grazed. (Measured: none of 60,516 rays leaks, with half of it up to four in
+// The most by which triangles overlap where neighbours share an edge's plane. Only rays at vertices need any; a larger overlap
+// darkens pixels beside an edge that shadow rays graze. (Measured: none of 60,516 rays leaks, with half of it up to four in
 // exhaustive casting; terrain is right in 16 million pixels, with up to twice as much one is dark.)
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 

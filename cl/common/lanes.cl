@@ -1,11 +1,11 @@
-// What the 32 lanes (work-items) of a group that shares a tile tell each other. A group's lanes take the same way
-// through every loop and branch that holds one of these calls.
+// Operations across the 32 lanes (work-items) of a group that shares a tile. All lanes of a group take the same way through
+// every loop and branch that holds one of these calls.
 
 #ifndef GROUP_LANES
 #error "GROUP_LANES: work-items of a group"
 #endif
 
-// How they tell it; src/device/lanes.rs finds out which of these a device has.
+// The ways to do them; src/device/lanes.rs finds out which of these a device has.
 #define LANES_BY_BARRIERS 0     // __local memory and barriers; a work-group is one group
 #define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
 #define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
@@ -14,7 +14,7 @@
 #error "LANE_OPERATIONS: one of LANES_BY_*"
 #endif
 
-// What is passed by pointer has to stay in registers. Where there are only barriers that is left to the compiler:
+// Inlining keeps arguments that are passed by pointer in registers. Where there are only barriers, the compiler decides:
 // Oclgrind's cannot inline at all.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
@@ -56,6 +56,7 @@ INLINED void write_board(const Group *group, uint value) {
 
 INLINED uint lane_get(const Group *group, uint value, int from) {
     write_board(group, value);
+    // Second barrier: nobody writes the next value before all have read this one.
     const uint result = group->board[from];
     barrier(CLK_LOCAL_MEM_FENCE);
     return result;
@@ -63,6 +64,7 @@ INLINED uint lane_get(const Group *group, uint value, int from) {
 
 INLINED uint lane_ballot(const Group *group, int yes) {
     write_board(group, yes ? 1u << group->lane : 0u);
+    // Each lane wrote its own bit; now each joins all 32.
     uint bits = 0;
     EACH_LANE(lane) bits |= group->board[lane];
     barrier(CLK_LOCAL_MEM_FENCE);
@@ -152,6 +154,7 @@ INLINED uint lane_least(const Group *group, uint value) {
     asm volatile("redux.sync.min.u32 %0, %1, 0xffffffff;" : "=r"(least) : "r"(value));
 #else
     least = value;
+    // A butterfly: after exchanges at 16, 8, 4, 2 and 1, every lane holds the least of all 32.
     for (int distance = 16; distance; distance >>= 1) {
         uint other;
         asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(other) : "r"(least), "r"(distance));
@@ -165,13 +168,14 @@ INLINED uint lane_least(const Group *group, uint value) {
 // How many of the lanes `among` have a smaller key.
 INLINED int lane_rank(const Group *group, uint key, uint among) {
     int rank = 0;
+    // `left & (left - 1)` clears the lowest bit: the loop runs once per lane of `among`.
     for (uint left = among; left; left &= left - 1) rank += lane_get(group, key, LOWEST_BIT(left)) < key;
     return rank;
 }
 #endif
 
-// The same number, though the compiler cannot know: what follows from it is computed again where it is needed instead of
-// being kept in registers meanwhile.
+// Returns its argument, which the compiler cannot know: values that depend on it are then computed again where they are
+// needed, instead of being kept in registers.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));
@@ -179,7 +183,8 @@ INLINED int forgotten(int value) {
     return value;
 }
 
-// 1 / a, to the last bit or so: nothing that asks for it here asks for more, and some compilers' takes five instructions.
+// 1 / a with an error of about one bit, which is enough everywhere here; an exact division takes five instructions with some
+// compilers.
 INLINED float reciprocal(float a) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     float result;
@@ -202,6 +207,8 @@ INLINED float lane_least_positive(const Group *group, float value) { return as_f
 // The least of any numbers: bits turned so that they are ordered, and back.
 INLINED float lane_min(const Group *group, float value) {
     const uint bits = as_uint(value);
+    // Unsigned integers order positive floats as they are, and negative ones backwards: the first get their sign bit set, the
+    // others have all their bits flipped.
     const uint least = lane_least(group, bits ^ ((uint)(as_int(value) >> 31) | 0x80000000u));
     return as_float(least & 0x80000000u ? least ^ 0x80000000u : ~least);
 }

@@ -1,13 +1,15 @@
-// Where rays of unit length meet triangles: t and the weights, with no test of the edges, so that a hit found by any
-// intersector or rasterised is shaded the same way. The rays are known to hit: in slivers, where rounding says
-// anything of the weights, they stay inside all the same, and t follows from them.
+// The points where rays with unit directions meet triangles: t and the weights, with no test of the edges, so that every hit
+// is shaded the same way, whichever test or rasteriser found it. The rays are known to hit. In slivers rounding can make any
+// weights: they are clamped to the triangle, and t follows from them.
 Hit meet_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
+    // Moeller and Trumbore's solution of origin + t direction = v0 + w1 e1 + w2 e2, by Cramer's rule.
     const Vec3 s = subtract(origin, v0);
     const Vec3 q = cross3(direction, e2);
     const Vec3 r = cross3(s, e1);
     const varying per_a = 1.0f / dot3(e1, q);
     const varying zero = (varying)(0.0f), one = (varying)(1.0f);
     Hit hit;
+    // Rounding can put a weight just outside [0, 1]: clamped, the point stays on the triangle, and its normal between the corners'.
     hit.w1 = min(max(dot3(s, q) * per_a, zero), one);
     hit.w2 = min(max(dot3(direction, r) * per_a, zero), one - hit.w1);
     hit.t = dot3(subtract(along(scale(e1, hit.w1), hit.w2, e2), s), direction);

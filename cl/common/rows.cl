@@ -1,11 +1,11 @@
-// What a layout hands out, whatever it is made of.
+// The data of a triangle as every layout returns it.
 
 typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// What a ray-triangle test reads of a triangle: what it makes of the corners, or of planes prepared for a common origin. The
-// test's file says how many floats that are; in memory a row is ROW_UNITS of ROW_UNIT.
+// The floats that a ray-triangle test reads per triangle: prepared from its corners, or planes prepared for a common origin.
+// The test's file gives their number; in memory a row is ROW_UNITS of ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: floats of a triangle that is prepared for the test, as the test's file says"
 #endif
@@ -42,7 +42,7 @@ typedef struct {
     for (int i = 0; i < RECORD_FLOATS; i++) (numbers)[i] = (row).number[i];
 #endif
 
-// What shading reads, for the triangle of each lane.
+// The data that shading reads, for the triangle of each lane.
 typedef struct {
     Vec3 n0, n1, n2;
     Vec3 lambertian, glossy;

@@ -6,6 +6,7 @@ void store_radiance(__global float4 *image, int2 image_size, float4 background, 
     green.all = SELECT(hits, sum.y, (varying)(background.y));
     blue.all = SELECT(hits, sum.z, (varying)(background.z));
     hit.all = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
+    // A block of lanes is no run of addresses in the image: lanes are stored one by one.
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;

@@ -1,4 +1,4 @@
-// What tiles of rays are made of, whoever casts them: work-items with a tile each, or groups that share one.
+// The parts that all tiles of rays share: tiles of one work-item each, and tiles that a group shares.
 
 #if !defined(TILE_X) || !defined(TILE_Y)
 #error "TILE_X, TILE_Y: pixels of a tile across and down"

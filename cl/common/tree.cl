@@ -10,11 +10,25 @@
 #error "LEAF_COUNT_SHIFT: the bit of a leaf's word from which on it counts its triangles; LEAF_MOST: the most it can"
 #endif
 
+// A node, in words; a child is a column, so that one load brings a side of many children's boxes:
+//
+//         child     0      1      2     ...  NODE_WIDTH - 1
+//     row 0         low x  low x  low x
+//     row 1         high x ...
+//     rows 2, 3     low y, high y
+//     rows 4, 5     low z, high z
+//     row 6         word   word   word                          CHILD_ROW
+//
+// A child's word, for a node: its number. For a leaf: bit 31 is set; then the count of its triangles, from bit
+// LEAF_COUNT_SHIFT on; then the first one's place in leaf order:
+//
+//     1 | count | first
 #define CHILD_ROW (6 * NODE_WIDTH)
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
-// By so much a box's far side is moved out, which is more than its rounding (Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013).
+// The factor that moves a box's far side outwards, by more than its rounding error (Ize, "Robust BVH Ray Traversal", JCGT
+// 2(2), 2013).
 #define OUTWARDS 1.0000005f
 #define LEAF_ROW ROW_FLOATS // words per triangle: v0, its number; v1, its material; v2
 
@@ -41,6 +55,6 @@ Corners leaf_corners(const Tree *tree, int place) {
 int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }
 
 #if PLANES_OF_ORIGIN
-// What is prepared for the eye, which is origin 0, or for a light.
+// The planes prepared for the eye, which is origin 0, or for a light.
 const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
 #endif

@@ -1,4 +1,4 @@
-// Three-component vectors: Vec3 of varyings, and Uniform3 of what all lanes share.
+// Three-component vectors: Vec3 has a value per lane, Uniform3 one value for all lanes.
 
 typedef struct {
     varying x, y, z;

@@ -11,7 +11,7 @@
 // A helper that takes vectors: some compilers use their widest registers only where a function does.
 vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 
-// STEPS * CHAINS * WIDTH multiply-adds per loop: so many that counting loops does not count.
+// STEPS * CHAINS * WIDTH multiply-adds per loop: enough that the loop counter's cost is negligible.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const int loops, const float factor,
                                                                          const float addend,
                                                                          __global float *restrict out) {
@@ -20,9 +20,11 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const 
 #define STEP(i) chain##i = multiply_add(chain##i, b, c);
 #define SUM(i) +chain##i
     EACH_CHAIN(START)
+    // Sixteen chains are independent, so that a multiply-add need not wait for the one before: 8 steps of each per loop.
     for (int loop = 0; loop < loops; loop++) {
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
     }
+    // A result that nobody stores would be computed by nobody.
     out[get_global_id(0)] = sum_of(EACH_CHAIN(SUM));
 }

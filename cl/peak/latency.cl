@@ -12,6 +12,7 @@
 __kernel void chain_private(const int loops, const float factor, const float addend, __global float *out) {
     float value = out[0];
     for (int loop = 0; loop < loops; loop++) {
+        // Each step needs the last one's result: the time per step is a latency, not a rate.
         DO_STEPS(value = fma(value, factor, addend);)
     }
     out[0] = value;
@@ -21,7 +22,7 @@ __kernel void chain_private(const int loops, const float factor, const float add
 #define FILL(next) \
     for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
 
-// A private array, indexed by what only the last read tells: not in registers.
+// A private array whose next index is known only when the last read returns: it cannot be kept in registers.
 __kernel void chase_private(const int loops, const int stride, __global int *out) {
     volatile int next[ENTRIES];
     FILL(next)

@@ -10,6 +10,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
     __local vector tile[SLOTS * GROUP];
     const int item = get_local_id(0);
 #define FILL(i) tile[i * GROUP + item] = (vector)(1.0f);
+    // Neighbouring work-items fill and read neighbouring vectors: no two of them want the same bank at once.
     EACH_SLOT(FILL)
     barrier(CLK_LOCAL_MEM_FENCE);
     const volatile __local vector *own = tile + item;
@@ -20,5 +21,6 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
     for (int loop = 0; loop < loops; loop++) {
         EACH_SLOT(READ)
     }
+    // A result that nobody stores would be computed by nobody.
     out[get_global_id(0)] = sum_of(EACH_SLOT(SUM));
 }

@@ -1,4 +1,4 @@
-// What the kernels of `raycl peak` compute with: vectors of WIDTH floats, as wide as the device likes them.
+// The vectors of `raycl peak`: WIDTH floats each, as wide as the device prefers.
 
 #ifndef WIDTH
 #error "WIDTH: floats of a vector: 1, 2, 4, 8 or 16"

@@ -8,12 +8,12 @@
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
-// As in the watertight test, an edge function is the difference of two products, each rounded on its own, of what is a fixed
-// function of corner and pixel: its sign is exactly opposite in the triangle next door, and at a vertex that of all its
-// triangles agrees. A pixel on an edge belongs to both sides.
+// As in the watertight test, an edge function is the difference of two products, each rounded on its own, and each factor is
+// a fixed function of corner and pixel. Its sign is therefore exactly opposite in the triangle next door, and all triangles
+// at a vertex agree. A pixel on an edge belongs to both sides.
 #pragma OPENCL FP_CONTRACT OFF
 
-// What was defined above the pragma may be contracted, and differently in each place.
+// Functions defined above the pragma may be contracted, and differently in each place.
 float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // A function of the pixel that is linear in it: at(x, y) = c + x * dx + y * dy.
@@ -39,6 +39,7 @@ typedef struct {
 Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
+    // step_x and step_y are perpendicular: dot products with them are coordinates in pixels.
     const float per_sx = 1.0f / exact_dot(sx, sx), per_sy = 1.0f / exact_dot(sy, sy);
     const Uniform3 n = uniform_cross(sx, sy);
     Projected q;
@@ -57,9 +58,11 @@ typedef struct {
 
 int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
+    // Corners with the pixel as origin, still times their depth: no division, so that corners behind the eye do no harm.
     const float ax = p[0].across - x * p[0].depth, ay = p[0].down - y * p[0].depth;
     const float bx = p[1].across - x * p[1].depth, by = p[1].down - y * p[1].depth;
     const float cx = p[2].across - x * p[2].depth, cy = p[2].down - y * p[2].depth;
+    // Edge functions: twice the signed areas that the pixel makes with each edge.
     const float u = cx * by - cy * bx;
     const float v = ax * cy - ay * cx;
     const float w = bx * ay - by * ax;
@@ -91,6 +94,7 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
         const Uniform3 p = corners3[i], q = corners3[i == 2 ? 0 : i + 1];
         const float zp = uniform_dot(p, forward), zq = uniform_dot(q, forward);
         if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
+        // The edge crosses the near plane: its visible part ends there.
         if ((zp > z_near) == (zq > z_near)) continue;
         if (z_near == 0.0f) { // the edge reaches the eye's own plane, and may be seen anywhere
             coverage->low = (int2)(0, 0);
@@ -110,6 +114,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
                            uniform_difference(at.c, from)};
     const Uniform3 n = uniform_cross(uniform_difference(at.b, at.a), uniform_difference(at.c, at.a));
+    // The sign says which side of the triangle the eye is on.
     const float det = uniform_dot(p[0], n);
     Coverage coverage;
 #if CULL_BACK
@@ -118,6 +123,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     coverage.drawn = det != 0.0f;
 #endif
     for (int i = 0; i < 3; i++) coverage.at[i] = project(p[i], corner, step_x, step_y);
+    // 1 / depth = direction . n / (a . n), linear in the pixel: interpolated without perspective division.
     const float per_det = 1.0f / det;
     coverage.per_depth =
         along_pixels(uniform3(n.x * per_det, n.y * per_det, n.z * per_det), corner, step_x, step_y);
@@ -149,6 +155,7 @@ __kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
     COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const int bits = depth_bits(&coverage, x, y, eye.w);
+        // Triangles race for the pixel; the nearest depth wins, whatever the order.
         if (bits != NO_HIT) atomic_min(depth + (size_t)y * image_size.x + x, bits);
     }
 }
@@ -158,6 +165,7 @@ __kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
     FOR_COVERED_PIXELS(coverage) {
         const size_t pixel = (size_t)y * image_size.x + x;
         const int bits = depth_bits(&coverage, x, y, eye.w);
+        // The same arithmetic gives the same bits: the triangle with the winning depth recognises it. Ties go to the lower number.
         if (bits != NO_HIT && bits == depth[pixel]) atomic_min(nearest_triangle + pixel, triangle);
     }
 }

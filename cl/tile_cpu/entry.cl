@@ -14,6 +14,14 @@
 #include "common/reflectance.cl"
 #include "common/store_radiance.cl"
 
+// A tile of 32 x 16 pixels: 32 vectors, each a block of 4 x 4 pixels whose 16 rays are the lanes of a float16.
+//
+//     vector  0  1  2  3  4  5  6  7         vector 9:   lane  0  1  2  3
+//             8  9 10 11 12 13 14 15                           4  5  6  7
+//            16 17 18 19 20 21 22 23                           8  9 10 11
+//            24 25 26 27 28 29 30 31                          12 13 14 15
+//
+//     live = 0x00000700: vectors 8, 9 and 10 still have rays that go on here
 #define VECTORS (TILE_X * TILE_Y / WIDTH)
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
@@ -31,7 +39,7 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// What the rays of a vector have in common for the watertight test.
+// The shear that the rays of a vector share, for the watertight test.
 typedef struct {
     varying x[VECTORS], y[VECTORS]; // -d_(k+1) / d_k, mirrored against the axis, and -d_(k+2) / d_k, for the axis k
     int axis[VECTORS];
@@ -54,13 +62,14 @@ typedef struct {
 #endif
 } Bundle;
 
-// A tree, and what shading wants of its triangles.
+// A tree, and its triangles' normals for shading.
 typedef struct {
     Tree tree;
     const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
 float least_lane(float16 v) {
+    // Halves against each other: 16 lanes, 8, 4, 2, 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
     const float2 c = min(b.lo, b.hi);

@@ -1,13 +1,16 @@
 // The kernels of a frame cast in tiles: whole, or its nearest hits and their shading apart.
 
-// Finds what the camera's rays hit: places in the bundle. Returns 0 where all rays pass the scene by, and makes none.
+// Finds the nearest hits of the camera's rays: places in leaf order, in the bundle. Returns 0, without making any ray, where
+// all of them miss the scene.
 int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
+    // First the intervals alone, which cost far less than 512 rays.
     bundle->longest = slice_camera(eye, corner, step_x, step_y, image_size, &slices);
     bundle->origin = LOAD3((const float *)&eye);
     bundle->too_near = 1.0f / max(eye.w, LEAST_NEARNESS);
     const Cone cone = finish_slices(&slices);
     Boxes boxes;
+    // A tile of background ends here, before any ray is made.
     if (!children_meet(&cone, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
     const uint open = make_camera_rays(bundle, eye, corner, step_x, step_y, image_size);
     walk(bundle, &slices, &cone, tree, open, 0);
@@ -37,6 +40,7 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
+    // Primary rays, then, from each light in turn, shadow rays to where they hit.
     if (find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size))
         shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
     else

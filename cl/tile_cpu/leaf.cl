@@ -16,18 +16,20 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
 // `any`, those that are done.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
+    // The last of a leaf's eights may be partial: bits past `count` are other leaves' triangles.
     uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
     uint changed = 0;
     for (; worth; worth &= worth - 1) {
         const int lane = LOWEST_BIT(worth);
         const uint now = test_triangle(bundle, &prepared, lane, first + lane, live, any);
         if (any) {
+            // A vector leaves when all its shadow rays are blocked.
             const uint done = vectors_done(bundle, now);
             changed |= done;
             live &= ~done;
         } else {
             changed |= now;
-            // What was hit will be shaded. Without a branch, which would be hard to foresee.
+            // The nearest hit will be shaded, and its normals are fetched ahead. No branch: the processor could not predict it.
             const __global float4 *surface = tree->surfaces + 3 * (size_t)(now ? first + lane : first);
             FETCH(surface), FETCH(surface + 2);
         }
@@ -39,6 +41,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;
+    // PREPARED triangles at a time, each tested by all live vectors while its planes are in registers.
     for (int first = LEAF_FIRST(word); first < end; first += PREPARED) {
         const uint now = test_prepared(bundle, tree, first, min(PREPARED, end - first), live, any);
         changed |= now;

@@ -1,7 +1,7 @@
 // Vectors of shadow rays whose hits lie far apart, where one surface ends before another: the interval of their
 // directions holds nearly everything, so that their rays are tested against boxes one by one.
 
-// So many times as far apart as they would be on a plane across the view.
+// Hits count as far apart from this multiple of their distance on a plane across the view.
 #define SCATTERED 8.0f
 
 // A pixel's side at a depth of 1.
@@ -18,11 +18,13 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
     for (int part = 0; part < PARTS; part++) {
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // of the eye, at least
         for (int axis = 0; axis < 3; axis++) {
+            // A shadow ray's direction ends at the hit, so that the interval of directions is the box around the hits.
             const float16 low = directions->low[axis][part], high = directions->high[axis][part];
             const float16 away = max(max(offset[axis] + low, -offset[axis] - high), 0.0f);
             apart = max(apart, high - low);
             distance_squared += away * away;
         }
+        // Squares, for want of a square root: apart > 8 * (side of the block at the hits' distance from the eye).
         const float most = SCATTERED * block_side;
         scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
     }
@@ -51,6 +53,7 @@ uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors
         const int vector = LOWEST_BIT(vectors);
         varying entry = (varying)(0.0f), leave = (varying)(1.0f);
         for (int axis = 0; axis < 3; axis++) {
+            // The usual slab test (Kay and Kajiya 1986), sixteen rays against one box.
             const varying per = bundle->per[axis][vector];
             const varying a = boxes->near[axis][child] * per, b = boxes->far[axis][child] * per;
             entry = max(entry, min(a, b));

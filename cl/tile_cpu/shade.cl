@@ -10,6 +10,7 @@ void gather_rows(const __global float4 *rows, varying_int places, varying *colum
         const float16 b = (float16)(from[at.each[4]], from[at.each[5]], from[at.each[6]], from[at.each[7]]);
         const float16 c = (float16)(from[at.each[8]], from[at.each[9]], from[at.each[10]], from[at.each[11]]);
         const float16 d = (float16)(from[at.each[12]], from[at.each[13]], from[at.each[14]], from[at.each[15]]);
+        // Four quads to a register, then even and odd lanes apart, twice: 16 rows become 4 columns.
         const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
         const float16 yw = (float16)(a.odd, b.odd), yw2 = (float16)(c.odd, d.odd);
         column[4 * quad] = (float16)(xz.even, xz2.even);
@@ -19,7 +20,7 @@ void gather_rows(const __global float4 *rows, varying_int places, varying *colum
     }
 }
 
-// What shading needs beside the tree.
+// The lights and materials that shading needs.
 typedef struct {
     const __global float *lights;
     int light_count;
@@ -40,6 +41,7 @@ Surface one_material(const __global float *material) {
 Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
+    // If all hits share a material, one load is enough; otherwise each lane gathers its own.
     const int first = at.each[LOWEST_BIT(LANE_BITS16(hits))];
     if (!ANY(hits & (at.all != first))) return one_material(lighting->materials + MATERIAL_FLOATS * first);
     at.all = SELECT(hits, at.all, (varying_int)(first));
@@ -62,6 +64,7 @@ typedef struct {
 
 void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, varying_int place, Mask hits,
                  Shaded *shaded) {
+    // Lanes without a hit gather triangle 0, so that every address is valid.
     const varying_int safe = SELECT(hits, place, (varying_int)(0));
     varying corner[ROW_FLOATS], normal[ROW_FLOATS];
     gather_rows((const __global float4 *)tree->tree.leaves, safe, corner);
@@ -69,6 +72,7 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, var
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
+    // t and weights from scratch, as every strategy computes them: whoever found the triangle, the picture is the same.
     const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
     shaded->point = along(ray.origin, hit.t, ray.direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
@@ -88,12 +92,15 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying distance = sqrt(squared);
     const varying per_distance = 1.0f / distance;
     const Vec3 to_light = scale(offset, per_distance);
+    // A light behind the surface, or on it, sends nothing.
     const varying cosine = dot3(to_light, shaded->normal);
     const Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
     if (!ANY(lit)) return lit;
     const Vec3 f = reflectance(&shaded->surface, to_light, shaded->to_eye, shaded->normal, lit);
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
+    // The radiance if nothing is in between: power / (4 pi r^2) times f times the cosine.
     *arriving = scale(multiply(power, f), cosine / (4.0f * M_PI_F * squared));
+    // The shadow ray runs from the light, so that all rays of the tile share an origin again.
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
@@ -103,6 +110,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
+        // The vector's interval of directions: one lane of a slice.
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }
@@ -124,6 +132,7 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
     bundle->longest = 0.0f;
     bundle->origin = LOAD3(lighting->lights + LIGHT_FLOATS * light);
     bundle->too_near = FAR;
+    // Vectors with a lane that faces the light.
     uint open = 0;
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
@@ -144,13 +153,14 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
 
 // Four pixels side by side, as the image has them.
 float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
+    // From four planes of colour to r g b hit, r g b hit, ...
     const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
     const float8 gh = (float8)(green.x, hit.x, green.y, hit.y, green.z, hit.z, green.w, hit.w);
     return (float16)(rb.s0, gh.s0, rb.s1, gh.s1, rb.s2, gh.s2, rb.s3, gh.s3, rb.s4, gh.s4, rb.s5, gh.s5, rb.s6, gh.s6,
                      rb.s7, gh.s7);
 }
 
-// Stores past the caches, which an image fills for nothing.
+// Stores that bypass the caches: nothing reads the image again.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else
@@ -181,8 +191,8 @@ void store_background(__global float4 *restrict image, int2 image_size, float4 b
         store_block(image, image_size, background, none, tile_pixels(vector, image_size), (Mask)(0));
 }
 
-// For each light, what arrives at the tile's hits if nothing is in between, then a walk from the light to find where
-// something is.
+// For each light: the radiance of the tile's hits if nothing is in between, then a walk from the light, which finds the hits
+// that are in shadow.
 void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS, int2 image_size,
                 float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -196,11 +206,13 @@ void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lightin
         Slices slices;
         const uint open = make_light_rays(bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y, image_size,
                                           hit, shaded, arriving);
+        // No hit of the tile faces this light.
         if (!open) continue;
         const Cone cone = finish_slices(&slices);
         walk(bundle, &slices, &cone, tree, open, 1);
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
+            // A shadow ray that hit something was set to FAR; the others bring their light.
             sum[vector] = select3(bundle->nearness[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }

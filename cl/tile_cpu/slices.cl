@@ -1,7 +1,6 @@
-// What is known of a tile's rays without looking at any: intervals of their directions, for the whole tile (a Cone)
-// and for each of its vectors (Slices).
+// Bounds of a tile's rays: intervals of their directions, for the whole tile (a Cone) and for each of its vectors (Slices).
 
-// By more than their rounding reciprocals are moved apart.
+// Relative widening of an interval of reciprocals, more than their rounding error.
 #define RECIPROCAL_ROUNDING 3e-7f
 // Directions with smaller components count as zeros.
 #define NO_DIRECTION 1e-20f
@@ -51,9 +50,11 @@ typedef struct {
 
 // Turns intervals of directions into those of their reciprocals.
 void invert_intervals(float16 *low, float16 *high) {
+    // 1 / d falls as d grows, so that the ends change places; where zero lies between them, the reciprocals are two half-lines.
     const float16 least = *low, most = *high;
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
     const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
+    // Moved outwards by more than a reciprocal's rounding. An end at zero becomes infinity, which here is FAR.
     const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
     const float16 b = SELECT(mixed & (most <= NO_DIRECTION), (float16)(FAR), up + RECIPROCAL_ROUNDING * fabs(up));
     *low = SELECT(none, (float16)(FAR), a);
@@ -62,6 +63,7 @@ void invert_intervals(float16 *low, float16 *high) {
 
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
+    // Across parts first, lane by lane, then across lanes.
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
     *least = least_lane(l);
     *most = most_lane(h);
@@ -73,6 +75,7 @@ Cone finish_slices(Slices *slices) {
     for (int axis = 0; axis < 3; axis++) {
         float least, most;
         whole_tile(slices->low[axis], slices->high[axis], &least, &most);
+        // The cone is taken from directions, before the slices are turned into reciprocals.
         cone.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
         cone.negative[axis] = !cone.mixed[axis] && most < 0.0f;
         float16 low = (float16)(least), high = (float16)(most);
@@ -90,18 +93,22 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
+        // Rays that run towards smaller x come to the box's high side first. The cone's sign decides that for the whole tile.
         const int negative = cone->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (cone->mixed[axis]) {
+            // Mixed signs: rays may run either way, so that this axis bounds the entry only where the origin lies outside.
             entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
         } else {
+            // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.
             entry = max(entry, min(near * cone->low[axis], near * cone->high[axis]));
             leave = min(leave, max(far * cone->low[axis], far * cone->high[axis]) * OUTWARDS);
         }
     }
+    // A lane is a child: one bit for each that the cone meets before `reach`.
     boxes->entry = entry;
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
@@ -110,9 +117,11 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
 uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
+        // The same slab test for one child, with a vector of rays in each lane.
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
+            // Interval arithmetic: products of the sides with both ends of 1 / d.
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
             if (cone->mixed[axis]) { // near may be far, and directions of a vector may be mixed too
@@ -123,6 +132,7 @@ uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int
             entry = max(entry, first);
             leave = min(leave, last);
         }
+        // A vector also drops out where its furthest ray has already hit something nearer.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;
@@ -145,8 +155,10 @@ float furthest(const Slices *slices) {
 void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
+        // The least 1 / t of a vector belongs to the ray that may still hit the furthest triangle.
         const float reach = 1.0f / max(least_lane(bundle->nearness[vector]), LEAST_NEARNESS);
         for (int part = 0; part < PARTS; part++)
+            // A lane indexed at run time: a selection keeps the slices in registers, an address would not.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

@@ -1,5 +1,6 @@
-// The way of a tile down the tree.
+// A tile's walk down the tree.
 
+// An entry of the stack: a node or a leaf, the t at which the tile comes to it, and the vectors that go there.
 typedef struct {
     uint word;
     float entry;
@@ -20,17 +21,22 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
     Boxes boxes;
     uint vectors[NODE_WIDTH], kept = 0;
     const float reach = any ? 1.0f : furthest(slices);
+    // First the whole tile against all children at once; then, child by child, the vectors.
     for (uint met = children_meet(cone, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_meet(slices, cone, &boxes, child);
+        // Intervals say little of scattered vectors: their rays are tested one by one.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_meet(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
+        // It will be visited soon: its cache lines are under way while the others are tested.
         fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
         kept |= 1u << child;
     }
     for (uint left = kept; left; left &= left - 1) {
         const int child = LOWEST_BIT(left);
+        // A child's place on the stack is a count of those that lie below it: sorted without a loop over pairs.
+        //     entries 5 2 9: child 0 has one above 5 (the 9), child 1 has two, child 2 none  ->  stack, from below: 9 5 2
         const uint before = kept & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
         // Any hit will do: in any order.
@@ -47,12 +53,14 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
 // Walks the tree with a bundle's rays. With `any`, until every ray is done or has met nothing.
 void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
     WaitingTile stack[STACK_SIZE];
+    // The root, with every vector that has a ray.
     stack[0].word = 0;
     stack[0].entry = 0.0f;
     stack[0].live = open;
     int waiting = 1;
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
+        // Since this was pushed, rays have hit something: vectors that reach no further than this entry stay behind.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
@@ -60,6 +68,7 @@ void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *t
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
+        // Shadow rays that hit are done; other rays now reach less far.
         if (any) open &= ~changed;
         else update_reach(bundle, slices, changed);
     }

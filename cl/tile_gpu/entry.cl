@@ -3,8 +3,8 @@
 // The group's stack, and the triangles that its rays have to test, lie in __local memory.
 //
 // A pass takes rays that run along one axis of the scene, say z. Seen from their origin a ray is then the points
-// (x z, y z, z), z > 0, where x and y are its slopes; what is nearest has the largest 1/z, which over a triangle
-// is linear in x and y. So is whatever tells inside from outside.
+// (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the largest 1/z, which over a triangle is linear
+// in x and y. So are the functions that tell inside from outside.
 
 #include "common/tile.cl"
 #if WATERTIGHT
@@ -25,6 +25,14 @@
 #error "PLANES_OF_ORIGIN: 0 or 1: whether a row per triangle is prepared for the eye and each light"
 #endif
 
+// A tile of 8 x 8 pixels: two blocks of 8 x 4, so that each of 32 lanes has two rays.
+//
+//     ray 0:   lane  0  1  2  3  4  5  6  7      ray 1:   the same lanes, four rows of pixels below
+//                    8  9 10 11 12 13 14 15
+//                   16 17 18 19 20 21 22 23
+//                   24 25 26 27 28 29 30 31
+//
+// A lane has three roles in turn: it owns these rays, it tests child `lane` of a node, it prepares triangle `lane` of a leaf.
 #define RAYS (TILE_X * TILE_Y / GROUP_LANES)
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
@@ -65,6 +73,7 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 // How far apart, in slopes, a leader's ray and those of the pixels beside it are: in its row and its column the nearer
 // one, and of the two the further. Each lane says how far from the leader's its ray is. FAR without any beside it.
 INLINED float spacing_at(const Group *group, float distance, int leader) {
+    // Neighbours of a lane in its block: one beside it, eight above or below; wrapped around, which gives a ray farther away.
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
     const float right = lane_get_float(group, distance, row | ((leader + 1) & 7));
@@ -78,6 +87,7 @@ INLINED float spacing_at(const Group *group, float distance, int leader) {
 // close to it in direction. Returns this lane's; a leader's own ray is among them, unless it has no direction.
 INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
+    // All lanes must agree on one leader, preferably in the middle of the tile, where it stands for most.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     const uint first = lane_get(group, todo & (0u - todo), leader); // the leader's first ray, and those in its place
@@ -87,21 +97,26 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
+    // The axis that the leader runs along most of all becomes the pass's z.
     aim(group, tree, origin, way, shaft);
 
+    // Its slopes: the other two components per unit of z.
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
     const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
+    // Rays from the eye are close to each other by themselves; hits, and so shadow rays, may lie on several surfaces.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
         const float x = component(own.x, own.y, own.z, shaft->across) * per_depth;
         const float y = component(own.x, own.y, own.z, shaft->down) * per_depth;
+        // Spacing between neighbouring rays, times the width of a tile: what rays of one surface differ by at most.
         const int beside = (todo & first) && depth > 0.0f;
         const float spacing = spacing_at(group, beside ? fabs(x - leader_x) + fabs(y - leader_y) : FAR, leader);
         tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
     }
 
+    // Each ray in slopes, and the box around all that join.
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {
@@ -118,9 +133,11 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
         high_y = joins ? fmax(high_y, y) : high_y;
         beam->x[ray] = x;
         beam->y[ray] = y;
+        // In a pass, distances are 1 / z: 1 / t in units of the direction, divided by its z.
         beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
         beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
     }
+    // Each lane's least and most become the group's.
     widen(shaft, lane_min(group, low_x), lane_max(group, high_x), lane_min(group, low_y), lane_max(group, high_y));
     return joining;
 }

@@ -40,6 +40,7 @@ typedef struct {
 // The pixel of a lane's ray in a row of work-groups: a tile is blocks of 8 x 4 pixels.
 INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
+    // Work-group, tile within it, block within the tile, pixel within the block.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
     const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
     Pixel pixel;
@@ -89,9 +90,11 @@ INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETER
         Ways ways;
         Shaft shaft;
         const uint todo = camera_ways(group, eye, corner, step_x, step_y, image_size, &ways) & ~done;
+        // All lanes leave together: the calls below are the group's, not a lane's.
         if (!lane_any(group, todo != 0)) break;
         const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
+        // Nearest hits stay in `beam.place` from pass to pass; only rays of this pass were changed.
         walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
         done |= active;
     }

@@ -1,6 +1,6 @@
-// What is left of a round of lights when tiles have cast their shadow rays: the rays that were left over, and shading.
+// The end of a round of lights, when tiles have cast their shadow rays: leftover shadow rays, and shading.
 
-// Casts a pixel's shadow rays that were left over: the group casts one at a time. Returns the lights that they reach.
+// Casts a pixel's leftover shadow rays, the whole group one ray at a time. Returns the lights that they reach.
 INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                             Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
@@ -9,6 +9,7 @@ INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
+        // The ray again, from the light; alone in its shaft, whose box is a point.
         const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
@@ -16,6 +17,7 @@ INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global
         const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
         const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
         widen(&shaft, x, x, y, y);
+        // `left & (0u - left)` is its lowest bit: this light's.
         if (!is_blocked(group, tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
     }
     return reached;
@@ -29,7 +31,7 @@ INLINED Pixel pixel_of(uint index, int2 image_size) {
     return pixel;
 }
 
-// Casts the shadow rays that were left over, a group to each pixel, which is in the queue once.
+// Casts the leftover shadow rays, one group per pixel; a pixel is in the queue once.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -39,6 +41,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         const uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y,
                                             pixel_of(entry.x, image_size), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
                                             entry.y, bias, stack);
+        // One pixel per group and entry, so that no atomic is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
     }
 }
@@ -50,7 +53,7 @@ INLINED void load_material(const __global float *material, Surface *surface) {
     surface->kind = material[7];
 }
 
-// What the lights of a word send to a hit.
+// The radiance that a hit sends to the eye from the lights of a word.
 INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface *surface, Meeting meeting, Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
     for (; reached; reached &= reached - 1) {
@@ -65,7 +68,7 @@ INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface 
     return sum;
 }
 
-// Adds to a pixel what a round's lights send it, of which `reached` do.
+// Adds to a pixel the radiance from those of a round's lights that reach it: a bit each in `reached`.
 INLINED void shade_pixel(const Tree *tree, const __global float4 *surfaces, const __global float *materials,
                          CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint reached, float4 *sum) {
     const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
@@ -78,8 +81,8 @@ INLINED void shade_pixel(const Tree *tree, const __global float4 *surfaces, cons
 }
 
 // Shades nearest hits by the lights of a round that reach them; the first round clears the image. The first `queue_rows`
-// rows of work-groups cast what shadow rays were left over, if no kernel did, and shade these pixels: that has few rays, of
-// which each takes long, while other work-groups shade all that is known.
+// rows of work-groups cast the leftover shadow rays, if no kernel did, and shade these pixels: few rays, each of which takes
+// long, while the other work-groups shade all pixels whose lights are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -96,6 +99,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
                                           lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
+                // Lights that were known to reach it, and those just found.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
                 float4 sum = first_light ? image[entry.x] : dark;
                 shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
@@ -118,11 +122,13 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         EACH_RAY(ray) {
             const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
             const uint at = index_of(pixel, image_size);
+            // Later rounds of lights add to what earlier ones left in the image.
             float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
             if (first_light && pixel.inside) sum = image[at];
             if (reached[ray])
                 shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
                             reached[ray] & ~SOME_LEFT_OVER, &sum);
+            // Pixels that wait for the queue are stored by the groups that empty it.
             if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;
         }
     }

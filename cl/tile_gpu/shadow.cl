@@ -1,15 +1,23 @@
 // Shadow rays of a round of lights: for each light, from it to the hits that face it.
 
-// Shadow rays of a tile are cast in at most so many passes, each of rays close to each other, and with so many words from
-// the stack for one light. Past silhouettes that is never enough: what is left over has a group to each ray.
+// Limits for a tile and one light: passes, each of rays that are close to each other, and words taken from the stack. Behind
+// a silhouette they are never enough: leftover shadow rays are then cast one at a time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A round has so many lights that a word holds a bit for each of them and of a lane's rays: light after light. Of a pixel
-// such a word has every so manieth bit; the last bit says that some of its lights are left over.
+// A lane's word has one bit for each light of a round and each of the lane's rays, light by light; the number of lights in a
+// round follows from that. Every RAYS-th bit of the word belongs to the same pixel. In a pixel's own word, bit 31 says that
+// some of its shadow rays are leftover.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
 #define SOME_LEFT_OVER 0x80000000u
+// With two rays per lane and 15 lights, bit RAYS * light + ray of a lane's word is that light at that ray:
+//
+//     bit   ...  5  4  3  2  1  0
+//     light      2  2  1  1  0  0
+//     ray        1  0  1  0  1  0
+//
+// BITS_OF_PIXEL(word, 1) shifts ray 1's bits to bits 0, 2, 4, ... and clears the others: a pixel's word has a bit per light.
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
@@ -27,6 +35,7 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 v0 = vec3(a.x, a.y, a.z);
     const Vec3 e1 = subtract(vec3(b.x, b.y, b.z), v0), e2 = subtract(vec3(c.x, c.y, c.z), v0);
+    // t and weights from scratch, as every strategy computes them: whoever found the triangle, the picture is the same.
     const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
     const Vec3 n0 = vec3(na.x, na.y, na.z), n1 = vec3(nb.x, nb.y, nb.z), n2 = vec3(nc.x, nc.y, nc.z);
     Meeting meeting;
@@ -44,7 +53,7 @@ INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
     return camera_ray(eye, corner, step_x, step_y, one);
 }
 
-// The same, with no material, for who asks which lights a surface faces and where rays to them begin.
+// The same without the material: enough to tell which lights the surface faces and where rays to them begin.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, Pixel pixel, int place) {
 #if PLANES_OF_ORIGIN // which tell t and weights at once; in slivers they are out by roundings, which shading must not be
     const __global float4 *planes = planes_for(tree, 0) + place;
@@ -52,6 +61,7 @@ INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surface
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
+    // Four dot products at once: the weights, not yet of sum 1, and 1 / t.
     const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
     Meeting meeting;
     meeting.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), way);
@@ -94,9 +104,9 @@ INLINED uint light_ways(const Group *group, const Tree *tree, const __global flo
     return cast;
 }
 
-// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` are those not known of.
-// Rays are made anew for each pass, of which there is seldom a second, and the places of hits are read again: they would
-// take registers while it walks.
+// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` are those not decided.
+// Rays are computed again for each pass, and the places of hits are read again: kept, they would take registers during the
+// walk, and a second pass is rare.
 INLINED uint unblocked(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                        int2 image_size, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -108,13 +118,16 @@ INLINED uint unblocked(const Group *group, const Tree *tree, const __global floa
         Shaft shaft;
         Beam beam;
         Ways ways;
+        // Only hits that face the light have a shadow ray.
         todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest,
                           vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
         if (!lane_any(group, todo != 0)) break;
+        // Of these, the ones close to a leader; the others wait for the next pass.
         const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
         const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
         EACH_RAY(ray) {
+            // FAR says that something is in between. A walk cut short has proved nothing of the others.
             const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
             clear |= open && enough ? 1u << ray : 0u;
             *left |= open && !enough ? 1u << ray : 0u;
@@ -129,12 +142,13 @@ INLINED uint unblocked(const Group *group, const Tree *tree, const __global floa
 INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     int first = 0; // and on, even if none is leaving: a compiler of barriers was seen to go wrong after a return here
+    // One atomic per group; lanes find their places by their ranks among those that leave.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
     if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, image_size), lights);
 }
 
-// Where shadow rays' results go.
+// The buffers for the results of shadow rays.
 typedef struct {
     __global uint *lit;    // a word of lights per pixel that hits
     __global uint2 *queue; // pixels with the lights that are left over
@@ -142,7 +156,7 @@ typedef struct {
 } Found;
 
 // Casts the shadow rays of a round's lights, from `first_light` on: a bit of a pixel's word tells that nothing is between
-// it and a light that it faces. What is left over goes to the queue.
+// it and a light that it faces. Leftover shadow rays go to the queue.
 INLINED void find_lit(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                       int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
@@ -152,6 +166,7 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
     for (int light = 0; light < end; light++) {
         uint left;
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
+        // A light after the other; its results are shifted to its own bits of both words.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);
@@ -159,6 +174,7 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
     }
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
+        // This pixel's bits of both words: a bit per light, and one that says whether to wait for the queue.
         const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
         if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray) | left;
     }

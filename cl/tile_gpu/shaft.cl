@@ -6,7 +6,7 @@
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// An interval of slopes is widened by this much, several times the rounding of what it is compared with.
+// An interval of slopes is widened by this much: several times the rounding error of the numbers that it is compared with.
 #define SLOPE_ROUNDING 1e-6f
 
 // Where the rays of a pass come from.
@@ -41,6 +41,7 @@ INLINED float component(float x, float y, float z, int axis) { return axis == 0 
 
 // Turns a pass's axes so that the largest component of a direction is z.
 INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
+    // Axes are turned cyclically, never mirrored, so that front faces stay front faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
     const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
@@ -49,8 +50,10 @@ INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 l
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
+    // Where this lane finds its child in a node of 32 columns (common/tree.cl), for these axes: an addition per load.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
+    // Rays that run backwards meet a box's high side first.
     shaft->near_row = (uint)(NODE_WIDTH * (2 * along + back) + group->lane);
     shaft->far_row = (uint)(NODE_WIDTH * (2 * along + 1 - back) + group->lane);
     shaft->x = component(origin.at.x, origin.at.y, origin.at.z, across);
@@ -66,6 +69,7 @@ INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 l
 
 // The box of slopes, given its sides without rounding.
 INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
+    // Rounding grows with the largest number that takes part, and z is 1 in slopes.
     const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
     const float more = SLOPE_ROUNDING * longest;
     shaft->longest = longest;
@@ -81,8 +85,8 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
-// The corners of the triangle at a place of leaf order. A compiler that sees that a fourth word is not used loads the
-// rest of a quad in two pieces, which takes twice as long: what this returns always holds, and needs them.
+// The corners of the triangle at a place of leaf order. A compiler that finds a quad's fourth word unused loads the
+// rest in two pieces, which takes twice as long: the value returned here is always 1, and uses all fourth words.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const float4 first = row[0], second = row[1], third = row[2];
@@ -94,6 +98,7 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Unifor
 
 // The most that v . (x, y, 1) can be in a shaft.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
+    // A linear function is largest at a corner of the box: per axis, the larger of two ends.
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
     return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
 }

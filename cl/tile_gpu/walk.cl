@@ -1,6 +1,6 @@
 // The walk of a group down the tree, with a beam or with one ray.
 
-// What a lane found of its child of a node.
+// The result of a lane's test of its child of a node.
 typedef struct {
     int met;
     float entry; // z at which the shaft enters it
@@ -12,6 +12,7 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     const uint at = NODE_STRIDE * node; // below 2^32: a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
+    // Sides seen from the origin: lane i reads column i of each row, so that 32 lanes load 128 bytes side by side.
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
     const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
@@ -20,6 +21,7 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
+    // Between near and far the shaft is a frustum. At both ends its sides are slope times z; the box must overlap in x and in y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -29,14 +31,28 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
 
 // Puts the children that were met on the stack, nearest last where they are sorted, but for the one to visit
 // next, whose word it returns.
+//
+// A node visited, with seven lanes instead of 32:
+//
+//     lane              0  1  2  3  4  5  6
+//     meets its child   -  x  -  -  x  x  -      lane_ballot: 0b0110010
+//     entry                5        2  9
+//     rank                 1        0  2         how many of those that were met are nearer
+//
+//     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
+//
+// Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1, lane 5 has 2.
 INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
+    // Only one was met: it is next, and the stack stays as it is.
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
     // An entry is not negative: its bits are ordered as it is, and the last five make it the lane's own.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
     const int rank = sorted ? lane_rank(group, key, met) : BITS_BEFORE(group, met);
     const int others = popcount(met) - 1;
+    // The farthest lies lowest, the second nearest on top; rank 0 is not stored.
     if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
     *waiting += others;
+    // Lanes read what others wrote.
     lane_sync(group);
     const uint nearest = lane_ballot(group, child.met && !rank);
     return lane_get(group, child.word, LOWEST_BIT(nearest));
@@ -55,10 +71,12 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
     const int first = LEAF_FIRST(word);
     Candidate own;
     int wanted = 0;
+    // Each lane prepares one triangle, for the whole tile, and asks whether the shaft meets it at all.
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
     const uint tested = lane_ballot(group, wanted);
     lane_sync(group); // the last leaf's triangles have been tested
     if (wanted) {
+        // Compaction by ballot: candidates lie side by side, however many lanes have none.
         const int at = BITS_BEFORE(group, tested);
         store_candidate(own, candidates->quads + 3 * at);
         if (!any) candidates->lanes[at] = group->lane;
@@ -69,6 +87,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
     EACH_RAY(ray) found[ray] = -1;
 #pragma unroll 4
     for (int k = 0; k < count; k++) {
+        // Now lanes are rays again: all test the same triangle, which __local memory broadcasts.
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
@@ -78,6 +97,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
             found[ray] = hit ? k : found[ray];
         }
     }
+    // Only now the number of the nearest one, which is read once per ray instead of once per hit.
     if (!any) {
         EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
     }
@@ -87,6 +107,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
 // The least 1/z that a hit must have to matter to any ray of the group.
 INLINED float worst_of(const Group *group, const Beam *beam) {
     float worst = FAR;
+    // The group goes as far as the ray with the smallest 1 / z, or to the end where a ray has hit nothing (0).
     EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
     return lane_least_positive(group, worst);
 }
@@ -114,6 +135,7 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
             const Child child = meet_child(group, tree, shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, !any, stack, &waiting);
+        // Hits shrink the reach, so that boxes behind them are never opened.
         } else if (visit_leaf(group, tree, shaft, beam, word, worst, any, candidates)) {
             going = any ? lane_any(group, is_looking(beam)) : 1;
             if (!any) worst = worst_of(group, beam);
@@ -123,11 +145,13 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
         // Nothing to go on to: back to the nearest node or leaf that can still matter.
         float entry = FAR;
         while (waiting && entry >= reach) {
+            // Entries that a hit has made pointless since they were pushed are dropped without a visit.
             const uint2 top = stack[--waiting];
             word = top.x;
             entry = as_float(top.y);
         }
         going = entry < reach;
+        // Few rays of a tile that need long are better off with a group each: they are left over.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read
@@ -152,6 +176,7 @@ INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft,
             float per_depth;
             if (group->lane < LEAF_COUNT(word) &&
                 prepare(shaft, tree, LEAF_FIRST(word) + group->lane, nearest, 1, &own))
+                // One ray, 32 triangles: the same test with the roles of lanes and triangles exchanged.
                 hit = meets(&own, x, y, nearest, FAR, 1, &per_depth);
             blocked = lane_any(group, hit);
         }

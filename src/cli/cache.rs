@@ -1,4 +1,4 @@
-//! `raycl cache`: what is kept between runs.
+//! `raycl cache`: the data kept between runs.
 
 use crate::cache::{Cache, LIMIT};
 use crate::error::{Error, Result};
@@ -25,15 +25,15 @@ pub struct Args {
 
 #[derive(Clone, Copy, Debug, clap::Subcommand)]
 enum Action {
-    /// Say where it lies and how much is in it [default]
+    /// Show the cache's folder, entries and size [default]
     Show,
-    /// Remove all that is in it
+    /// Remove every entry
     Clear,
-    /// Print its folder
+    /// Print the cache's folder
     Path,
 }
 
-/// What `show` tells.
+/// The output of `show`.
 #[derive(Serialize)]
 struct Shown {
     /// Its folder; none where nothing is kept.

@@ -72,7 +72,7 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Tells who misspelt an axis so: a scene's own keys are not like any axis.
+/// Suggests the axis to a user who misspelt one: no key of a scene resembles an axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match nearest(key, names.iter().copied()) {

@@ -14,24 +14,24 @@ use std::path::PathBuf;
   raycl compare results/main results/branch --fail-on-regression 5
   raycl compare results/pocl results/h200 --out results/pocl-h200")]
 pub struct Args {
-    /// The folder to compare with
+    /// The folder of results to compare with
     before: PathBuf,
-    /// The folder that is judged
+    /// The folder of results to judge
     after: PathBuf,
-    /// Changes that are surely smaller than this are the same
+    /// Call changes "same" that are surely smaller than this
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
-    /// Compare the times themselves instead of their ratios to what was measured with them
+    /// Compare bare times, instead of their ratios to the anchor or baselines of the same run
     #[arg(long)]
     times: bool,
-    /// Exit with 1 where all points, a strategy's points or one point is surely slower by more than this, or a point failed that
-    /// ran before. Of 50 comparisons of a thing with itself at most one ends so
+    /// Exit with 1 if all points together, one strategy's points or a single point is surely slower by more than this, or if a
+    /// point failed that ran before. Of 50 comparisons of equal programs at most one ends so
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots here
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they were changed since
     #[arg(long, requires = "out")]
     force: bool,
     /// Print Markdown instead of a table

@@ -1,4 +1,4 @@
-//! `raycl compare-images`: how far two pictures are apart.
+//! `raycl compare-images`: the difference between two pictures.
 
 use crate::error::{Error, Result};
 use crate::image::{Radiance, check_png, difference_image, read_picture, relative_difference, save_rgb8};
@@ -15,15 +15,15 @@ use std::path::PathBuf;
 pub struct Args {
     /// A picture: .png, .jpg, .exr or .hdr
     found: PathBuf,
-    /// What it ought to be
+    /// The picture to compare it with
     expected: PathBuf,
-    /// Save the differences in false colour
+    /// Save the differences as a false-colour picture
     #[arg(short, long, value_name = "FILE.png")]
     output: Option<PathBuf>,
-    /// Replace FILE.png even where raycl did not make it, or it was changed since
+    /// Replace FILE.png even if raycl did not write it or it was changed since
     #[arg(long, requires = "output")]
     force: bool,
-    /// Exit with 1 where the peak signal-to-noise ratio is lower than this
+    /// Exit with 1 if the peak signal-to-noise ratio is lower than this
     #[arg(long, value_name = "DB", value_parser = decibels)]
     fail_below: Option<f64>,
     /// Print one JSON object
@@ -41,7 +41,7 @@ fn decibels(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("'{text}' is not a number of decibels, such as 40"))
 }
 
-/// What was found; its fields are those of `--json`.
+/// The result; its fields are those of `--json`.
 #[derive(Debug, Serialize)]
 struct Report {
     /// Null where the pictures are equal.

@@ -1,4 +1,4 @@
-//! `raycl compile`: builds a scene's kernels and keeps what the compiler made of them.
+//! `raycl compile`: builds a scene's kernels and keeps the compiler's output.
 
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::Device;
@@ -24,9 +24,9 @@ Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log
 instructions, predicted occupancy) and the program's binary: binary.ptx where it is PTX text, else binary.bin.
 Nothing is cast. Registers are printed by some compilers only, memory instructions known of PTX only.")]
 pub struct Args {
-    /// A scene TOML or a mesh: sizes of __local arrays and stacks depend on it
+    /// A scene TOML or a mesh, which decides the sizes of __local arrays and stacks
     scene: PathBuf,
-    /// A preset, axes, or both: naive; deferred,width=4; may be given several times
+    /// A preset, axes, or both: naive; deferred,width=4. May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Work-items of a work-group
@@ -35,10 +35,10 @@ pub struct Args {
     /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
     #[arg(long)]
     device: Option<String>,
-    /// The folder for what is made; without it nothing is kept
+    /// Write source, build log, binary and counts to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they were changed since
     #[arg(long, requires = "out")]
     force: bool,
     /// Print one JSON object a strategy
@@ -49,7 +49,7 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
-/// What a strategy's program became.
+/// The compiled program of a strategy.
 #[derive(Debug, Serialize)]
 struct Made {
     device: String,
@@ -94,7 +94,7 @@ pub fn run(args: Args) -> Result<()> {
 /// Every file that a strategy's folder may get.
 const FILES: [&str; 6] = ["source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
 
-/// The folder for what is made, where none of the strategies' files is somebody else's.
+/// The folder to write to, once it is known that no file in it belongs to another program.
 fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     let out = OutFolder::open(path, Choice { force: args.force, elsewhere: "--out DIR" })?;
     for strategy in &args.strategy {
@@ -113,7 +113,7 @@ fn disable_caches() {
     }
 }
 
-/// Names and contents of what is kept beside `made.json`.
+/// Names and contents of the files beside `made.json`.
 type Files = Vec<(&'static str, Vec<u8>)>;
 
 fn compile(

@@ -1,4 +1,4 @@
-//! `raycl devices`: every OpenCL platform and device, and what each can hold.
+//! `raycl devices`: every OpenCL platform and device, with its limits.
 
 use serde::Serialize;
 

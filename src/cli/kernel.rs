@@ -1,4 +1,4 @@
-//! `raycl kernel`: the program of a strategy as the compiler sees it, to be read.
+//! `raycl kernel`: the program of a strategy as the compiler sees it, for reading.
 
 mod title;
 
@@ -32,16 +32,16 @@ pub struct Args {
     /// Work-items of a work-group [default: 8x8; 32 across where they share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// As this device's compiler sees it: a word of its name, platform or vendor, or cpu or gpu [default: any device]
+    /// Print what this device's compiler sees: a word of its name, platform or vendor, or cpu or gpu [default: any device]
     #[arg(long)]
     device: Option<String>,
     /// A scene TOML or a mesh, for the sizes of __local arrays and stacks [default: a small scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Keep functions that no kernel of the strategy's frames calls
+    /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print what means something to the compiler and nothing else: equal where two sources compile to the same
+    /// Print only text that matters to the compiler: two sources that compile to the same program print the same
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernels of this folder instead of those built in
@@ -72,7 +72,7 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("{head}{}{foot}", reading.text).trim_end())
 }
 
-/// What the device's compiler sees, where the device can hold it.
+/// The program as the device's compiler sees it, if the device can hold it.
 fn on_device(
     device: &Device,
     strategy: &Strategy,

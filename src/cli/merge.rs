@@ -30,7 +30,7 @@ pub struct Args {
     /// With --status, the seconds between two looks at the attempts' counters; more than a network's file system keeps old files
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
-    /// Print one JSON object a point, or with --status an attempt, instead of tables
+    /// Print one JSON object per point, or with --status per attempt, instead of tables
     #[arg(long)]
     json: bool,
     /// Print nothing but errors

@@ -39,14 +39,14 @@ use crate::sources::Sources;
 #[derive(Debug, Parser)]
 #[command(name = "raycl", version, arg_required_else_help = true, max_term_width = 100)]
 #[command(after_help = "Examples:
-  raycl devices                              what there is to cast on
-  raycl render scenes/teapot.toml            a picture, and where its time went
+  raycl devices                              the devices that can cast rays
+  raycl render scenes/teapot.toml            a picture, and a table of its times
   raycl run configs/quick.toml               an experiment: pictures, tables, records
-  raycl run configs/figure-8.toml --dry-run  what it would measure, and what does not fit
-  raycl strategies                           the ways to cast: axes and presets
-  raycl kernel naive                         the code of one of them, from entry to pixel
+  raycl run configs/figure-8.toml --dry-run  its points, and those that do not fit
+  raycl strategies                           all strategies: axes and presets
+  raycl kernel naive                         the source of one of them
 
-`raycl help COMMAND` has more of each. Exit code: 0 done, 1 failed, 2 a mistake in what was given.")]
+`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.")]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -58,19 +58,19 @@ enum Command {
     Render(render::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),
-    /// Put the shards of an experiment together to one folder of results
+    /// Merge the shards of an experiment into one folder of results
     Merge(merge::Args),
-    /// Make a page, plots and exports of results
+    /// Make a page, plots and exports from results
     Report(report::Args),
-    /// Run the paper's experiments and say what held
+    /// Run the paper's experiments and judge its claims
     Reproduce(reproduce::Args),
     /// Compare two folders of results: faster, slower, same, unclear
     Compare(compare::Args),
-    /// Take damaged lines out of a folder's journals, keeping a copy
+    /// Remove damaged lines from a folder's journals, and keep a copy
     Repair(repair::Args),
     /// Compare two pictures
     CompareImages(compare_images::Args),
-    /// List OpenCL platforms and devices, and what each can hold
+    /// List OpenCL platforms and devices, with their limits
     Devices(devices::Args),
     /// List every axis of the strategy space, and the presets
     Strategies(strategies::Args),
@@ -87,27 +87,27 @@ enum Command {
         #[arg(long, requires = "list")]
         cl_dir: Option<std::path::PathBuf>,
     },
-    /// Print a strategy's kernels as the compiler sees them, to be read
+    /// Print a strategy's kernels as the compiler sees them
     Kernel(kernel::Args),
-    /// Build kernels and keep what the compiler made: registers, bytes, memory instructions, the binary
+    /// Build kernels and report the compiler's output: registers, bytes, memory instructions, the binary
     Compile(compile::Args),
-    /// Measure what a device can do at most: multiply-adds, copies, local memory, launches, latencies
+    /// Measure a device's peak rates: multiply-adds, copies, local memory, launches, latencies
     Peak(peak::Args),
-    /// Measure what differences runs on this machine can tell apart, and what stands in the way
+    /// Measure the smallest difference in time that runs on this machine can show, and the noise behind it
     Noise(noise::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
-    /// Make the figures of the documents of stored records, for contributors
+    /// Make the documents' figures from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
-    /// Show or clear what is kept between runs: compiled programs, lists of devices
+    /// Show or clear the cache: compiled programs, lists of devices
     Cache(cache::Args),
     /// Print completions for a shell
     Completions(completions::Args),
 }
 
 impl Cli {
-    /// Reads the process's arguments; a mistake in them ends it with exit code 2 and what was probably meant.
+    /// Reads the process's arguments. A mistake in them ends it with exit code 2 and a suggestion.
     pub fn read() -> Self {
         Self::try_parse().unwrap_or_else(|error| renamed::explain(shown(error, std::env::args_os())).exit())
     }

@@ -1,4 +1,4 @@
-//! `raycl noise`: what differences runs on this machine can tell apart.
+//! `raycl noise`: the smallest difference in time that runs on this machine can show.
 
 use super::choice::parse_assignment;
 use super::progress::observer;
@@ -20,7 +20,7 @@ pub struct Args {
     /// Change a value of the config that it runs
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Where another process measures on the device, end at once instead of waiting for it
+    /// If another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
     /// Print one JSON object a device
@@ -31,7 +31,7 @@ pub struct Args {
     quiet: bool,
 }
 
-/// What is measured; it is part of the program, so it runs anywhere.
+/// The experiment; it is part of the program, so that it runs anywhere.
 const FILES: [(&str, &str); 2] = [
     ("configs/noise.toml", include_str!("../../configs/noise.toml")),
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),

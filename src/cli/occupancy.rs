@@ -39,7 +39,7 @@ pub struct Args {
         conflicts_with = "paper"
     )]
     local_bytes: u32,
-    /// __local bytes per work-item, beside those a work-group (the paper's optimisation 1 takes 108)
+    /// __local bytes per work-item, added to those per work-group (the paper's optimisation 1 takes 108)
     #[arg(
         long,
         value_name = "N",
@@ -54,7 +54,7 @@ pub struct Args {
     /// Predict the points of a run, from the registers in its records: a folder of results, or its records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print the paper's own table beside what its 63 registers really allow
+    /// Print the paper's table beside the occupancy that its 63 registers allow
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table
@@ -102,7 +102,7 @@ impl FromStr for LocalSize {
     }
 }
 
-/// What every row of a table shares.
+/// The figures that all rows of a table share.
 struct Question {
     sm: &'static Multiprocessor,
     registers: u32,

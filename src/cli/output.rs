@@ -31,7 +31,7 @@ fn write(text: &str) -> Result<()> {
     }
 }
 
-/// Ends the process, which has said all: what it holds of memory and of drivers the system takes back faster than it could be
+/// Ends the process, which has printed everything: what it holds of memory and of drivers the system takes back faster than it could be
 /// let go of piece by piece.
 pub fn end_at_once() {
     signal_hook::low_level::exit(0);

@@ -1,4 +1,4 @@
-//! `raycl peak`: what a device can do at most, measured.
+//! `raycl peak`: measures a device's peak rates.
 
 use super::choice::one_device;
 use super::turn::hold;
@@ -76,7 +76,7 @@ fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     }
 }
 
-/// What `run --peak` asks for.
+/// The value of `run --peak`.
 pub(super) struct Wanted<'a> {
     /// A file of figures, or "measure".
     pub given: &'a str,
@@ -109,12 +109,12 @@ impl Wanted<'_> {
 
     fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
-            Error::run(format!("what the devices can do at most could not be measured: {why}"))
+            Error::run(format!("the devices' peak rates could not be measured: {why}"))
                 .with_help("`raycl peak --device NAME` measures one alone and says more")
         };
         let program = std::env::current_exe().map_err(|error| failed(&error))?;
         let mut command = Command::new(program);
-        // What it says is for the user: for whom it waits, or why it failed.
+        // Its messages are for the user: the process that it waits for, or why it failed.
         command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
         command.args(self.no_wait.then_some("--no-wait"));
         if let Some(folder) = self.cl_dir {

@@ -7,12 +7,12 @@ use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// A bar with what is running, done of total, and the time left.
+/// A bar with the running step, the number done of the total, and the time left.
 pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's look; the words are what `works_on` was told last. In 80 columns half is left for them.
+/// The bar's look; the words are the last argument of `works_on`. In 80 columns, half of the line is theirs.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
 /// The time left, which nobody knows before the first point has stopped.
@@ -128,7 +128,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Runs of so many points and steps together, told to `inner`.
+    /// Runs with these numbers of points and steps together, reported to `inner`.
     pub fn of(all: [usize; 2], inner: Box<dyn Observer>) -> Self {
         Self { inner, all, done: 0, taken: 0, stage: String::new(), begun: false }
     }
@@ -222,7 +222,7 @@ mod tests {
     use super::*;
     use std::sync::{Arc, Mutex};
 
-    /// Writes down what it hears.
+    /// Records every call.
     #[derive(Clone, Default)]
     struct Heard(Arc<Mutex<Vec<String>>>);
 

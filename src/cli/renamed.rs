@@ -1,11 +1,11 @@
-//! Words of the command line that were called otherwise once: who types the old one is told the new one.
+//! Old names on the command line: a user who types one is told the new name.
 
 use super::Cli;
 use clap::CommandFactory as _;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 
-/// What clap calls the mistake, the old word, and what to type instead.
+/// clap's name of the mistake, the old word, and the word to type instead.
 const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
     (ContextKind::InvalidArg, "--limits", "--peak"),

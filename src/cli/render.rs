@@ -1,4 +1,4 @@
-//! `raycl render`: a picture of a scene, now.
+//! `raycl render`: a picture of a scene.
 
 mod casting;
 mod guess;
@@ -58,10 +58,10 @@ pub struct Args {
     /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the scene's name, .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Also write depth, normals, triangle and object numbers, tests and nodes a pixel: .exr holds all, .png names one of each
+    /// Also write depth, normals, triangle and object numbers, tests and nodes per pixel: one .exr with all, or a .png of each
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", "turntable"])]
     layers: Option<PathBuf>,
-    /// Replace a file that raycl did not make, or that was changed since
+    /// Replace a file even if raycl did not write it or it was changed since
     #[arg(long)]
     force: bool,
     /// Pixels across
@@ -73,7 +73,7 @@ pub struct Args {
     /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
     #[arg(long)]
     device: Option<String>,
-    /// Cast the frame on all devices that this means, a band of its rows on each: all, gpu, a word of their name
+    /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or a word of their names
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
@@ -89,16 +89,16 @@ pub struct Args {
     look: Look,
     #[command(flatten)]
     motion: Motion,
-    /// Samples of each pixel, 1 to 1024: smooth edges, in as many frames' time (Blackman-Harris filter, 1.5 pixels wide)
+    /// Samples per pixel, 1 to 1024, for smooth edges; takes as many frames' time (Blackman-Harris filter, 1.5 pixels wide)
     #[arg(long, default_value_t = 1, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Cast the frame this many times and give medians
+    /// Cast the frame this many times and report medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
-    /// With --repeat, end at once where another process measures on the device, instead of waiting for it
+    /// With --repeat: if another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Compare the picture with the serial reference; exit 1 where it is wrong
+    /// Compare the picture with the serial reference; exit with 1 if it is wrong
     #[arg(long)]
     verify: bool,
     /// Render again whenever the scene's folder, or a kernel of --cl-dir, changes; Ctrl-C ends it
@@ -229,7 +229,8 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     Ok(())
 }
 
-const KEEPING: &str = "a process of its own keeps the program, so that the next start need not compile it";
+const KEEPING: &str =
+    "another process stores the compiled program, so that the next start need not compile it";
 
 /// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
 fn prepare(
@@ -247,14 +248,14 @@ fn prepare(
     }
 }
 
-/// What `work` gives, and how long it took.
+/// The result of `work`, and its duration.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();
     (result, ms_since(start))
 }
 
-/// Where the picture goes: under the scene's name unless told.
+/// The picture's path: by default the scene's name.
 fn target(args: &Args) -> Target {
     let scene = unpacked_name(&args.scene);
     let stem = match scene.file_stem() {

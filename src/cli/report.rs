@@ -1,4 +1,4 @@
-//! `raycl report`: records to a page.
+//! `raycl report`: a page made from records.
 
 use crate::error::Result;
 use crate::output::{Choice, OutFolder};
@@ -18,10 +18,10 @@ pub struct Args {
     /// Where to write [default: the first folder]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even where raycl did not make them, or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they were changed since
     #[arg(long, requires = "out")]
     force: bool,
-    /// Print one JSON object that says what was written
+    /// Print one JSON object that lists the files written
     #[arg(long)]
     json: bool,
     /// Print nothing but errors

@@ -1,4 +1,4 @@
-//! `raycl reproduce`: the paper's experiments, and a page that says what held.
+//! `raycl reproduce`: the paper's experiments, and a page that judges its claims.
 
 use super::choice::parse_assignment;
 use super::progress::{Stages, observer};
@@ -26,25 +26,25 @@ pub struct Args {
     /// Where to write: a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value = "results/reproduction")]
     out: PathBuf,
-    /// Write into DIR even where it holds files that raycl did not make, and replace those in the way; results in it stay
+    /// Write into DIR even if it holds files that raycl did not write, and replace files of the same names; keep results in it
     #[arg(long)]
     force: bool,
     /// Change a value of every config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Go on with a reproduction that was ended: what it measured stays, what is missing is measured
+    /// Continue an interrupted reproduction: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// Where another process measures on a device, end at once instead of waiting for it
+    /// If another process measures on a device, end at once instead of waiting for it
     #[arg(long, conflicts_with = "page_only")]
     no_wait: bool,
-    /// Measure nothing: make the page of the results that are there
+    /// Measure nothing; make the page from existing results
     #[arg(long, conflicts_with = "resume")]
     page_only: bool,
-    /// No progress, and nothing said of where the pages are
+    /// Print no progress and no paths
     #[arg(short, long)]
     quiet: bool,
-    /// A line for every point as it stops, instead of a bar
+    /// Print a line for every finished point, instead of a progress bar
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
 }
@@ -95,12 +95,12 @@ fn arguments(args: &Args, name: &str) -> run::Args {
     let taken = [args.resume, args.force];
     let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
     run.no_wait = args.no_wait;
-    // The paper's latencies, and why a memory is best, need what the device can do at most.
+    // The paper's latencies, and the reason why a memory is best, need the device's peak rates.
     run.peak = (name == "figure-8").then(|| "measure".to_owned());
     run
 }
 
-/// What was measured before the end is on the page; says how to go on.
+/// Results measured before the interruption are on the page; prints how to continue.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
@@ -141,7 +141,7 @@ fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
     CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join("records.jsonl").exists())
 }
 
-/// Writes the configs and scenes, so that what was run lies beside what was found.
+/// Writes the configs and scenes beside the results.
 fn unpack(out: &mut OutFolder) -> Result<()> {
     let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
     let scenes = scenes.map(|(name, text)| (format!("scenes/{name}"), text.into()));

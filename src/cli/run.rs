@@ -33,10 +33,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// What a process ended by Ctrl-C exits with.
+/// The exit code after Ctrl-C.
 const INTERRUPTED: i32 = 130;
 
-/// The longest that one step of a point may take unless told.
+/// The default time limit for one step of a point.
 const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 /// Arguments of `raycl run`.
@@ -49,57 +49,57 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 when every point was measured or cannot fit the device, 1 when one failed, 2 for a mistake in what was given.")]
+Exit code: 0 when every point was measured or cannot fit the device, 1 when one failed, 2 for a mistake in the arguments or files.")]
 pub struct Args {
     /// The experiment
     config: PathBuf,
     /// The folder of results [default: results/NAME, or results/NAME-2, ... where that is taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write into DIR even where it holds files that raycl did not make; results in it stay
+    /// Write into DIR even if it holds files that raycl did not write; keep results in it
     #[arg(long, requires = "out")]
     force: bool,
     /// A word of a device's name, platform or vendor, or cpu, gpu or all; replaces the config's devices
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Go on with a run that was ended: what it measured stays, what is missing is measured
+    /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// With --resume, measure points again that failed before
+    /// With --resume, also measure points again that failed
     #[arg(long, requires = "resume")]
     retry_failed: bool,
-    /// The longest that one step of a point may take (a build with its first image; a frame), in seconds
+    /// Time limit for one step of a point (a build with its first image; a frame), in seconds
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
-    /// Share the points among the devices, which must be of one kind, instead of measuring each on all
+    /// Share the points among devices of one kind, instead of measuring every point on every device
     #[arg(long)]
     spread: bool,
-    /// Tell speed as a part of what the device can do at most: by a file of `raycl peak`, or measured now
+    /// Also report speed as a share of the device's peak, from a file of `raycl peak` or measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     pub(super) peak: Option<String>,
-    /// Where another process measures on the device, end at once instead of waiting for it
+    /// If another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
-    /// Print the points and what each needs, and measure nothing
+    /// Print every point and its memory needs; measure nothing
     #[arg(long)]
     dry_run: bool,
     /// Change a value of the config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Print one JSON object a point instead of tables; with --dry-run, what each needs
+    /// Print one JSON object per point instead of tables; with --dry-run, its memory needs
     #[arg(long)]
     json: bool,
-    /// No progress and no tables
+    /// Print no progress and no tables
     #[arg(short, long)]
     quiet: bool,
-    /// A line for every point as it stops, instead of a bar
+    /// Print a line for every finished point, instead of a progress bar
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
-    /// Use the kernels of this folder instead of those built in; given twice, the second is compared with the first, in the
-    /// same rounds
+    /// Use the kernels of this folder instead of the built-in ones; given twice, compare the second with the first in the same
+    /// rounds
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With two folders of kernels: exit with 1 where the second is surely slower by more than this
+    /// With two folders of kernels: exit with 1 if the second is surely slower by more than this
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure one of several parts of the experiment: 3/16, or auto where a launcher numbers the processes (auto/16 where it does not
@@ -221,14 +221,14 @@ fn refuse_shards(out: &Path) -> Result<()> {
     }
 }
 
-/// Measures what is missing; the folder of results, and the records of all points.
+/// Measures the missing points. Returns the folder of results and the records of all points.
 pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
-    // Before any driver starts: PoCL's compiler passes signals on to who was there first, and signal-hook too.
+    // Before any driver starts: PoCL's compiler and signal-hook both pass signals on to handlers installed before theirs.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -290,7 +290,7 @@ fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
     if args.device.is_empty() { &experiment.devices } else { &args.device }
 }
 
-/// Prints what the run would do.
+/// Prints the plan of the run.
 fn foresee(args: &Args) -> Result<()> {
     let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -322,7 +322,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Says what was found and where it lies. Points that failed are an error: exit code 1.
+/// Prints the results and their paths. Failed points are an error: exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);

@@ -22,7 +22,7 @@ pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
-    /// Kernel files that differ from the built-in ones, or add values of axes, in a folder laid out as cl/
+    /// A folder, laid out like cl/, of kernel files that replace built-in ones or add values to axes
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! Doing something again whenever a file changes.
+//! Repeats an action whenever a file changes.
 
 use crate::error::{Error, Result};
 use crate::printer;
@@ -13,7 +13,7 @@ const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", 
 /// Editors write a file in several steps; this long after the last of them it is whole.
 const QUIET: Duration = Duration::from_millis(80);
 
-/// Acts once, then again after every change to a source file in `folders`, or also below them. An action that fails is told and
+/// Acts once, then again after every change to a source file in `folders`, or also below them. A failed action is reported and
 /// does not end it: the mistake may be mended by the next change.
 pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
     let failed = |error: notify::Error| {
@@ -41,7 +41,7 @@ pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> R
     }
 }
 
-/// Whether an event changes what a picture is made of: its own output, in the same folder, does not.
+/// Whether an event changes a source of the picture. The picture itself, in the same folder, is none.
 fn matters(event: &notify::Event) -> bool {
     let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
     let source = |path: &PathBuf| is_source(path);

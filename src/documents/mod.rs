@@ -1,5 +1,5 @@
-//! The figures of the documents, made of stored records: every number in README.md, docs/paper.md and docs/performance.md is
-//! made here, or stands among the facts of docs/figures.toml.
+//! The figures of the documents, made of stored records: every number in README.md, docs/kernels.md, docs/paper.md and
+//! docs/performance.md is made here, or stands among the facts of docs/figures.toml.
 
 mod occupancy;
 mod of_record;
@@ -22,7 +22,7 @@ use sheet::Sheet;
 use std::path::Path;
 
 /// The documents whose numbers have records.
-pub const DOCUMENTS: [&str; 3] = ["README.md", "docs/paper.md", "docs/performance.md"];
+pub const DOCUMENTS: [&str; 4] = ["README.md", "docs/kernels.md", "docs/paper.md", "docs/performance.md"];
 
 /// The documents of a repository beside its records.
 pub struct Documents {

@@ -27,7 +27,7 @@ const MOST_LOOPS: i32 = 1 << 24;
 
 /// What a failed measurement says.
 pub fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("what the device can do at most could not be measured: {error}"))
+    Error::run(format!("the device's peak rates could not be measured: {error}"))
         .with_help("name another with --device; `raycl devices` lists them")
 }
 

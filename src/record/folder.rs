@@ -180,11 +180,11 @@ fn environment(folder: &Path) -> (Value, Option<String>) {
     }
 }
 
-/// Which records come of a program that nobody can have again. Those of before revisions were recorded are of the environment's.
+/// Which records come from a program that nobody can have again. Those of before revisions were recorded are of the environment's.
 fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
     let count = records.iter().filter(|record| of(record)).count();
-    (count > 0).then(|| format!("{count} of {} records come of {}.", records.len(), DIRTY))
+    (count > 0).then(|| format!("{count} of {} records come from {}.", records.len(), DIRTY))
 }
 
 fn label(path: &Path) -> String {
@@ -273,7 +273,7 @@ mod tests {
         let dirty = Record { revision: Some("0123-dirty".into()), ..record("a", "bvh", 1.0) };
         let clean = Record { revision: Some("0123".into()), ..record("b", "naive", 1.0) };
         let (_, notes) = shown(&folder(&[dirty, clean]));
-        assert!(notes[0].starts_with("1 of 2 records come of"), "{notes:?}");
+        assert!(notes[0].starts_with("1 of 2 records come from"), "{notes:?}");
     }
 
     #[test]

@@ -54,12 +54,12 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes are device times of whole frames (for the host its clock). IQR is the distance between the \
-         quartiles. The interval is that of the median, 95%, by how far launches lie apart; ratios are of samples taken close in time, with their \
-         own intervals. Two modes: the samples lie around two values, by the dip test, and their median may be of either. Those that do not surely take more than a hundredth longer than the fastest are a tie. Fewer than five samples in a launch have neither interval nor rank. \
-         Where a driver keeps compiled programs all launches run the same one. Frame rays are all of a frame, primary and shadow, over its time; primary rays are those of a primary pass of their own, over its time. Tests are primary rays x triangles over the time of the \
-         primary pass, or of the frame where passes are fused. \"of peak\" is their arithmetic as a part of the multiply-adds that \
-         the device was measured to do.\n",
+        "\nTimes are device times of whole frames (host: its own clock). IQR is the distance between the \
+         quartiles. The interval is the 95% interval of the median, from the differences between launches; ratios compare samples taken close in time, and have \
+         their own intervals. Two modes: the samples lie around two values, by the dip test, and the median may belong to either. Points that do not surely take more than 1% longer than the fastest are tied with it. Points with fewer than five samples in a launch have neither an interval nor a rank. \
+         Where a driver keeps compiled programs, all launches run the same one. Frame rays per second count all rays of a frame, primary and shadow; primary rays per second are those of a separate primary pass. Tests per second are primary rays x triangles per second of the \
+         primary pass, or of the frame where passes are fused. \"of peak\" is the share of the device's measured peak \
+         multiply-adds.\n",
     );
     text
 }

@@ -140,12 +140,10 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several: none surely takes more than a hundredth longer, which is a tie\n");
+        text.push_str("* fastest; several marks are a tie: no one of them surely takes more than 1% longer than the fastest\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
-        text.push_str(
-            "n=... not enough samples: fewer than five in a launch have no rank, however fast they look\n",
-        );
+        text.push_str("n=... not enough samples: a point with fewer than five in a launch has no rank\n");
     }
     let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, to_mind(one)?)));
     if let Some((record, warning)) = warned.clone().next() {

@@ -1,4 +1,4 @@
-//! The first screen: who won, by how much, how sure that is, and what could not run.
+//! The first screen: the winner, its margin, how certain it is, and the points that could not run.
 
 use super::words::{first_line, interval_text, series_name, title};
 use crate::measure::Ranking;
@@ -7,7 +7,7 @@ use crate::record::{
     word,
 };
 
-/// What was found in one group: a scene at a size on a device.
+/// The result of one group: a scene at an image size on a device.
 #[derive(Clone, Debug)]
 pub struct Answer {
     /// The scene.
@@ -18,19 +18,19 @@ pub struct Answer {
     pub device: String,
     /// The winning set, fastest first: strategy and local size.
     pub winners: Vec<Winner>,
-    /// What is said where there is no winner.
+    /// The text shown where there is no winner.
     pub nobody: &'static str,
     /// The best median as text, and its interval.
     pub time: String,
     /// The interval of the best median as text.
     pub interval: String,
-    /// How much faster than what.
+    /// The speed-ups over baselines and the best naive point.
     pub speedups: Vec<Speedup>,
     /// "clear", "tie" or "unsure".
     pub sureness: &'static str,
     /// How sure it is, in a sentence.
     pub sure: String,
-    /// What could not run: how many points, and the reason.
+    /// Points that could not run: their number and the reason.
     pub refused: Vec<Refused>,
     /// The best record's picture, relative to its folder.
     pub image: Option<String>,
@@ -50,7 +50,7 @@ pub struct Winner {
 /// How much faster the best is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Speedup {
-    /// Than what.
+    /// The point or baseline that it is compared with.
     pub over: String,
     /// How many times; none where one has too few samples.
     pub ratio: Option<f64>,
@@ -129,7 +129,7 @@ fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
     Some(Speedup { over, ratio: Some(ratio.middle), factor, range })
 }
 
-/// What is said where there is no time at all.
+/// The text shown where no point has a time.
 const NOTHING: &str = "nothing measured";
 
 fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
@@ -150,14 +150,16 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         format!(" The next, {}, takes {middle} times ({low} to {high}) as long.", title(next))
     });
     let rests = format!("n = {n} in {}", counted(launches(best)));
-    let look = if launches(best) < 2 { " One launch: look, do not conclude." } else { "" };
+    let look = if launches(best) < 2 { " One launch only: draw no conclusions." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
         1 if launches(best) < 2 => ("unsure", format!("It beats all others; {rests}.{look}")),
-        1 if may_be_faster(ranking) => ("unsure", "A point of too few samples may be as fast.".to_owned()),
-        1 => ("clear", format!("All others surely take longer; {rests}.")),
+        1 if may_be_faster(ranking) => ("unsure", "A point with too few samples may be as fast.".to_owned()),
+        1 => ("clear", format!("Every other point surely takes longer; {rests}.")),
         several => (
             "tie",
-            format!("A tie of {several}: none surely takes more than a hundredth longer; {rests}.{look}"),
+            format!(
+                "A tie of {several} points: no one of them surely takes more than 1% longer than the fastest; {rests}.{look}"
+            ),
         ),
     };
     (sureness, format!("{said}{behind}{unranked}"))
@@ -189,12 +191,12 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
     refused
 }
 
-/// The whole in a sentence: which strategy wins where, and by how much.
+/// A summary in a sentence: which strategy wins in how many groups, and by how much.
 pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
 
-/// ": 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best naive".
+/// "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best naive".
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, f64, f64)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
@@ -210,7 +212,10 @@ fn gains(answers: &[Answer]) -> String {
         format!("{range} times as fast as {name}")
     };
     let all: Vec<_> = over.iter().take(3).map(text).collect();
-    if all.is_empty() { String::new() } else { format!(", {}", all.join(", ")) }
+    let mut winners = answers.iter().flat_map(|answer| &answer.winners).map(|winner| winner.name.as_str());
+    let first = winners.next();
+    let they = if winners.all(|name| Some(name) == first) { "it is" } else { "the winners are" };
+    if all.is_empty() { String::new() } else { format!("; {they} {}", all.join(", ")) }
 }
 
 /// Which strategy is in how many winning sets.
@@ -237,8 +242,10 @@ fn who_wins(answers: &[Answer]) -> String {
     match (most, measured) {
         (_, 1) if best.len() > 1 => format!("{whom} are the fastest: a tie"),
         (_, 1) => format!("{whom} {verb} the fastest"),
-        (most, all) if most == all => format!("{whom} {verb} in the winning set everywhere: {most} of {all}"),
-        (most, all) => format!("{whom} {verb} in the winning set in {most} of {all} comparisons"),
+        (most, all) if most == all => {
+            format!("In all {all} comparisons, {whom} {verb} fastest or tied for fastest")
+        }
+        (most, all) => format!("In {most} of {all} comparisons, {whom} {verb} fastest or tied for fastest"),
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::record::{Folder, Record};
 use serde_json::Value;
 
-/// What a page says of one folder.
+/// The environment of one folder, as a page shows it.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentView {
     /// The folder's name.
@@ -60,7 +60,7 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// What a run's program was built from.
+/// The revision that a run's program was built from.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
@@ -70,7 +70,7 @@ fn program(environment: &Value) -> String {
         }
         Some((commit, _)) => {
             format!(
-                "raycl {version}, commit {commit} with changes that are in no commit: it cannot be had again"
+                "raycl {version}, commit {commit} with changes that are in no commit: it cannot be built again"
             )
         }
         None => format!("raycl {version}, built outside a git repository"),
@@ -90,7 +90,7 @@ fn source(source: &Value) -> (String, String) {
     (name, facts.join("; ").replace("commit in no", "in no"))
 }
 
-/// The command as a shell takes it, from the beginning: who runs it again has nothing to go on with.
+/// The command as a shell takes it, without `--resume`: a user who repeats it has nothing to continue.
 fn command(environment: &Value) -> String {
     let arguments = environment["command_line"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let quoted: Vec<_> = arguments
@@ -176,7 +176,7 @@ mod tests {
         let view = view(&folder);
         assert_eq!(
             view.program,
-            "raycl 1, commit abc with changes that are in no commit: it cannot be had again"
+            "raycl 1, commit abc with changes that are in no commit: it cannot be built again"
         );
         let made_of = &view.sections.iter().find(|(name, _)| name == "made of").expect("files").1;
         assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123".into()));

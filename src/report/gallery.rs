@@ -16,9 +16,9 @@ const THUMBNAIL: u32 = 120;
 /// A picture in the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// What it is: "reference", "naive", "certain pixels".
+    /// Its name: "reference", "naive", "certain pixels".
     pub kind: String,
-    /// What it shows, in a sentence.
+    /// Its caption, a sentence.
     pub caption: String,
     /// A `data:` address, or nothing where the picture was left out to keep the page small.
     pub data: Option<String>,
@@ -102,7 +102,7 @@ impl<'a> Pictures<'a> {
         Some(address)
     }
 
-    /// Every scene's pictures: its reference, what every strategy made of it, where they differ, what it costs.
+    /// Every scene's pictures: the reference, every strategy's picture, their differences, the cost of rays.
     pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String)> = Vec::new();
@@ -155,21 +155,21 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} pixels that a tiny nudge of the ray changes: there an image need only look as under some nudge."
+                "Orange: {uncertain} uncertain pixels, which a tiny turn of the ray changes. There an image must match one of the turned rays."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
-            "Nodes of the tree that the pixel's rays visit, counted on the host: dark few, light many."
+            "Nodes of the tree that the pixel's rays visit, counted on the host. Dark: few; light: many."
                 .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
         (
             &record.difference_image,
             format!("difference: {who}"),
-            format!("Relative differences from the reference, a colour a decade; black: none.{differs}"),
+            format!("Relative differences from the reference, one colour per decade; black: none.{differs}"),
         ),
     ];
     let present =
@@ -184,12 +184,12 @@ fn way(record: &Record) -> &'static str {
 
 fn tests_caption(record: &Record) -> String {
     let how = if record.tests_every_triangle() {
-        "a primary ray tests every one, a shadow ray ends at the first in its way"
+        "a primary ray tests every triangle, a shadow ray stops at the first that it hits"
     } else {
-        "only those in leaves that the rays reach"
+        "only triangles in leaves that the rays reach"
     };
     format!(
-        "Triangles that the pixel's rays are tested against, counted on the host where each pixel is shaded once: {how}. Dark few, light many."
+        "Triangles that the pixel's rays are tested against, counted on the host where each pixel is shaded once: {how}. Dark: few; light: many."
     )
 }
 

@@ -1,4 +1,4 @@
-//! How time grows with the triangles of a scene and with the pixels of an image, and how fast by a fitted exponent.
+//! Growth of time with the triangles of a scene and with the pixels of an image, as the exponent of a fitted power law.
 
 use super::overview::{best_of_each, devices, numbered};
 use super::plot::Plot;
@@ -51,7 +51,7 @@ fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> 
     values.clone().max_by_key(count)
 }
 
-/// What a plot of growth is called.
+/// The name of a plot of growth.
 struct Labels {
     title: String,
     x: &'static str,
@@ -109,7 +109,7 @@ fn caption(fits: &[(String, Fit)]) -> String {
         ),
     };
     format!(
-        "Each strategy at its own best local size; both axes are logarithmic, so a power is a straight line.{fitted}"
+        "Each strategy at its own best local size; both axes are logarithmic, so that a power law is a straight line.{fitted}"
     )
 }
 

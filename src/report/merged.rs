@@ -23,7 +23,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(all.concat(), point)
 }
 
-/// What folders are called: their names, or where two have the same one their paths.
+/// Labels of folders: their names, or their paths where two have the same name.
 pub fn labels(folders: &[Folder]) -> Vec<String> {
     let alone = |label: &str| folders.iter().filter(|folder| folder.label == label).count() == 1;
     let name = |folder: &Folder| match alone(&folder.label) {

@@ -31,7 +31,7 @@ use plot::Plot;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// What was written.
+/// The files written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
     /// The page.
@@ -49,7 +49,7 @@ pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
 /// The page of a reproduction, and the same for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
 
-/// Names of files in a folder, and what they hold.
+/// Names and contents of files in a folder.
 type Files = Vec<(String, Vec<u8>)>;
 
 /// Writes `report.html`, `plots/` and `exports/` of the folders' records into `out`.
@@ -65,7 +65,7 @@ pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }
 
-/// What other tools read: T4 results, a Kernel Tuner cache a group, CSV.
+/// Exports for other tools: T4 results, a Kernel Tuner cache per group, CSV.
 fn exports(records: &[Record]) -> Result<Files> {
     let mut files = vec![
         ("exports/t4-results.json".to_owned(), t4_results(records).into_bytes()),

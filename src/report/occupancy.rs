@@ -1,7 +1,7 @@
 //! Predicted occupancy against measured speed: does the paper's way of choosing a local size choose well?
 //!
 //! Occupancy itself is not measured: OpenCL has no counter of resident work-groups, so the prediction can only be
-//! judged by what it is used for, which is to say what is fast.
+//! judged by its use, which is to predict which local size is fast.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -77,17 +77,17 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
     }
 }
 
-/// What the rank correlations amount to.
+/// The rank correlations in words.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
-        return "Too few local sizes to say how well it ranks them.".to_owned();
+        return "There are too few local sizes to tell how well the prediction ranks them.".to_owned();
     }
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {
         m if m > 0.7 => "it ranks local sizes well",
-        m if m > 0.3 => "it ranks local sizes somewhat",
-        m if m > -0.3 => "it says next to nothing about which local size is fast",
-        _ => "the fast local sizes are rather those it predicts less for",
+        m if m > 0.3 => "the prediction ranks local sizes partly",
+        m if m > -0.3 => "the prediction tells almost nothing about which local size is fast",
+        _ => "the fast local sizes tend to be those with a lower prediction",
     };
     format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")
 }
@@ -102,7 +102,7 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 
-/// The registers that the compiler told, and the `__local` bytes of a group.
+/// The registers that the compiler reported, and the `__local` bytes of a group.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);

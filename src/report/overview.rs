@@ -34,7 +34,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
             diagonal: false,
             series,
         };
-        let caption = "Each strategy at its own best local size; the lower the faster. The host's baselines are beside them.";
+        let caption = "Each strategy at its own best local size; lower is faster. The baselines on the host are included.";
         Some(Plot::of(numbered("scenes", place), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()

@@ -1,4 +1,4 @@
-//! The page: what the template shows, put together from records.
+//! The page: the data of its template, collected from records.
 
 use super::answer::{self, Answer, answers, headline};
 use super::environment::{self, EnvironmentView, Program};
@@ -49,7 +49,7 @@ pub struct View {
     /// Whether the page shows it first: the largest scene has most to tell.
     first: bool,
     title: String,
-    /// What was said of reading its scene.
+    /// The notes on reading its scene.
     notes: Vec<String>,
     heat: Option<Plot>,
     lines: Option<[Plot; 2]>,
@@ -142,14 +142,14 @@ impl Page {
     }
 }
 
-/// What lets the page's own script run and no other: 128 bits that the standard library makes of the system's random
+/// A nonce that lets only the page's own script run: 128 bits that the standard library makes from the system's random
 /// numbers, so that no data of the page can know them.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
 }
 
-/// What is to be said of the folders, under their names where there are several.
+/// The notes on the folders, under their names where there are several.
 pub fn notes(folders: &[Folder]) -> Vec<String> {
     let of = |(folder, label): (&Folder, String)| -> Vec<String> {
         let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
@@ -158,7 +158,7 @@ pub fn notes(folders: &[Folder]) -> Vec<String> {
     folders.iter().zip(labels(folders)).flat_map(of).collect()
 }
 
-/// What the folders' configs asked and expected.
+/// The questions and expectations of the folders' configs.
 fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     let mut questions = Vec::new();
     for folder in folders {
@@ -267,7 +267,7 @@ fn one_view(
     }
 }
 
-/// What was said of reading a group's scene, each once.
+/// The notes on reading a group's scene, each once.
 fn scene_notes(group: &Group<'_>) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for note in group.records.iter().flat_map(|record| &record.scene_notes) {

@@ -52,7 +52,7 @@ pub fn published() -> Vec<Published> {
     CSV.lines().skip(1).filter_map(parse).collect()
 }
 
-/// Which of the paper's curves is what: figure, its series, our scene, our preset.
+/// The paper's curves: figure, series, our scene, our preset.
 pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (6, "Teapot (1026)", "teapot", "naive"),
     (6, "Gourd (650)", "gourd", "naive"),

@@ -80,7 +80,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
         series,
     };
     let caption = format!(
-        "Bars are 95% intervals of the median; where there is none, it is smaller than its marker or there are fewer than five samples.{beside}"
+        "Bars are 95% intervals of the median. A mark without a bar has an interval smaller than the mark, or fewer than five samples.{beside}"
     );
     Some(Plot::of(name, caption, &chart))
 }
@@ -164,7 +164,7 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// What a code stands for, with an example.
+/// The meaning of a code, with an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
@@ -192,7 +192,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     };
     let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
     let caption = format!(
-        "The wide pale bar is from quartile to quartile, the narrow strong one the 95% interval of the median; dots at an edge lie beyond it. Fewer than five samples have no bars.{shown}"
+        "The wide pale bar spans the quartiles, the narrow dark bar the 95% interval of the median. Dots at an edge lie beyond it. Points with fewer than five samples have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }

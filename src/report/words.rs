@@ -1,4 +1,4 @@
-//! What the report's parts say of a record in the same words.
+//! The words for a record that several parts of the report share.
 
 use super::plot::look::Look;
 use crate::record::{
@@ -29,7 +29,7 @@ impl Looks {
     }
 }
 
-/// What a legend calls a record's strategy.
+/// The name of a record's strategy in a legend.
 pub fn series_name(record: &Record) -> String {
     if record.is_baseline() { format!("{} (host)", record.strategy) } else { record.name.clone() }
 }
@@ -52,7 +52,7 @@ pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// What is said of a record that is pointed at: strategy, local size, median, interval, n, and what to mind.
+/// The tooltip of a record: strategy, local size, median, interval, n, and warnings.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {
@@ -70,7 +70,7 @@ pub fn tip(record: &Record) -> String {
     lines.join("\n")
 }
 
-/// What the compiler made of its main kernel, where that is known: "168 registers, 12 B spilled, occupancy 19%".
+/// The compiler's figures of its main kernel, if known: "168 registers, 12 B spilled, occupancy 19%".
 pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
     let registers = kernel.resources.registers.map(|count| format!("{count} registers"));

@@ -95,7 +95,7 @@ impl Reader<'_> {
         }
         let lacks = |key: &str, what: &str| {
             Error::input(format!("{}, line 1: its header has no '{key}': {what}", self.path))
-                .with_help(format!("begin the file with {}; docs/kernels.md says more", self.example()))
+                .with_help(format!("begin the file with {}; docs/own-kernels.md says more", self.example()))
         };
         let meaning = found.meaning.take().map(|(_, meaning)| meaning);
         let meaning = meaning.ok_or_else(|| lacks("meaning", "what the value is, in a line"))?;
@@ -204,7 +204,7 @@ impl Reader<'_> {
     fn wrong(&self, line: usize, message: String, meant: Option<&str>) -> Error {
         Error::input(format!("{}, line {line}: {message}", self.path)).with_help(match meant {
             Some(meant) => format!("did you mean '{meant}'?"),
-            None => "docs/kernels.md says what a header holds".to_owned(),
+            None => "docs/own-kernels.md says what a header holds".to_owned(),
         })
     }
 

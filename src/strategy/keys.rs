@@ -125,7 +125,7 @@ mod tests {
     use crate::strategy::FOLDERS;
     use std::collections::BTreeSet;
 
-    const DOCUMENT: &str = include_str!("../../docs/kernels.md");
+    const DOCUMENT: &str = include_str!("../../docs/own-kernels.md");
 
     /// The rows of the document's table with these column heads, each as its cells.
     fn table(heads: &str) -> Vec<Vec<&'static str>> {

@@ -12,7 +12,7 @@
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
 #endif
 
-// Of a ray whose test prepares nothing, all there is to know.
+// This test prepares nothing per ray: a probe holds only the least distance.
 typedef struct {
     varying t_min;
 } Probe;
@@ -24,9 +24,9 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 }
 
 // A row holds a corner, two edges, and three numbers:
-#define SLACK1(row) (row).u  // what w1 may lack, times a distance
-#define SLACK2(row) (row).v  // what w2 may lack, times a distance
-#define EDGE_ON(row) (row).w // an |a| that is not more sees the triangle edge-on: it is not hit
+#define SLACK1(row) (row).u  // the rounding error allowed to w1, per unit of distance
+#define SLACK2(row) (row).v  // the rounding error allowed to w2, per unit of distance
+#define EDGE_ON(row) (row).w // the largest |a| of a triangle seen edge-on, which is not hit
 
 #if PAPER_EPSILONS
 #define DISTANCE(size, s) (size)
@@ -34,18 +34,20 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 #define DISTANCE(size, s) (fabs((s).x) + fabs((s).y) + fabs((s).z))
 #endif
 
-// Weights are allowed their rounding error, which grows with the distance to the corner and the edge that it is crossed
-// with, so that a ray along an edge falls through between no two triangles. (From anywhere at all, only the watertight test
-// promises that.) A triangle nearly edge-on has an a of which rounding left nothing.
+// Each weight is allowed its rounding error, so that a ray along an edge does not fall through between two triangles. The
+// error grows with the distance to the corner and with the edge in the cross product. (Only the watertight test promises
+// this for every ray.) For a triangle nearly edge-on, rounding leaves no digit of a.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
     row.b = uniform_difference(corners.b, corners.a);
     row.c = uniform_difference(corners.c, corners.a);
 #if PAPER_EPSILONS
+    // The paper's guards are constants, whatever the size of scene and triangle.
     SLACK1(row) = SLACK2(row) = 1e-10f;
     EDGE_ON(row) = 1e-7f;
 #else
+    // These guards grow with the triangle, as the rounding errors do that they allow for.
     const float size1 = uniform_size(row.b), size2 = uniform_size(row.c);
     SLACK1(row) = ROUNDING * size2;
     SLACK2(row) = ROUNDING * size1;
@@ -57,11 +59,14 @@ Row row_of(Corners corners) {
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
 // there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    // The determinant a = e1 . (d x e2). The textbook divides by it: w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
+    // Here numerators take the sign of a and are compared with |a|: no division yet, front and back faces alike.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
+    // 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
     const Vec3 s = subtract(origin, splat(row.a));
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);
@@ -70,6 +75,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
+    // The second weight, and the third, 1 - w1 - w2 >= 0, in the same way. Most rays never come here.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;
@@ -80,6 +86,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
+    // Within the edges is not yet a hit: also not edge-on, behind t_min, and nearer than the best so far.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

@@ -18,6 +18,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 }
 
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
+    // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);
     row.a = along_pixels(row.a, corner, step_x, step_y);
     row.b = along_pixels(row.b, corner, step_x, step_y);

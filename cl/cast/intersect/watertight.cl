@@ -22,6 +22,7 @@ typedef struct {
 
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
+    // The largest component becomes z, so that no division makes the shear large.
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
     const Mask along_y = !along_x & (size.y >= size.z);
     const varying zero = (varying)(0.0f);
@@ -31,6 +32,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     // With dominant axis k, and the others cyclically after it: rows e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., e_k / d_k.
     Probe probe;
     probe.t_min = t_min;
+    // All three shears are computed and one is chosen: lanes may differ, and a branch would take every way.
     const Vec3 x_for_z = vec3(one, zero, -direction.x * per.z);
     const Vec3 y_for_z = vec3(zero, one, -direction.y * per.z);
     const Vec3 x_for_x = vec3(-direction.y * per.x, one, zero);
@@ -58,15 +60,18 @@ Row row_of(Corners corners) {
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
 // there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    // Corners seen from the origin, then sheared: x and y there, while z is left for the hits.
     const Vec3 a = subtract(splat(row.a), origin);
     const Vec3 b = subtract(splat(row.b), origin);
     const Vec3 c = subtract(splat(row.c), origin);
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
+    // Edge functions: twice the signed areas that the ray, now the point (0, 0), makes with each edge.
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
+    // Inside where no two have opposite signs. A zero counts as inside on both sides of an edge, so that nothing leaks.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;
@@ -77,6 +82,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
 #endif
     if (!ANY(inside)) return 0;
 
+    // Weights are the areas' shares; t is interpolated from the corners' z.
     const varying per_det = 1.0f / det;
     hit->t = (u * dot3(probe->z, a) + v * dot3(probe->z, b) + w * dot3(probe->z, c)) * per_det;
     hit->w1 = v * per_det;

@@ -5,11 +5,13 @@
 // thrown away.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
+    // Only the lanes of `nearer` hit this triangle; the others keep the weights of their own nearest hit.
     const Vec3 weights = vec3(1.0f - hit->w1 - hit->w2, hit->w1, hit->w2);
     working_set(working, WEIGHTS, select3(nearer, weights, working_get(working, WEIGHTS)));
     Lanes column[FLOATS_OF_SURFACE];
     for (int lane = 0; lane < WIDTH; lane++) gather_surface(&scene->geometry, triangle, lane, column);
     const Surface surface = surface_of(column);
+    // A nearer hit, found later, overwrites this result: its shadow rays were cast for nothing.
     shade(working, scene, &surface, hit->t, nearer);
 }
 

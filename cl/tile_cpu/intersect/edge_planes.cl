@@ -9,8 +9,8 @@
 // plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has the right
 // sign. The triangle next door has the plane with the opposite sign, to the last bit. (So does Embree's robust mode.)
 // Planes are scaled so that triangles overlap by 1, which costs nothing, for the sake of rays at vertices.
-// With a = d.(e2 x e1), a t is the same for all rays: the height. What lies in front of them has an a of its sign, so
-// that none asks for signs.
+// With a = d.(e2 x e1), a t is the same for all rays: the height. Points in front of a ray have an a of the height's sign;
+// planes are turned by that sign once, so that no test has to.
 
 #define PREPARED 8
 #if !defined(PADDING_ROWS) || PADDING_ROWS < PREPARED
@@ -50,6 +50,8 @@ float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the
 
 // One corner of eight triangles. Past the leaf's last there are others, or padding.
 Lanes3 load_corners(const __global float4 *rows) {
+    // Rows are x y z and a word. Taking every second lane, twice, transposes eight of them:
+    //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
     const float16 a = (float16)(rows[0], rows[3], rows[6], rows[9]);
     const float16 b = (float16)(rows[12], rows[15], rows[18], rows[21]);
     const float8 xz = a.even, xz2 = b.even, yw = a.odd, yw2 = b.odd;
@@ -66,7 +68,7 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     return lanes_difference(corner, from);
 }
 
-// The plane of an edge, which is p - q, whose ends are seen at p and q. Swapping them changes nothing but all signs.
+// The plane of an edge p - q whose ends are seen at p and q. Swapping them changes all signs and nothing else.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
@@ -82,24 +84,30 @@ float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive)
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
-    // Of the corners as they are: seen from far away, edges have lost what tells them apart.
+    // Edges come from the corners as stored: differences of corners seen from far away have lost their last digits.
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
+    // The origin is shared by all rays, so that the subtraction is done once per tile and not once per ray.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
+    // The origin's height over the plane, times |n|: its sign says which side the origin is on, and turns all planes alike.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
+    // How far edges may be off for rounding; dividing by it, as a power of two, makes the overlap 1 and keeps every bit.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
+    // 1 / t = d . n / height. Turned so that triangles in front of the origin have a positive d . n.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
     store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
+    // Where |d . n| is below this, rounding has left nothing of it: the triangle is seen edge-on.
     vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
+    // Shadow rays run from the light, where front faces look like back faces.
     return LANE_BITS8(any ? height < 0.0f : height > 0.0f);
 #else
     return LANE_BITS8(height != 0.0f);
@@ -109,6 +117,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // Tests a prepared triangle with the rays of the live vectors. With `any`, a ray that hits it is done; otherwise
 // the nearest hit is kept. Returns the vectors in which something changed.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
+    // Twelve floats of one triangle, each a register that all live vectors share.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
     const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];
@@ -119,6 +128,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
+        // Three dot products, one per edge: not negative inside. The 1 is the overlap.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
@@ -142,5 +152,5 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
     return changed;
 }
 
-// Planes ask for nothing but directions.
+// These planes need directions only.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {}

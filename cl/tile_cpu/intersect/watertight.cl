@@ -13,6 +13,7 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
+        // An axis serves if all rays run the same way along it; the best is the one whose shortest component is longest.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
         const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
@@ -24,6 +25,7 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
+    // The shear x' = x - (d_x / d_z) z, once per ray; mirrored where rays run against the axis, for back faces to stay back faces.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
@@ -35,9 +37,11 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
     const float forward = bundle->shears.forward[vector];
     const varying x = bundle->shears.x[vector], y = bundle->shears.y[vector];
+    // Corners in the sheared plane, where the ray is the origin.
     const varying ax = forward * a[across] + x * a[along], ay = a[up] + y * a[along];
     const varying bx = forward * b[across] + x * b[along], by = b[up] + y * b[along];
     const varying cx = forward * c[across] + x * c[along], cy = c[up] + y * c[along];
+    // Edge functions: exactly opposite in the triangle next door, as each product is rounded on its own.
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
@@ -72,7 +76,7 @@ typedef struct {
 
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
-    if (any) { // rays come from the light, and meet the backs of what faces it
+    if (any) { // rays come from the light, and meet the back faces of triangles that face away from it
         const Uniform3 b = corners.b;
         corners.b = corners.c;
         corners.c = b;

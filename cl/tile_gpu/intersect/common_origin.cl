@@ -1,15 +1,24 @@
 // A leaf's triangle for the rays of a pass, the test of edge_planes.cl, from a table: tile_prepare makes the planes of
 // every triangle once per frame, for the eye and for each light. It has a row of quads for each axis of the scene; a triangle's
-// quad holds that component of its three planes and of 1/z. So whatever a pass's axes are, three loads bring what it needs,
-// side by side for the triangles of a leaf.
+// quad holds that component of its three planes and of 1/z. For any axes of a pass, three loads are therefore enough, side by
+// side for the triangles of a leaf.
 
+// The table for one origin. A row has a quad per triangle, in leaf order, so that a leaf's lanes load side by side:
+//
+//                 triangle 0               triangle 1               ...
+//     x's row     u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
+//     y's row     u.y  v.y  w.y  (1/z).y   ...
+//     z's row     u.z  v.z  w.z  (1/z).z
+//
+// A pass along x takes the rows in the order y, z, x: turning axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// Half of what triangles overlap by elsewhere, as in edge_planes.cl.
+// Half of the overlap of triangles elsewhere, as in edge_planes.cl.
 #define OVERLAP 0.5f
 
-// A quad of planes, each taken at what is most of it in an interval of slopes.
+// The largest value of each of four planes in an interval of slopes.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
+    // The most of p s for a slope s in an interval: p times the middle, plus |p| times half the width.
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
     most.x = MULTIPLY_ADD(fabs(plane.x), half_width, MULTIPLY_ADD(plane.x, middle, rest.x));
@@ -29,12 +38,15 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const float overlap = OVERLAP * shaft->longest;
     triangle->a = across;
     triangle->b = down;
+    // A ray is (x, y, 1), so that the third component is a constant: the overlap is added to it once.
     triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
     triangle->c.w = shaft->sign * along.w;
+    // Four functions in one go: three edges, and 1 / z.
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
+    // No ray of the shaft can hit if it is outside some edge everywhere, or behind every nearest hit.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
@@ -42,17 +54,18 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
+    // Eight multiply-adds: three edges, and 1 / z.
     const float u = MULTIPLY_ADD(a.x, x, MULTIPLY_ADD(b.x, y, c.x));
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
     *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
-    // What is not negative has no sign bit: one test for three.
+    // A number that is not negative has no sign bit: one test for three.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }
 
 // The planes of every triangle (first dimension) for the eye, which is origin 0, and a round's lights (second dimension,
-// from `first_origin` on). Empties the queue of the round as well: a command less.
+// from `first_origin` on). Also empties the round's queue, which saves a command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
@@ -64,6 +77,7 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     // A shadow ray runs towards its light, away from where it is cast here: front faces face away from the light.
     const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
+    // Transposed: a quad holds one component of all four vectors.
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);
     quads[count] = (float4)(row.a.y, row.b.y, row.c.y, row.v);
     quads[2 * (size_t)count] = (float4)(row.a.z, row.b.z, row.c.z, row.w);

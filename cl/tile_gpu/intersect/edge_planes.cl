@@ -2,8 +2,8 @@
 // neighbours share to the last bit, and so is 1/z: linear in x and y all four. A candidate holds the planes of the edges
 // opposite a, b and c, not negative inside, and in their fourths the three numbers of 1/z.
 
-// The plane of an edge, which is p - q, scaled so that triangles overlap by 1, which is half of what it is elsewhere. Swapping
-// p and q changes nothing but all signs. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
+// The plane of an edge p - q, scaled so that triangles overlap by 1, which is half of the overlap elsewhere. Swapping p and q
+// changes all signs and nothing else. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
 // and none of 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
@@ -20,25 +20,28 @@ INLINED float per_power_of_two_below(float positive) {
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
-    // Of the corners as they are: seen from far away, edges have lost what tells them apart.
+    // Edges come from the corners as stored: differences of corners seen from far away have lost their last digits.
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a), e3 = uniform_difference(b, c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
     const Uniform3 n = uniform_cross(e1, e2);
+    // Six times the volume between origin and triangle: its sign says which side is seen.
     const float height = uniform_dot(a, n);
     const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
     const float per_unit = per_power_of_two_below(0.5f * SHARED_EDGE_SLACK * shaft->longest * size);
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 u = edge_between(e3, b, c, turn), v = edge_between(e2, c, a, turn);
     const Uniform3 w = edge_between(uniform_scale(e1, -1.0f), a, b, turn);
+    // 1 / z = (x, y, 1) . n / height.
     const Uniform3 per_z = uniform_scale(n, reciprocal(height));
     triangle->a = quad(u, per_z.x);
     triangle->b = quad(v, per_z.y);
     triangle->c = quad(w, per_z.z);
-    // What is seen edge-on is not hit, as in common/planes_of_origin.cl.
+    // A triangle seen edge-on is not hit, as in common/planes_of_origin.cl.
     int wanted = used & (fabs(height) > 1e-5f * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
 #if CULL_BACK // a shadow ray runs towards its light, away from where it is cast here; against its axis all is mirrored
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
+    // No ray of the shaft can hit if it is outside some edge everywhere, or behind every nearest hit.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
@@ -52,7 +55,7 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
-    // What is not negative has no sign bit: one test for three.
+    // A number that is not negative has no sign bit: one test for three.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

@@ -23,6 +23,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const Uniform3 v = uniform_cross(e2, a), w = uniform_cross(a, e1), n = uniform_cross(e1, e2);
     const Uniform3 u = uniform_difference(uniform_difference(n, v), w);
     const float distance = uniform_size(a), size1 = uniform_size(e1), size2 = uniform_size(e2);
+    // Bounds of the rounding error of the functions below: this test may keep too many triangles, never too few.
     const float rounding = 16.0f * ROUNDING * shaft->longest;
     const float slack = rounding * (distance + size1 + size2) * (size1 + size2);
     const float doubt = rounding * (distance + size1 + size2) * size1 * size2;
@@ -37,6 +38,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
 // Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any, float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
+    // The shear: corners where the ray meets their depth becomes the origin.
     const float ax = MULTIPLY_ADD(-x, a.z, a.x), ay = MULTIPLY_ADD(-y, a.z, a.y);
     const float bx = MULTIPLY_ADD(-x, b.z, b.x), by = MULTIPLY_ADD(-y, b.z, b.y);
     const float cx = MULTIPLY_ADD(-x, c.z, c.x), cy = MULTIPLY_ADD(-y, c.z, c.y);

@@ -1,11 +1,11 @@
-//! What comes before and after a printed program: comments that say what it is of.
+//! The comments before and after a printed program, which describe it.
 
 use super::Args;
 use crate::device::{Builtins, Device};
 use crate::program::preprocess::Preprocessed;
 use crate::strategy::{Strategy, Workload};
 
-/// What a program was made for.
+/// The strategy, device and sizes of a program.
 pub(super) struct Title<'a> {
     pub args: &'a Args,
     pub strategy: Strategy,

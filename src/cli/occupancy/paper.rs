@@ -1,4 +1,4 @@
-//! The paper's Figure 5 as its caps give it, beside what compute capability 2.0 really holds.
+//! The paper's Figure 5 by its caps, beside the occupancy that compute capability 2.0 allows.
 
 use serde_json::{Value, json};
 

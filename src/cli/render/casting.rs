@@ -17,7 +17,7 @@ pub enum Picture {
     Shown(RgbImage),
 }
 
-/// A cast frame and what it took.
+/// A cast frame and its times.
 pub struct Cast {
     pub image: Picture,
     pub hits: usize,

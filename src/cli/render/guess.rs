@@ -1,4 +1,4 @@
-//! The program that a picture will probably need, known before its scene is read: that of the last time, or what the size of the
+//! The program that a picture will probably need, known before its scene is read: that of the last time, or one that the size of the
 //! mesh's file makes likely. A wrong guess costs time only.
 
 use super::{Args, strategy};
@@ -9,7 +9,7 @@ use crate::strategy::{Strategy, Workload, preset};
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
 
-/// What entries of the cache are called.
+/// The name of its cache entries.
 const KIND: &str = "guess";
 /// Bytes of an OBJ for each triangle, with positions alone: the bunny has 35, the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
@@ -30,11 +30,11 @@ pub fn cache(args: &Args) -> Cache {
     if args.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
 
-/// What is compiled for it; none where nothing is known.
+/// The program to compile for it; none if nothing is known.
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let known = last_time(cache, args, device).or_else(|| by_file(args, device));
     let (strategy, local_size, stack_size) = known?;
-    // What is staged has its number in the program, which is not known yet.
+    // The program contains the number of staged triangles, which is not known yet.
     if strategy.triangles.are_staged() {
         return None;
     }
@@ -43,7 +43,7 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     ProgramSpec::new(sources, &strategy, &workload, device.builtins()).ok()
 }
 
-/// Keeps what a scene needed for the next time.
+/// Stores the program that a scene needed, for the next time.
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
@@ -66,7 +66,7 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
     Some((strategy, local_size, stack_size))
 }
 
-/// What a bare mesh of this size would be cast with.
+/// The strategy for a bare mesh of this size.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, [u32; 2], usize)> {
     if args.scene.extension()? != "obj" {
         return None;

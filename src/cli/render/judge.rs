@@ -21,7 +21,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     )))
 }
 
-/// Compares a picture of so many samples a pixel, and the number of its pixels that hit something, with the reference.
+/// Compares a picture of some samples per pixel, and the number of its pixels that hit something, with the reference.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),

@@ -12,9 +12,9 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
-/// What entries of the cache are called that say when somebody began to make a binary.
+/// The name of cache entries that tell when a process began to make a binary.
 const KIND: &str = "order";
-/// After this long nobody is at it any more.
+/// After this time, the process that began is taken for dead.
 const LONGEST: Duration = Duration::from_secs(120);
 
 /// A program that is to be kept.
@@ -26,7 +26,7 @@ struct Order {
     options: String,
 }
 
-/// Has a program kept where that is worth while; says whether a process is at it.
+/// Stores a program where that pays off; returns whether a process is doing it.
 pub fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
     if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
@@ -40,7 +40,7 @@ pub fn order(prepared: &Prepared, device: &Device) -> bool {
     begin(&cache, &prepared.spec) && start(&order).is_ok()
 }
 
-/// Whether nobody else is at it; the next who asks will find somebody at it.
+/// Whether no other process is making it. The next process that asks will find one.
 fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, &spec.hash()).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
@@ -56,7 +56,7 @@ fn start(order: &Order) -> std::io::Result<()> {
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
 }
 
-/// What that process does: builds what it reads on standard input, and keeps it.
+/// The work of that process: builds the program that it reads from standard input, and stores it.
 pub fn serve() -> Result<()> {
     yield_to_others();
     let order: Order = serde_json::from_reader(std::io::stdin())
@@ -73,7 +73,7 @@ pub fn serve() -> Result<()> {
     Ok(())
 }
 
-/// Whoever waits for a result goes first.
+/// Lowers this process's priority: others, whose users wait for a result, go first.
 #[cfg(unix)]
 fn yield_to_others() {
     // Where the system does not allow it, it is done all the same.

@@ -2,26 +2,26 @@
 
 use toml::Value;
 
-/// From where, in what, and how.
+/// The view of a scene: direction, background and normals.
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "How it is seen")]
 pub struct Look {
     /// The direction upwards of a bare mesh
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// See all of it from this angle in degrees, from its front to the right [default for a bare mesh: 31]
+    /// Show the whole scene from this angle in degrees, counted from its front to the right [default for a bare mesh: 31]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     azimuth: Option<f64>,
-    /// See all of it from this high in degrees, -90 to 90 [default for a bare mesh: 21]
+    /// Show the whole scene from this elevation in degrees, -90 to 90 [default for a bare mesh: 21]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     elevation: Option<f64>,
-    /// What is seen where nothing is: a display colour such as '#203040', black, white
+    /// Background, as a display colour: '#203040', black, white
     #[arg(long, value_name = "COLOUR")]
     background: Option<String>,
-    /// Edges of meshes without normals stay sharp from this angle between faces on [default for a bare mesh: 40]
+    /// Keep edges of meshes without normals sharp if their faces meet at more than this angle [default for a bare mesh: 40]
     #[arg(long, value_name = "DEGREES")]
     crease: Option<f64>,
-    /// Turn normals to the viewer, as those of a bare mesh are: back faces are lit as fronts
+    /// Turn normals to the viewer, so that back faces are lit as front faces; a bare mesh always does
     #[arg(long)]
     two_sided: bool,
 }

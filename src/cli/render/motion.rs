@@ -26,10 +26,10 @@ pub struct Motion {
     /// Turn the scene once in this many frames: numbered PNGs, an .apng, or with `-o -` a y4m stream for an encoder
     #[arg(long, value_name = "FRAMES", conflicts_with_all = ["watch", "devices", "verify", "repeat"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
-    /// Of these frames only the ones from A to B, both included; the first is 1
+    /// Render only frames A to B, both included; the first is 1
     #[arg(long, value_name = "A..B", requires = "turntable", value_parser = frames::parse)]
     frames: Option<Frames>,
-    /// Frames per second that an .apng and a y4m stream are meant for
+    /// Frames per second of an .apng or a y4m stream
     #[arg(long, default_value_t = 30, requires = "turntable", value_parser = clap::value_parser!(u16).range(1..=1000))]
     rate: u16,
 }
@@ -41,7 +41,7 @@ impl Motion {
     }
 }
 
-/// What is told at the end; the fields of `--json`.
+/// The report at the end; the fields of `--json`.
 #[derive(Serialize)]
 struct Report {
     scene: String,
@@ -159,7 +159,7 @@ impl Sink {
     }
 }
 
-/// What each frame is of: the scene's content, what it is cast with, its place in the turn, and raycl's version.
+/// The identity of each frame: the scene's content, the strategy, its place in the turn, and raycl's version.
 fn keys(args: &Args, scene: &Scene, strategy: &Strategy, wanted: Frames, count: u32) -> Vec<(u32, String)> {
     let (width, height, version) = (args.width, args.height, env!("CARGO_PKG_VERSION"));
     let shared = format!(

@@ -51,7 +51,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         });
         let (opened, start_ms) = timed(|| -> Result<_> {
             let device = one_device(args.device.as_deref(), sources)?;
-            // Who loads may have failed already.
+            // The loading thread may have failed already.
             let _ = found.send(device.info.clone());
             let queue = Queue::open(device.platform, device.device)?;
             Ok((device, queue))
@@ -66,7 +66,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 
 /// The tree of the strategy that the scene will be cast with.
 fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
-    // What is verified needs more memory, which a session looks at first.
+    // Verification needs more memory, which a session checks first.
     if args.verify {
         return None;
     }
@@ -75,7 +75,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
-/// A guess that cannot be built is none: what is needed will be built, and told of.
+/// A guess that cannot be built is dropped: the program needed is built later, with its errors.
 fn early(
     args: &Args,
     sources: &Sources,

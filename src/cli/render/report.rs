@@ -1,4 +1,4 @@
-//! What `raycl render` reports: as JSON, and as a person reads it.
+//! The report of `raycl render`: as JSON, and as text.
 
 use super::casting::Cast;
 use super::timeline::Part;
@@ -38,7 +38,7 @@ pub struct Report {
     pub discover_ms: f64,
     /// Building the tree over the triangles; 0 where the traversal has none.
     pub tree_ms: f64,
-    /// Building the program, what a driver compiles at the first launch with it.
+    /// Building the program, including code that a driver compiles at the first launch.
     pub build_ms: f64,
     /// Whether the program was kept since an earlier build, and nothing was compiled.
     pub build_from_cache: bool,
@@ -72,17 +72,17 @@ pub struct Report {
     pub tests_per_s: Option<f64>,
     /// Frames the times are medians of.
     pub frames: u32,
-    /// The host's memory foreseen, at the worst moment.
+    /// The largest use of the host's memory, as predicted.
     pub host_bytes: u64,
-    /// The device's buffers foreseen; on a CPU they are among the host's.
+    /// The device's buffers, as predicted; on a CPU they are part of the host's memory.
     pub device_bytes: u64,
-    /// The host's memory that was taken at the worst moment; none where the system does not tell.
+    /// The largest use of the host's memory, as measured; none where the system does not report it.
     pub peak_bytes: Option<u64>,
-    /// What `--verify` found.
+    /// The result of `--verify`.
     pub verified: Option<Verified>,
     /// The picture.
     pub output: String,
-    /// What was passed over or made up in reading the scene, and whether raycl was built from a tree with changes.
+    /// Parts of the scene's file that were ignored or replaced by defaults, and whether raycl was built from a tree with changes.
     pub notes: Vec<String>,
 }
 
@@ -107,7 +107,7 @@ impl Verified {
 }
 
 impl Report {
-    /// What casting tells; the rest is for the command to fill in.
+    /// The fields that casting knows; the command fills in the rest.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let [width, height] = workload.image_size;
@@ -175,7 +175,7 @@ impl Report {
         lines.join("\n")
     }
 
-    /// What is to be said of a part.
+    /// The remark on a part.
     fn remark(&self, part: &str) -> String {
         match part {
             "kernel" => self.kernel_remark(),
@@ -185,7 +185,7 @@ impl Report {
         }
     }
 
-    /// What the kernel's time is made of.
+    /// The parts of the kernel's time.
     fn kernel_remark(&self) -> String {
         let parts = [("primary", self.primary_ms), ("shadow", self.shadow_ms), ("shading", self.shade_ms)]
             .into_iter();
@@ -196,9 +196,10 @@ impl Report {
     }
 
     fn memory(&self) -> String {
-        let peak = self.peak_bytes.map(|bytes| format!(", {} taken", readable(bytes))).unwrap_or_default();
+        let peak =
+            self.peak_bytes.map(|bytes| format!(", {} used at most", readable(bytes))).unwrap_or_default();
         let [host, device] = [self.host_bytes, self.device_bytes].map(readable);
-        format!("{host} of the host foreseen{peak}; {device} of the device")
+        format!("host {host} predicted{peak}; device {device} predicted")
     }
 
     fn speeds(&self) -> Vec<String> {

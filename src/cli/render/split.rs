@@ -38,7 +38,7 @@ struct Report {
     total_ms: f64,
     verified: Option<Verified>,
     output: String,
-    /// What was passed over or made up in reading the scene.
+    /// Parts of the scene's file that were ignored or replaced by defaults.
     notes: Vec<String>,
 }
 

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 /// A part of a command's time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
-    /// What was done.
+    /// Its name.
     pub part: &'static str,
-    /// How long, by the clock on the wall.
+    /// Its duration by the wall clock.
     pub ms: f64,
 }
 
@@ -32,7 +32,7 @@ impl Timeline {
         Self { last: Instant::now(), parts: Vec::new() }
     }
 
-    /// What was done since the last part ended.
+    /// Ends a part that began when the last one ended.
     pub fn ends(&mut self, part: &'static str) {
         self.ends_with(part, &[]);
     }
@@ -57,7 +57,7 @@ impl Timeline {
         }
     }
 
-    /// What a part took; 0 where there was none.
+    /// The duration of a part; 0 if there was none.
     pub fn ms(&self, part: &str) -> f64 {
         self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
     }

@@ -15,7 +15,7 @@ pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> 
     run.expected(&earlier(out), &done)
 }
 
-/// Records of a folder of results and of those beside it, the latest last. What cannot be read tells nothing.
+/// Records of a folder of results and of those beside it, the latest last. Unreadable ones are ignored.
 pub fn earlier(out: &Path) -> Vec<Record> {
     let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();

@@ -1,4 +1,4 @@
-//! What a run writes down of where and how it is made.
+//! The machine, devices, program and files that a run records.
 
 use crate::config::Experiment;
 use crate::device::{DeviceInfo, variables};

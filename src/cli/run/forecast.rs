@@ -1,11 +1,11 @@
-//! What `raycl run --dry-run` prints.
+//! The output of `raycl run --dry-run`.
 
 use crate::cli::{print, print_json, table};
 use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
 
-/// Prints every point, what it needs and whether it fits; and how long they will take.
+/// Prints every point, its memory needs and whether it fits, and the expected duration of the run.
 pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<()> {
     if json {
         return points.iter().try_for_each(print_json);

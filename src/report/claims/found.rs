@@ -1,4 +1,4 @@
-//! What was measured on one device in one run, and how a test finds its points there.
+//! The data of one device in one run, and how a test finds its points in it.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
@@ -9,7 +9,7 @@ use crate::report::words::{first_line, title};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// A run: what is compared comes from one of them, at one image size.
+/// A run. A comparison takes both sides from one run, at one image size.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// Its folder.
@@ -41,7 +41,7 @@ impl<'a> Run<'a> {
 pub(super) struct Found<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) device: &'a str,
-    /// The configs that measure what a claim needs.
+    /// The configs that measure a claim's points.
     pub(super) configs: &'a [String],
 }
 
@@ -63,14 +63,14 @@ impl<'a> Found<'a> {
         Err(Line::cannot(text, format!("a device on which {point} runs")))
     }
 
-    /// What is said where there is no record.
+    /// The line for a point without a record.
     pub(super) fn missing(&self, what: &str) -> Line {
         let commands: Vec<_> =
             self.configs.iter().map(|config| format!("`raycl run configs/{config}.toml`")).collect();
         Line::cannot(format!("no record of {what}"), format!("its record: {}", commands.join(", ")))
     }
 
-    /// Whether a point takes so many times as long as another.
+    /// Whether the ratio of two points' times is within bounds.
     pub(super) fn ratio(&self, of: &Point, to: &Point, held: RangeInclusive<f64>) -> Line {
         let (slow, fast) = match (self.measured(of), self.measured(to)) {
             (Ok(slow), Ok(fast)) => (slow, fast),
@@ -109,7 +109,7 @@ impl<'a> Found<'a> {
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// What the device can do at most, where its run measured it.
+    /// The device's peak rates, if its run measured them.
     pub(super) fn peak(&self) -> Option<Peak> {
         let kept = Peak::kept_in(self.run.path()).unwrap_or_default();
         kept.into_iter().find(|peak| peak.device == self.device)

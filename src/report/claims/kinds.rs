@@ -1,4 +1,4 @@
-//! How each kind of test is decided on what was found.
+//! How each kind of test is decided from a claim's data.
 
 use super::found::Found;
 use super::point::Point;
@@ -10,7 +10,7 @@ use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};
 use crate::strategy::{Requirements, Workload};
 
-/// What a test says, a line for each of its comparisons: as many whatever was found.
+/// The result of a test, one line for each of its comparisons.
 pub(super) fn lines(test: &Test, found: &Found<'_>) -> Vec<Line> {
     match test {
         Test::Ratio { of, to, at_least, at_most } => {
@@ -69,7 +69,7 @@ fn passes(found: &Found<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f6
     ratio.line(text, at_least..=f64::INFINITY)
 }
 
-/// What a pass of a timed frame took.
+/// The time of a pass of a timed frame.
 fn ms(sample: &Sample, pass: Pass) -> Option<f64> {
     match pass {
         Pass::Primary => sample.primary_ms,
@@ -117,7 +117,8 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
 fn latency(found: &Found<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
     let name = format!("{memory:?} memory").to_lowercase();
     if found.is_cpu() && memory != Memory::Private {
-        let text = format!("a CPU has no {name} of its own: caches and memory serve all");
+        let text =
+            format!("a CPU has no separate {name}: its caches and main memory serve for all address spaces");
         return Line::cannot(text, "a GPU".to_owned());
     }
     let Some(peak) = found.peak() else {

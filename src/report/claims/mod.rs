@@ -1,7 +1,7 @@
-//! The paper's claims in its own words, each tested on what was measured on one device.
+//! The paper's claims in its own words, each tested on the records of one device.
 //!
-//! `claims.toml` has them: sentence, figure, and the tests that have to hold. Only what does not depend on how fast a device
-//! is can be tested: which of two is faster, by how much, which block size is best, what fits. The rule is one for all: see
+//! `claims.toml` has them: sentence, figure, and the tests that have to hold. Only claims that do not depend on the speed of a
+//! device are tested: which of two points is faster, by how much, which block size is best, what fits. One rule judges all: see
 //! [`Verdict::of_all`]. The published values are the paper's own device's, which it does not name.
 
 mod found;
@@ -21,16 +21,16 @@ use found::Found;
 /// A claim beside the measurement.
 #[derive(Clone, Debug)]
 pub struct Claim {
-    /// What the paper says.
+    /// The paper's claim.
     pub row: Row,
-    /// What we found.
+    /// The comparisons.
     pub lines: Vec<Line>,
     /// Whether it held.
     pub verdict: Verdict,
 }
 
 impl Claim {
-    /// What would decide it, each once; nothing where it is decided.
+    /// The measurements that would decide it, each once; none if it is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);

@@ -108,7 +108,7 @@ impl<'a> Fastest<'a> {
         (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
     }
 
-    /// What is claimed of the fastest: it holds where all that may be the fastest are so, and not where none is.
+    /// A claim about the fastest point: it holds if it is true of every point that may be the fastest, and does not if it is true of none.
     fn verdict(&self, claimed: &dyn Fn(&Record) -> bool) -> Verdict {
         let all: Vec<bool> = self.level.iter().chain(&self.few).map(|record| claimed(record)).collect();
         match all.iter().filter(|claimed| **claimed).count() {

@@ -1,4 +1,4 @@
-//! The table of claims as TOML has it: what the paper says, and what has to hold for it to be so.
+//! The table of claims in TOML: the paper's sentences, and the tests that have to hold for each.
 
 use super::point::{Point, known, local_size};
 use crate::device::occupancy::multiprocessor;
@@ -19,14 +19,14 @@ pub struct Row {
     pub place: String,
     /// The values of the paper's figures.
     pub published: String,
-    /// What the words are taken to say.
+    /// Our reading of the words.
     pub reading: String,
     /// Where the paper, or arithmetic, says otherwise.
     #[serde(default)]
     pub contradiction: String,
     /// The configs whose records tell.
     pub configs: Vec<String>,
-    /// What has to hold, all of it.
+    /// The tests, all of which have to hold.
     pub test: Vec<Test>,
 }
 
@@ -83,7 +83,7 @@ impl TryFrom<String> for Preset {
 }
 
 impl Preset {
-    /// What it stands for; none of a name that is not known, which no table has.
+    /// The strategy of that name; none for an unknown name, which no table has.
     pub fn strategy(&self) -> Option<Strategy> {
         PRESETS.iter().find(|preset| preset.name == self.0).map(|preset| preset.strategy)
     }
@@ -139,7 +139,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 }
 
 impl Row {
-    /// What serde cannot see.
+    /// Checks that serde cannot express.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),

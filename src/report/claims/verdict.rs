@@ -3,9 +3,9 @@
 /// Whether a claim held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// What was measured agrees.
+    /// The measurement agrees.
     Held,
-    /// What was measured disagrees.
+    /// The measurement disagrees.
     NotHeld,
     /// The intervals leave it open, or there are not enough samples, or a part has no record.
     Unclear,
@@ -57,11 +57,11 @@ impl Verdict {
 /// One comparison of a test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// What was found, in words.
+    /// The measurement in words.
     pub text: String,
-    /// What that says.
+    /// Its verdict.
     pub verdict: Verdict,
-    /// What would decide it; empty where it is decided.
+    /// The measurement that would decide it; empty if it is decided.
     pub decides: String,
 }
 

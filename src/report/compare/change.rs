@@ -1,4 +1,4 @@
-//! How a point changed from one run to another: against what changed with it, for another day is another machine.
+//! The change of a point from one run to another, relative to the anchor or baselines of its rounds: a machine's speed differs between days.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
@@ -35,7 +35,7 @@ fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     (first == second).then(|| after.over(before))
 }
 
-/// The half of the points whose changes are nearest to their median: what one change slowed is not among them.
+/// The half of the points whose changes are nearest to the median change, which leaves out points that a change of code slowed.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),

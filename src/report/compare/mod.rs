@@ -31,16 +31,16 @@ pub struct PairLine<'a> {
     verdict: &'static str,
 }
 
-/// What comparing two folders found.
+/// The result of comparing two folders.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// What the folders are called.
+    /// The folders' names.
     pub labels: [String; 2],
     /// The points that both measured, in the first's order.
     pub pairs: Vec<Pair>,
-    /// Points that only one measured, or that another outcome replaced: what happened, in a line.
+    /// Points that only one folder measured, or whose outcome changed: a line each.
     pub others: Vec<String>,
-    /// What is to be said of the folders, each under its name.
+    /// The notes on the folders, each under its name.
     pub notes: Vec<String>,
     /// Changes of less than this part are the same.
     pub threshold: f64,
@@ -146,7 +146,7 @@ impl Comparison {
 
     fn add(&mut self, before: Record, after: &Record) {
         if let (Some(_), Some(_)) = (median(&before), median(after)) {
-            // What becomes of it is known when all points are there.
+            // Its verdict is set when all points are known.
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
@@ -174,14 +174,14 @@ impl Comparison {
             |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
         if of(Against::PointsInCommon) {
             self.notes.push(
-                "No baseline was measured in the rounds of both: changes are against the points that changed alike, and \
-                 whether all changed together cannot be told."
+                "No baseline was measured in the rounds of both: changes are relative to the points that changed alike, so \
+                 that a change shared by all points cannot be detected."
                     .to_owned(),
             );
         }
         if of(Against::BareTimes) {
             self.notes.push(
-                "Bare times: whatever else changed between the runs, load and clocks among it, is in them."
+                "These are bare times: they include every other change between the runs, such as load and clock rates."
                     .to_owned(),
             );
         }
@@ -192,7 +192,7 @@ impl Comparison {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// What is surely slower by more than `limit_percent`, a line each, and the points that ran before and fail now. Of 50
+    /// The regressions of more than `limit_percent`, a line each, and the points that ran before and fail now. Of 50
     /// comparisons of a thing with itself at most one finds any.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
@@ -243,7 +243,7 @@ fn devices(folder: &Folder) -> Vec<&str> {
     devices
 }
 
-/// Whether all its records say what their scenes hold.
+/// Whether all its records have the hash of their scene.
 fn has_content(folder: &Folder) -> bool {
     folder.records.iter().all(|record| record.scene_hash.is_some())
 }

@@ -41,9 +41,9 @@ impl Comparison {
     /// How verdicts are found.
     fn rule(&self) -> String {
         format!(
-            "Changes are ratios of ratios: of a point to the anchor of its device, a fixed kernel that was timed in its rounds; \
-             without one to the baselines in its rounds, or to the points that changed alike, in each folder. Faster and slower: the 95% interval lies beyond {0}%; same: it lies \
-             within {0}%; else unclear. So a verdict is wrong in at most one of 40 points. Fewer than five samples in a launch \
+            "In each folder, a point's time is divided by that of the anchor, a fixed kernel timed in the same rounds, or, without an anchor, \
+             by the times of the baselines, or of the points that changed alike. The change is the ratio of these two ratios. Faster and slower: its 95% interval lies beyond {0}%; same: it lies \
+             within {0}%; otherwise unclear. A verdict is wrong for at most one of 40 points. Fewer than five samples in a launch \
              are not enough.",
             self.threshold_percent()
         )
@@ -106,7 +106,7 @@ impl Comparison {
             series: series.collect(),
         };
         let caption = format!(
-            "Below the line {b} is faster, above it {a}; bars are 95% intervals of {b}'s medians, which five samples or more have."
+            "Below the line {b} is faster, above it {a}. Bars are 95% intervals of {b}'s medians; points with fewer than five samples have none."
         );
         Plot::of("compare", caption, &chart)
     }

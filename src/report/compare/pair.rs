@@ -17,11 +17,11 @@ pub struct Pair {
     pub after: Record,
     /// How the second stands to the first.
     pub verdict: Verdict,
-    /// How many times as long the second takes as the first, and against what. None where that cannot be told.
+    /// The ratio of the second's time to the first's, and the measure that it is relative to. None if it cannot be told.
     pub change: Option<(Interval, Against)>,
 }
 
-/// What a change is measured against.
+/// The measure that a change is relative to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
@@ -83,7 +83,7 @@ pub(super) fn percent(ratio: f64) -> f64 {
     100.0 * (ratio - 1.0)
 }
 
-/// What a point is called.
+/// The name of a point.
 pub(super) fn name(record: &Record) -> String {
     if record.is_baseline() {
         return format!("{} {}, {}", record.scene, by(record.image_size), title(record));

@@ -1,4 +1,4 @@
-//! What is surely slower than it may be: single points, every strategy's points together, and all points together. Many points
+//! Regressions: single points, every strategy's points together, and all points together that are surely too slow. Many points
 //! that are a little slower each are so found where none of them is sure, as when a file changed that all strategies share.
 
 use super::Comparison;

@@ -42,7 +42,7 @@ fn what_all_points_share_needs_a_baseline() {
     };
     let all = of(&folder("old", kernels(1.0)), &folder("new", kernels(1.5)));
     assert_eq!((all.count(Verdict::Same), all.regressions(5.0).len()), (3, 0));
-    assert!(all.notes.iter().any(|note| note.contains("cannot be told")), "{:?}", all.notes);
+    assert!(all.notes.iter().any(|note| note.contains("cannot be detected")), "{:?}", all.notes);
     let with = |slower| [kernels(slower), vec![timed("host", "serial", 100.0)]].concat();
     let against = of(&folder("old", with(1.0)), &folder("new", with(1.5)));
     assert_eq!((against.count(Verdict::Slower), against.regressions(40.0).len()), (3, 3));

@@ -7,7 +7,7 @@ use super::palette::{FAINT, GRID};
 use super::scale::{self, Kind, Scale};
 use super::svg::{Anchor, LINE, Svg, number};
 
-/// What stands along x.
+/// The x axis.
 #[derive(Clone, Debug)]
 pub enum Across {
     /// Names at equal steps; a mark's x is a name's place in the list.
@@ -23,16 +23,16 @@ pub struct Mark {
     pub x: f64,
     /// Its value.
     pub y: f64,
-    /// The interval it surely lies in.
+    /// Its 95% interval.
     pub interval: Option<[f64; 2]>,
-    /// What is said of it, a fact a line.
+    /// Its tooltip, one fact per line.
     pub tip: String,
 }
 
 /// Marks that belong together.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// What the legend calls it; one without a name belongs to the series before it, and is switched with it, a line
+    /// Its name in the legend; a series without a name belongs to the one before it, and is switched with it, a line
     /// without markers.
     pub name: String,
     /// How it looks.
@@ -46,11 +46,11 @@ pub struct Series {
 /// A chart.
 #[derive(Clone, Debug)]
 pub struct Chart {
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// What stands along x, and its unit.
+    /// The quantity along x, and its unit.
     pub x_label: String,
-    /// What stands along y, and its unit.
+    /// The quantity along y, and its unit.
     pub y_label: String,
     /// The x axis.
     pub across: Across,
@@ -58,7 +58,7 @@ pub struct Chart {
     pub up: Kind,
     /// Whether to draw the line on which x equals y.
     pub diagonal: bool,
-    /// What is shown.
+    /// The curves.
     pub series: Vec<Series>,
 }
 

@@ -15,9 +15,9 @@ pub enum Cell {
         slower: f64,
         /// The time as text.
         text: String,
-        /// Whether it is in the winning set.
+        /// Whether it is a winner: the fastest, or tied with it.
         wins: bool,
-        /// What is said of it.
+        /// Its tooltip.
         tip: String,
     },
     /// No time.
@@ -34,17 +34,17 @@ pub enum Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// What no other map of the page is called: a pattern is found by name in the whole page.
+    /// A name unique on the page: a pattern is found by name in the whole page.
     pub id: String,
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// What the columns are.
+    /// The label of the columns.
     pub x_label: String,
     /// The columns' names.
     pub columns: Vec<String>,
     /// The rows' names and cells, a cell per column.
     pub rows: Vec<(String, Vec<Cell>)>,
-    /// What each code means.
+    /// Each code and its meaning.
     pub codes: Vec<(String, String)>,
 }
 
@@ -115,7 +115,7 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// The colour scale and what the codes mean; returns where it ends.
+    /// The colour scale and the meanings of the codes; returns where it ends.
     fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
@@ -123,7 +123,7 @@ impl HeatMap {
             FAINT,
             [LEFT + SCALE_WIDTH + 18.0, top + 9.0],
             Anchor::Start,
-            "ringed: the winning set",
+            "ringed: fastest, or tied",
         );
         let mut y = top + 24.0;
         for (code, meaning) in &self.codes {
@@ -135,7 +135,7 @@ impl HeatMap {
     }
 }
 
-/// The colours from the fastest to the slowest, and what they are.
+/// The colours from the fastest to the slowest, and their labels.
 pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     const STEPS: usize = 44;
     let step = SCALE_WIDTH / STEPS as f64;
@@ -153,7 +153,7 @@ pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     svg.text_in("faint small", FAINT, [left + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
 }
 
-/// A hatched cell with a code, before what the code means; how wide it is.
+/// A hatched cell with a code, before the code's meaning; returns its width.
 pub(super) fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
     let width = (LETTER * code.chars().count() as f64 + 6.0).max(20.0);
     svg.element(

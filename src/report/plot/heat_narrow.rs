@@ -11,7 +11,7 @@ use crate::image::viridis;
 const ACROSS: usize = 6;
 const LEFT: f64 = 8.0;
 const HEIGHT: f64 = 36.0;
-/// What is between two rows.
+/// The gap between two rows.
 const GAP: f64 = 8.0;
 
 impl HeatMap {
@@ -44,11 +44,11 @@ impl HeatMap {
         top + cells.len().div_ceil(ACROSS) as f64 * HEIGHT + GAP
     }
 
-    /// The colours and what the codes mean, in as many lines as that takes; where it ends.
+    /// The colours and the meanings of the codes, in as many lines as needed; returns where they end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         let mut y = top + 24.0 + LINE;
-        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: the winning set");
+        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: fastest, or tied");
         for (code, meaning) in &self.codes {
             y += 19.0;
             let width = draw_legend_cell(svg, [LEFT, y], code, hatch);
@@ -63,7 +63,7 @@ impl HeatMap {
     }
 }
 
-/// A text in lines of at most so many letters, but for longer words.
+/// A text in lines of a limited length; a longer word has its own line.
 fn lines_of(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {

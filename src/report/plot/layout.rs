@@ -25,9 +25,9 @@ pub const NARROW: Layout = Layout { left: 60.0, top: 34.0, width: 286.0, height:
 
 /// Roughly how wide a letter of a title is.
 const BOLD_LETTER: f64 = 7.8;
-/// What is left free on both sides of a title.
+/// The margin on both sides of a title.
 const MARGIN: f64 = 12.0;
-/// What a legend on the right takes.
+/// The width of a legend on the right.
 const LEGEND: f64 = 190.0;
 
 impl Layout {

@@ -31,7 +31,7 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
     top + entries.len() as f64 * STEP
 }
 
-/// A name of at most `longest` characters; what is cut from its middle leaves an ellipsis. Names of one experiment differ at
+/// A name of at most `longest` characters; an ellipsis replaces a part cut from its middle. Names of one experiment differ at
 /// their ends: in the value of an axis, in an exponent.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();

@@ -19,7 +19,7 @@ pub use legend::shorten;
 pub struct Plot {
     /// Its name as a file, without an ending.
     pub name: String,
-    /// What to see in it, in a sentence or two.
+    /// Its caption, a sentence or two.
     pub caption: String,
     /// The drawing.
     pub svg: String,

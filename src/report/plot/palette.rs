@@ -4,7 +4,7 @@
 pub const SERIES: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
 /// Text on paper.
 pub const INK: &str = "#1c2530";
-/// Lines behind what is shown.
+/// Lines behind the marks.
 pub const GRID: &str = "#dde3ea";
 /// Text and lines of lesser weight.
 pub const FAINT: &str = "#5c6b7a";

@@ -9,7 +9,7 @@ use super::svg::{Anchor, LINE, Svg, number};
 /// The samples of one point.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What was measured.
+    /// The point's name.
     pub name: String,
     /// The median as text.
     pub value: String,
@@ -19,14 +19,14 @@ pub struct Row {
     pub interval: Option<[f64; 2]>,
     /// First and third quartile, likewise.
     pub quartiles: Option<[f64; 2]>,
-    /// What is said of it.
+    /// Its tooltip.
     pub tip: String,
 }
 
 /// A strip plot.
 #[derive(Clone, Debug)]
 pub struct Strip {
-    /// What it shows.
+    /// Its title.
     pub title: String,
     /// Its rows, from the top.
     pub rows: Vec<Row>,
@@ -38,7 +38,7 @@ struct Form {
     layout: Layout,
     /// A row's height.
     row: f64,
-    /// What stands above its dots.
+    /// The space for a name above its dots.
     head: f64,
 }
 

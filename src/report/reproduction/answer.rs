@@ -20,7 +20,7 @@ const MEMORY: [&str; 7] = [
     "compounded",
     "constant-triangles",
 ];
-/// What a test reads of its ray: origin and direction, three floats each.
+/// The bytes that a test reads of its ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 
 /// The four lines, and the plots that show them.
@@ -30,7 +30,7 @@ pub struct Answer {
     pub strategy: String,
     /// Which local size is best.
     pub size: String,
-    /// What the records say of the reason.
+    /// The reason, from the records.
     pub why: String,
     /// How sure that is.
     pub sure: String,
@@ -187,7 +187,7 @@ fn place_of_vectors(record: &Record) -> &'static str {
     }
 }
 
-/// What is known of a record: a fact's name and its value.
+/// The known facts of a record: name and value.
 fn facts(record: &Record) -> Vec<(&'static str, String)> {
     let kernel = record.main_kernel();
     let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());

@@ -1,4 +1,4 @@
-//! The paper's figures, each beside ours, with what is known to differ.
+//! The paper's figures, each beside ours, with the known differences.
 
 use super::curves::curves_of;
 use super::predicted::predicted;
@@ -17,11 +17,11 @@ const TABLE: &str = include_str!("figures.toml");
 pub struct Described {
     /// Its number.
     pub number: u32,
-    /// What it shows.
+    /// Its title.
     pub title: String,
     /// Scenes whose picture is shown.
     pub pictures: Vec<String>,
-    /// What is known to differ from the paper's.
+    /// The known differences from the paper's.
     pub differs: String,
 }
 
@@ -33,7 +33,7 @@ struct File {
 
 /// A figure as the page shows it.
 pub struct Figure {
-    /// What is said of it.
+    /// Its number, title and known differences.
     pub about: Described,
     /// Our pictures of it.
     pub pictures: Vec<Picture>,
@@ -41,7 +41,7 @@ pub struct Figure {
     pub plots: Vec<Plot>,
     /// Curve, block, published, ours, ours over published.
     pub rows: Vec<[String; 5]>,
-    /// What would show it, where nothing does.
+    /// The command that would measure it, if no record does.
     pub missing: String,
 }
 

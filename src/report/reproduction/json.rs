@@ -1,4 +1,4 @@
-//! The reproduction for programs: what the page says, without its plots.
+//! The reproduction for programs: the page's content without plots.
 
 use super::{Device, Reproduction};
 use crate::error::{Error, Result};

@@ -32,7 +32,7 @@ pub struct Reproduction {
     reports: Vec<String>,
 }
 
-/// What came of the reproduction on one device.
+/// The results of one device.
 pub struct Device {
     name: String,
     id: String,
@@ -43,7 +43,7 @@ pub struct Device {
     claims: Vec<Claim>,
 }
 
-/// What the page knows of the paper.
+/// The paper's claims and figures.
 struct Paper {
     rows: Vec<Row>,
     figures: Vec<Described>,

@@ -60,7 +60,7 @@ fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
     mark(block, found.threads, &format!("limited by {}", found.limiter))
 }
 
-/// What the records predict of the naive kernel, from the registers that its compiler told.
+/// The occupancy predicted for the naive kernel, from the registers that its compiler reported.
 fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let records: Vec<&Record> = groups.flat_map(|group| group.records.iter().copied()).collect();

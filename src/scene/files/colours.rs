@@ -60,7 +60,7 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
 /// What a user is told of them.
 pub(in crate::scene) fn note(count: usize) -> String {
     format!(
-        "colours of {} are one a triangle, the mean of its corners",
+        "colours of {} are one per triangle, the mean of its corners",
         crate::scene::obj::counted(count, "vertex")
     )
 }

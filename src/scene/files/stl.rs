@@ -21,9 +21,10 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     let mut notes = Vec::new();
     let corners = if is_binary(bytes) {
         let attributes = rows(bytes).filter(|row| row[48..] != [0, 0]).count();
-        notes.extend((attributes > 0).then(|| {
-            format!("attributes of {attributes} facets, such as a colour, are not read")
-        }));
+        notes.extend(
+            (attributes > 0)
+                .then(|| format!("attributes of {attributes} facets, such as a colour, are not read")),
+        );
         binary(bytes)
     } else {
         ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?

@@ -293,6 +293,6 @@ pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &
     let count = counted(names.len(), "material");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{count} named by `usemtl` {are} in no material file{first}: k_L {DEFAULT_LAMBERTIAN} is used"
+        "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), stands in"
     ));
 }

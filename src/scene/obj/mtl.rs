@@ -45,7 +45,7 @@ pub(super) fn load_all<'a>(
                     let quoted = || format!(" {}", quoted(name.as_bytes()));
                     let name = if reach.permitted.quotes { quoted() } else { String::new() };
                     let note = format!(
-                        "material file{name} {reason}: k_L {DEFAULT_LAMBERTIAN} is used for its materials"
+                        "material file{name} {reason}: its materials get the default, k_L {DEFAULT_LAMBERTIAN} (grey)"
                     );
                     if !notes.contains(&note) {
                         notes.push(note);

@@ -209,7 +209,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices are one per triangle"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
-        ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): k_L 0.8"),
+        ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): the default, k_L 0.8"),
         ("usemtl b\nusemtl a\nusemtl", "2 materials named by `usemtl` are in no material file (such as `a`)"),
     ];
     for (lines, expected) in cases {

@@ -60,26 +60,26 @@ fn what_is_missing_is_told_with_what_to_write() {
         "// A test of mine: see below.\n",
         "int x;\n",
         "line 1: its header has no 'meaning'",
-        "docs/kernels.md",
+        "docs/own-kernels.md",
     );
 }
 
 #[test]
 fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
-    mistake("meaning: mine", "meaning:", "line 2: 'meaning' is empty", "docs/kernels.md");
+    mistake("meaning: mine", "meaning:", "line 2: 'meaning' is empty", "docs/own-kernels.md");
     mistake(
         "floats: 9",
         "floats: nine",
         "line 3: 'nine' is no 'record_floats'; expected 1 to 64",
-        "docs/kernels.md",
+        "docs/own-kernels.md",
     );
-    mistake("floats: 9", "floats: 65", "line 3: '65' is no 'record_floats'", "docs/kernels.md");
+    mistake("floats: 9", "floats: 65", "line 3: '65' is no 'record_floats'", "docs/own-kernels.md");
     mistake("any-ray", "anyray", "line 4: 'anyray' is no 'prepared_for'; expected any-ray or", "'any-ray'");
     mistake(
         "signs: no",
         "signs: nope",
         "line 5: 'nope' is no 'exact_signs'; expected yes or no",
-        "docs/kernels.md",
+        "docs/own-kernels.md",
     );
     mistake(
         "record_floats",
@@ -91,13 +91,13 @@ fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
         "exact_signs: no",
         "memory: local",
         "line 5: 'memory' is no key of a header of inter",
-        "docs/kernels.md",
+        "docs/own-kernels.md",
     );
 }
 
 #[test]
 fn a_contradiction_names_a_value_of_another_axis() {
-    mistake("culling=back", "culling", "line 6: 'culling' is not axis=value", "docs/kernels.md");
+    mistake("culling=back", "culling", "line 6: 'culling' is not axis=value", "docs/own-kernels.md");
     mistake("culling=back", "cullin=back", "line 6: 'cullin' is not another axis", "'culling'");
     mistake("culling=back", "culling=bakc", "line 6: 'bakc' is not a value of culling", "'back'");
     mistake("culling=back", "intersector=my-test", "line 6: 'intersector' is not another axis", "");

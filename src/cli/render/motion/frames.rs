@@ -24,7 +24,7 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
 }
 
 impl Frames {
-    /// The same, if there are so many frames.
+    /// The same range, if there are enough frames.
     pub fn within(self, count: u32) -> Result<Self> {
         if self.last <= count {
             return Ok(self);
@@ -70,13 +70,13 @@ impl Numbered {
         Target::new(self.file(number), self.choice)
     }
 
-    /// What a user is told of them.
+    /// Their names, as printed for the user.
     pub fn name(&self) -> String {
         let [first, last] = [self.wanted.first, self.wanted.last].map(|number| self.file(number));
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// The frames that are not there yet, with their keys. What has a frame's name and is another picture is refused.
+    /// The missing frames, with their keys. A different picture under a frame's name is refused.
     pub fn missing(&self, keys: &[(u32, String)]) -> Result<Vec<(u32, String)>> {
         let mut missing = Vec::new();
         for (number, key) in keys {

@@ -81,7 +81,8 @@ fn passed_over(root: &Root) -> Option<String> {
         .take(8)
         .map(|extension| quoted(extension.as_bytes()))
         .collect();
-    (!unknown.is_empty()).then(|| format!("extensions that raycl does not have are passed over: {}", unknown.join(", ")))
+    (!unknown.is_empty())
+        .then(|| format!("extensions that raycl does not have are passed over: {}", unknown.join(", ")))
 }
 
 /// Names the extensions without which the file says it cannot be read.

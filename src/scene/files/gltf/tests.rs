@@ -154,7 +154,8 @@ fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
         .to_string();
     assert!(error.contains("the extensions `KHR_draco_mesh_compression`, `X_y`"), "{error}");
     assert!(required(r#""KHR_materials_unlit", "KHR_mesh_quantization""#).is_ok());
-    let used = read(&triangle().replacen('{', "{\"extensionsUsed\": [\"EXT_mesh_gpu_instancing\"], ", 1)).unwrap();
+    let used =
+        read(&triangle().replacen('{', "{\"extensionsUsed\": [\"EXT_mesh_gpu_instancing\"], ", 1)).unwrap();
     assert!(used.notes[0].contains("`EXT_mesh_gpu_instancing`"), "{:?}", used.notes);
 }
 
