@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-long mutants test-intel test-slurm test-slurm-short test-browser fuzz lint figures bench
+.PHONY: help setup setup-tests build demo test test-long mutants oclgrind test-intel test-slurm test-slurm-short test-browser fuzz lint figures bench
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -32,6 +32,9 @@ test-long: setup-tests ## run them without leaving anything out: every preset at
 
 mutants: setup-tests ## break every kernel file in turn, in every family: verification must notice (half an hour)
 	RAYCL_TEST_LONG=1 $(TEST) --test all -- mutants:: --nocapture
+
+oclgrind: setup-tests ## simulate kernels, and kernels without each of their barriers: races, bounds, unwritten values
+	RAYCL_TEST_LONG=1 $(TEST) --test all -- oclgrind:: --nocapture
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
 	@.ci/test-intel

@@ -2,8 +2,9 @@
 //! never written. `make test` installs it; without it these tests fail.
 
 use crate::common::cover::pairwise_cover;
-use crate::common::is_long;
-use raycl::strategy::{PRESETS, Strategy, Traversal, Width};
+use crate::common::{is_long, scene};
+use raycl::program::Sources;
+use raycl::strategy::{Copied, PRESETS, Strategy, Traversal, Width};
 use std::path::Path;
 use std::process::Command;
 
@@ -12,14 +13,31 @@ const OPTIONS: &str = "-cl-opt-disable";
 /// What Oclgrind looks for besides accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";
+/// Pixels across and down, where a test says nothing else.
+const SIZE: [&str; 2] = ["18", "11"];
 
 fn spelled(strategy: &Strategy) -> String {
     strategy.axes().iter().map(|(axis, value)| format!("{axis}={value}")).collect::<Vec<_>>().join(",")
 }
 
+/// Below scenes/: more triangles than a tile of them in __local memory holds, few enough to be held there as a whole.
+const TILES: &str = "../tests/data/tiles.toml";
+
 /// Renders a scene under Oclgrind and compares it with the reference. Gives all that was reported; none where the
 /// simulated device (32 KiB of `__local`) cannot hold the strategy, or where its program does not build.
 fn reports(scene: &str, strategy: &Strategy, local: &str, plugin: &str, cl: Option<&Path>) -> Option<String> {
+    reports_at(SIZE, scene, strategy, local, plugin, cl)
+}
+
+/// The same at a width and a height.
+fn reports_at(
+    [width, height]: [&str; 2],
+    scene: &str,
+    strategy: &Strategy,
+    local: &str,
+    plugin: &str,
+    cl: Option<&Path>,
+) -> Option<String> {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("log");
     let mut command = Command::new("oclgrind");
@@ -28,7 +46,7 @@ fn reports(scene: &str, strategy: &Strategy, local: &str, plugin: &str, cl: Opti
     command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene));
     // Oclgrind has only barriers to share a tile by.
     let local = if strategy.shares_tiles() { "32x1" } else { local };
-    command.args(["--device", "oclgrind", "--width", "18", "--height", "11", "--quiet", "--verify"]);
+    command.args(["--device", "oclgrind", "--width", width, "--height", height, "--quiet", "--verify"]);
     command.args(["--strategy", &spelled(strategy), "--local-size", local, "--output"]);
     command.arg(folder.path().join("picture.png"));
     if let Some(cl) = cl {
@@ -49,10 +67,15 @@ fn reports(scene: &str, strategy: &Strategy, local: &str, plugin: &str, cl: Opti
 
 /// Runs strategies and panics with every one that something was reported of. Returns how many were run.
 fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
+    all_clean_at(SIZE, scene, strategies, local, plugin)
+}
+
+/// The same at a width and a height.
+fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     let mut wrong = Vec::new();
     let mut run = 0;
     for strategy in strategies {
-        let Some(report) = reports(scene, strategy, local, plugin, None) else { continue };
+        let Some(report) = reports_at(size, scene, strategy, local, plugin, None) else { continue };
         run += 1;
         if !report.is_empty() {
             let start: String = report.chars().take(600).collect();
@@ -73,6 +96,16 @@ fn presets_have_no_race_and_stay_in_bounds() {
     // Six work-items, in groups that do not divide the image.
     let run = all_clean("pyramid-lower.toml", &presets(), "3x2", RACES);
     assert_eq!(run, PRESETS.len());
+}
+
+/// `make test` has those that hold triangles in __local memory.
+#[test]
+fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
+    let triangles = scene(TILES).mesh.triangles.len();
+    assert!((257..=275).contains(&triangles), "{triangles}");
+    let all: Vec<_> =
+        presets().into_iter().filter(|s| is_long() || s.triangles.copied() != Copied::Nothing).collect();
+    assert_eq!(all_clean_at(["9", "6"], TILES, &all, "4x4", RACES), all.len());
 }
 
 #[test]
@@ -126,4 +159,58 @@ fn a_kernel_without_its_barriers_is_reported() {
     let tiled = raycl::strategy::preset("tiled").expect("a preset").strategy;
     let report = reports("pyramid-lower.toml", &tiled, "4x4", RACES, Some(cl.path())).expect("it fits");
     assert!(report.contains("race"), "{report}");
+}
+
+/// Every barrier of the kernels that presets are made of: file, place and text of the call.
+fn barriers() -> Vec<(&'static str, usize, &'static str)> {
+    let of = |file: &'static str| {
+        let text = Sources::Embedded.read(file).expect("a kernel");
+        let calls = ["barrier(CLK_LOCAL_MEM_FENCE)", "lane_sync(group)"];
+        let all = calls.into_iter().flat_map(|call| {
+            let places: Vec<usize> = text.match_indices(call).map(|(at, _)| at).collect();
+            places.into_iter().map(move |at| (at, call))
+        });
+        // Oclgrind has no sub-groups.
+        let known: Vec<_> = all.filter(|(at, _)| !text[..*at].ends_with("sub_group_")).collect();
+        known.into_iter().map(move |(at, call)| (file, at, call))
+    };
+    let of_presets = |file: &&str| !file.starts_with("peak/") && !file.starts_with("probe/");
+    Sources::names().into_iter().filter(of_presets).flat_map(of).collect()
+}
+
+/// A folder of kernels without one of them.
+fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
+    let mut text = Sources::Embedded.read(file).expect("a kernel");
+    text.replace_range(at..at + call.len(), "(void)0");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(file);
+    std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+    std::fs::write(path, text).expect("a copy");
+    folder
+}
+
+/// The barrier before a tile of triangles is filled matters from the second tile on: no scene of fewer triangles shows it.
+/// `make test` leaves out those of tiles that work-items share.
+#[test]
+fn each_barrier_is_needed() {
+    let mut removed = 0;
+    for barrier in barriers() {
+        let (file, at, _) = barrier;
+        let name = match file {
+            "cast/parts.cl" => "local-triangles",
+            "cast/scene.cl" => "tiled",
+            _ => "tile-group",
+        };
+        let strategy = raycl::strategy::preset(name).expect("a preset").strategy;
+        if strategy.shares_tiles() && !is_long() {
+            continue;
+        }
+        let cl = without(barrier);
+        let report =
+            reports_at(["8", "4"], TILES, &strategy, "4x4", RACES, Some(cl.path())).expect("it fits");
+        assert!(report.contains("race"), "{name} without the barrier at {at} of {file}: {report}");
+        removed += 1;
+    }
+    eprintln!("{removed} barriers, each removed in turn: all reported");
+    assert!(removed >= 3, "{removed}");
 }

@@ -178,10 +178,17 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     let found = &report(&place, &["scene.toml", "--verify"])["verified"];
     assert!(found["max_difference"].as_f64().expect("a difference") < 1e-3, "{found}");
     assert!(found["uncertain_pixels"].is_u64(), "{found}");
+    assert_eq!(found["pixels"], found["of_pixels"], "{found}");
     assert!(report(&place, &["scene.toml"])["verified"].is_null());
+    let some = place.output(&["render", "scene.toml", "--verify=100", "--device", &device]);
+    has(&some, &["verified  100 of ", " pixels, chosen at random, against the serial reference: largest"]);
+    assert_eq!(report(&place, &["scene.toml", "--verify=100"])["verified"]["pixels"], 100);
+    has(&place.mistake(&["render", "scene.toml", "--verify=0"], 2), &["0", "--verify"]);
 
     let kernels = place.kernels("cast/shade.cl", "4.0f * M_PI_F", "5.0f * M_PI_F");
     let wrong = ["--cl-dir", &kernels, "-o", "wrong.png"];
+    let sampled = ["render", "scene.toml", "--strategy", "naive", "--verify=100", "--device", &device];
+    has(&place.mistake(&[&sampled[..], &wrong].concat(), 1), &["the picture is wrong: "]);
     let message = place.mistake(&[&arguments[..], &wrong].concat(), 1);
     has(&message, &["the picture is wrong: ", "it is kept, to be looked at: wrong.png"]);
     assert!(place.path("wrong.png").exists());

@@ -98,9 +98,9 @@ pub struct Args {
     /// With --repeat: if another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Compare the picture with the serial reference; exit with 1 if it is wrong
-    #[arg(long)]
-    verify: bool,
+    /// Compare the picture with the serial reference, or only N of its pixels, chosen at random; exit with 1 if it is wrong
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
+    verify: Option<Option<u32>>,
     /// Render again whenever the scene's folder, or a kernel of --cl-dir, changes; Ctrl-C ends it
     #[arg(long, conflicts_with = "json")]
     watch: bool,
@@ -150,9 +150,9 @@ fn render(args: &Args) -> Result<()> {
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
-    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).verifying(args.verify);
+    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene));
     let tree_was_built = tree.is_some();
-    let session = session.with_program(early).with_tree(tree);
+    let session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
     let prepared = prepare(args, session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
@@ -171,10 +171,10 @@ fn render(args: &Args) -> Result<()> {
     if let Picture::Radiance(image) = &cast.image {
         refuse_not_finite(image, target.path())?;
         let with = (&strategy, args.samples);
-        let check = || check(&scene, (image, cast.hits), with, target.path());
-        verified = args.verify.then(check).transpose()?;
+        let check = |some| check(&scene, (image, cast.hits), with, target.path(), some);
+        verified = args.verify.map(check).transpose()?;
     }
-    timeline.ends(if args.verify { "verify" } else { "report" });
+    timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     // Kernels that somebody edits are not worth it.
     let keeping = args.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
@@ -211,7 +211,7 @@ fn save_picture(picture: &Picture, display: Display, target: &Target) -> Result<
 /// What is shown of a scene, where the device may make it: what is compared with the reference is radiance, whatever is saved,
 /// and so are layers.
 fn shown(args: &Args, scene: &Scene, target: &Target) -> Option<Display> {
-    let is_radiance = args.verify || args.layers.is_some() || !shows_8_bits(target.path());
+    let is_radiance = args.verify.is_some() || args.layers.is_some() || !shows_8_bits(target.path());
     (!is_radiance).then_some(scene.display)
 }
 

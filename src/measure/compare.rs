@@ -67,4 +67,13 @@ mod tests {
         assert_eq!(of(1.01, 1.2), Verdict::Unclear);
         assert_eq!(of(0.5, 2.0), Verdict::Unclear);
     }
+
+    #[test]
+    fn an_interval_that_touches_the_threshold_is_within_it() {
+        let of = |low: f64, high: f64| {
+            Verdict::of(Interval { middle: 1.0, low, high, error: 0.1, degrees: 8.0 }, 0.25)
+        };
+        assert_eq!(of(0.8, 1.25), Verdict::Same);
+        assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));
+    }
 }

@@ -79,6 +79,13 @@ mod tests {
     }
 
     #[test]
+    fn of_an_even_number_the_median_is_halfway_between_the_middle_two() {
+        assert_eq!(median_of(&[4.0, 1.0, 3.0, 2.0]), Some(2.5));
+        let summary = Summary::of(&[4.0, 1.0, 3.0, 2.0]).unwrap();
+        assert_eq!((summary.q1_ms, summary.median_ms, summary.q3_ms), (1.75, 2.5, 3.25));
+    }
+
+    #[test]
     fn one_sample_has_no_spread_and_none_is_no_summary() {
         assert_eq!(Summary::of(&[2.5]).unwrap().sigma_ms, 0.0);
         assert_eq!(Summary::of(&[]), None);

@@ -3,12 +3,32 @@
 use super::intersect::Hit;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
-use super::shade::{shade, towards};
+use super::shade::{Reaches, Sight, shade, towards};
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
 use crate::scene::Scene;
 use crate::strategy::Culling;
 use rayon::prelude::*;
+
+/// A triangle that a light grazes.
+#[derive(Clone, Copy, Debug)]
+pub struct Grazing<R: Real> {
+    normal: R::Vector,
+    rounding: R,
+    bias: R,
+}
+
+impl<R: Real> Grazing<R> {
+    /// Whether a shadow ray in this direction starts no higher than rounding reaches.
+    fn is_of(&self, w_i: R::Vector) -> bool {
+        self.is_less(self.bias * w_i.dot(self.normal))
+    }
+
+    /// Whether a height over the triangle is one that rounding could have made.
+    fn is_less(&self, height: R) -> bool {
+        height.max(R::ZERO - height) < self.rounding
+    }
+}
 
 /// A scene ready to be cast in one arithmetic, at one image size.
 pub struct Caster<'a, R: Real> {
@@ -26,8 +46,18 @@ impl<'a, R: Real> Caster<'a, R> {
 
     /// The ray through pixel coordinates (x, y), and the nearest triangle it meets.
     pub fn look(&self, x: R, y: R) -> (Ray<R>, Option<Hit<R>>) {
-        let ray = self.frame.primary(x, y);
+        let ray = self.ray(x, y);
         (ray, self.finder.closest(&ray))
+    }
+
+    /// The ray alone.
+    pub fn ray(&self, x: R, y: R) -> Ray<R> {
+        self.frame.primary(x, y)
+    }
+
+    /// What is cast.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
     }
 
     /// Every other triangle at `hit`'s distance or behind it by at most a `part` of it.
@@ -45,36 +75,62 @@ impl<'a, R: Real> Caster<'a, R> {
 
     /// The radiance along a ray that was looked along.
     pub fn radiance(&self, ray: &Ray<R>, hit: Option<&Hit<R>>, bias: R) -> R::Vector {
+        self.shaded(ray, hit, &|sight| self.reaches(sight, bias))
+    }
+
+    /// The same by what somebody else says of lights: whether nothing is in their way.
+    pub fn shaded(&self, ray: &Ray<R>, hit: Option<&Hit<R>>, reaches: Reaches<'_, R>) -> R::Vector {
         match hit {
-            Some(hit) => shade(self.scene, self.finder.as_ref(), ray, hit, &|_| bias),
+            Some(hit) => shade(self.scene, ray, hit, reaches),
             None => R::Vector::of(self.scene.background),
         }
     }
 
-    /// What the radiance may be where light grazes the hit's triangle, so that rounding decides what shadow rays meet first:
-    /// with their starts on the wrong side of it, and with the hit above and below it. Rounding moves a hit by a `part` of
-    /// its distance, or of how far it is from the scene's origin if that is more. Empty where all lights stand too high.
-    pub fn grazed(&self, ray: &Ray<R>, hit: &Hit<R>, bias: R, part: R) -> Vec<R::Vector> {
+    /// Whether nothing lies between `bias` from the point and the light. A light
+    /// no farther than the bias is inside the surface, as it were, and not seen.
+    pub fn reaches(&self, sight: &Sight<R>, bias: R) -> bool {
+        self.reaches_within(sight, bias, sight.distance)
+    }
+
+    /// The same where what is in the way counts only up to a distance.
+    pub fn reaches_within(&self, sight: &Sight<R>, bias: R, distance: R) -> bool {
+        let Sight { point, w_i, .. } = *sight;
+        let far = distance - bias;
+        let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
+        far > R::ZERO && !self.finder.any(&shadow)
+    }
+
+    /// Which lights stand so low over the hit's triangle that rounding decides what shadow rays meet first. Rounding moves a
+    /// hit by a `part` of its distance, or of how far it is from the scene's origin if that is more.
+    pub fn grazing(&self, ray: &Ray<R>, hit: &Hit<R>, bias: R, part: R) -> Option<Grazing<R>> {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let point = ray.origin + ray.direction * hit.t;
         let rounding = hit.t.max(point.dot(point).sqrt()) * part;
-        let grazes = |w_i: R::Vector| {
-            let height = bias * w_i.dot(normal);
-            height.max(R::ZERO - height) < rounding
+        let grazing = Grazing { normal, rounding, bias };
+        let lights = &mut self.scene.lights.iter();
+        lights.any(|light| grazing.is_of(towards::<R>(light, point).0)).then_some(grazing)
+    }
+
+    /// What the radiance may be there: with the hit in its plane, above and below it; with the starts of shadow rays on the
+    /// wrong side of the triangle; and where a light lies in the plane, in which rays run along surfaces, with and without it.
+    pub fn grazed(&self, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
+        let Grazing { normal, rounding, bias } = grazing;
+        let usual = |sight: &Sight<R>| self.reaches(sight, bias);
+        let wrong_side = |sight: &Sight<R>| {
+            self.reaches(sight, if grazing.is_of(sight.w_i) { R::ZERO - bias } else { bias })
         };
-        if !self.scene.lights.iter().any(|light| grazes(towards::<R>(light, point).0)) {
-            return Vec::new();
-        }
-        let shade =
-            |ray, bias: &dyn Fn(R::Vector) -> R| shade(self.scene, self.finder.as_ref(), ray, hit, bias);
-        let off_plane = |off| Ray { origin: ray.origin + normal * off, ..*ray };
-        vec![
-            shade(ray, &|w_i| if grazes(w_i) { R::ZERO - bias } else { bias }),
-            shade(&off_plane(rounding), &|_| bias),
-            shade(&off_plane(R::ZERO - rounding), &|_| bias),
-        ]
+        // Of a hit that rounding has moved, too.
+        let in_plane =
+            |sight: &Sight<R>| grazing.is_less(R::from(0.5) * sight.w_i.dot(normal) * sight.distance);
+        let with = |sight: &Sight<R>| in_plane(sight) || usual(sight);
+        let without = |sight: &Sight<R>| !in_plane(sight) && usual(sight);
+        let answers: [Reaches<'_, R>; 4] = [&usual, &wrong_side, &with, &without];
+        let places = [R::ZERO, rounding, R::ZERO - rounding];
+        let places = places.map(|off| Ray { origin: ray.origin + normal * off, ..*ray });
+        let all = places.iter().flat_map(|ray| answers.map(|reaches| shade(self.scene, ray, hit, reaches)));
+        all.collect()
     }
 
     fn row(&self, y: usize, row: &mut [[f32; 3]]) {

@@ -4,6 +4,7 @@
 //! Practice*, 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`],
 //! [`traverse`], [`shade`] and [`cast`] in this order; they carry the names of their twins under `cl/`.
 
+pub mod beam;
 pub mod cast;
 pub mod certainty;
 pub mod cost;
@@ -26,8 +27,12 @@ use crate::image::{Radiance, dark_floor};
 use crate::scene::{Display, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
-use certainty::{Sample, is_certain, sample};
+use certainty::{Sample, is_certain, quick_sample, sample};
+use rand::SeedableRng as _;
+use rand::seq::index::sample as sample_indices;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
@@ -44,6 +49,8 @@ pub struct Reference {
     pub certain: Vec<bool>,
     /// The other pixels, in the same order, with what they may look like.
     pub doubts: Vec<Doubt>,
+    /// How many pixels were cast: all, or the sample that an image is judged by.
+    pub judged: usize,
     /// How many pixels' rays hit a triangle.
     pub hits: usize,
     /// The fewest and the most that may, where the pixels that a nudge turns from hit to miss or back are free to choose.
@@ -65,229 +72,90 @@ pub struct Doubt {
 
 /// Casts `scene` at `size = [width, height]` in double precision, on all cores.
 pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
-    judged(&samples(scene, size, culling), size, scene.display)
+    reference_of(scene, size, culling, &all_pixels(size), &[[0.0; 2]])
 }
 
-/// What samples say of an image.
-fn judged(samples: &[Sample], size: [u32; 2], display: Display) -> Reference {
-    let [width, height] = size;
-    let pixels = samples.iter().map(|sample| sample.radiance.as_vec3().to_array()).collect();
-    let radiance = Radiance { width, height, pixels };
-    let floor = dark_floor(&radiance, display);
-    let certain: Vec<bool> = samples.iter().map(|sample| is_certain(sample, floor)).collect();
-    let doubt = |(pixel, (sample, certain)): (usize, (&Sample, &bool))| {
-        let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
-        (!certain).then_some(Doubt { pixel, low, high })
-    };
-    let hits = samples.iter().filter(|sample| sample.hit).count();
-    let turning = |hit: bool| samples.iter().filter(|sample| sample.turns && sample.hit == hit).count();
-    Reference {
-        doubts: samples.iter().zip(&certain).enumerate().filter_map(doubt).collect(),
-        certain,
-        hits,
-        hits_range: [hits - turning(true), hits + turning(false)],
-        radiance,
-        floor,
-    }
-}
-
-/// The same for the mean of several samples of each pixel, at these offsets in pixels from its centre: certain where all are.
-pub fn reference_of_samples(
+/// The same for some pixels alone, by the mean of several samples of each, at these offsets in pixels from its centre: certain
+/// where all are. The other pixels are black and uncertain, and nothing is judged by them.
+pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
     culling: Culling,
+    pixels: &[usize],
     offsets: &[[f32; 2]],
 ) -> Reference {
-    let [first, rest @ ..] = offsets else { return reference(scene, size, culling) };
+    let tree = Arc::new(Tree::new(&scene.mesh, culling));
     let mut scene = scene.clone();
-    let mut at = |shift: [f32; 2]| {
-        scene.camera.shift = shift;
-        samples(&scene, size, culling)
+    let mut at = |shift: &[f32; 2]| {
+        scene.camera.shift = *shift;
+        samples(&scene, &tree, size, pixels)
     };
-    let mut all = at(*first);
-    for offset in rest {
-        all.iter_mut().zip(at(*offset)).for_each(|(sum, sample)| sum.add(&sample));
+    let mut each = offsets.iter();
+    let mut all = each.next().map(&mut at).unwrap_or_default();
+    for offset in each {
+        all.iter_mut().zip(at(offset)).for_each(|(sum, sample)| sum.add(&sample));
     }
-    all.iter_mut().for_each(|sum| sum.divide(offsets.len() as f64));
-    judged(&all, size, scene.display)
+    if offsets.len() > 1 {
+        all.iter_mut().for_each(|sum| sum.divide(offsets.len() as f64));
+    }
+    judged(&all, size, pixels, scene.display)
 }
 
-fn samples(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Sample> {
+/// Every pixel's place in an image.
+pub fn all_pixels(size: [u32; 2]) -> Vec<usize> {
+    (0..count(size)).collect()
+}
+
+/// The places of some pixels, or of all where there are no more: chosen at random, the same ones each time.
+pub fn some_pixels(size: [u32; 2], some: usize) -> Vec<usize> {
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let mut pixels = sample_indices(&mut random, count(size), some.min(count(size))).into_vec();
+    pixels.sort_unstable();
+    pixels
+}
+
+fn count(size: [u32; 2]) -> usize {
+    size[0] as usize * size[1] as usize
+}
+
+/// What samples of some pixels say of an image.
+fn judged(samples: &[Sample], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
+    let mut radiance = Radiance::new(size[0], size[1]);
+    for (&pixel, sample) in pixels.iter().zip(samples) {
+        radiance.pixels[pixel] = sample.radiance.as_vec3().to_array();
+    }
+    let floor = dark_floor(&radiance, display);
+    let (mut certain, mut doubts) = (vec![false; count(size)], Vec::new());
+    for (&pixel, sample) in pixels.iter().zip(samples) {
+        certain[pixel] = is_certain(sample, floor);
+        if !certain[pixel] {
+            let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
+            doubts.push(Doubt { pixel, low, high });
+        }
+    }
+    let hits = samples.iter().filter(|sample| sample.hit).count();
+    let turning = |hit: bool| samples.iter().filter(|sample| sample.turns && sample.hit == hit).count();
+    let hits_range = [hits - turning(true), hits + turning(false)];
+    Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
+}
+
+/// What the reference makes of these pixels, in their order.
+fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) -> Vec<Sample> {
     let caster = if scene.mesh.triangles.len() > EXHAUSTIVE_TRIANGLES {
-        Caster::new(scene, size, Tree::new(&scene.mesh, culling))
+        Caster::new(scene, size, Arc::clone(tree))
     } else {
-        Caster::new(scene, size, Exhaustive::new(&scene.mesh, culling))
+        Caster::new(scene, size, Exhaustive::new(&scene.mesh, tree.culling()))
     };
-    let [width, height] = size.map(|pixels| pixels as usize);
+    let width = size[0] as usize;
     let frame = scene.camera.pixel_frame(size[0], size[1]);
     let bias = f64::from(scene.shadow_bias);
-    let at = |pixel: usize| {
-        let (x, y) = (pixel % width, pixel / width);
-        sample(&caster, &frame, bias, [x as f64 + 0.5, y as f64 + 0.5])
+    let at = |&pixel: &usize| {
+        let centre = [pixel % width, pixel / width].map(|place| place as f64 + 0.5);
+        quick_sample(&caster, tree, &frame, bias, centre)
+            .unwrap_or_else(|| sample(&caster, &frame, bias, centre))
     };
-    (0..width * height).into_par_iter().map(at).collect()
+    pixels.par_iter().map(at).collect()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::{Vec3, vec3};
-
-    /// The radiance of pixel (x, y).
-    fn pixel(scene: &Scene, size: [u32; 2], [x, y]: [u32; 2]) -> Vec3 {
-        let image = reference(scene, size, Culling::None).radiance;
-        Vec3::from_array(image.pixels[(y * size[0] + x) as usize])
-    }
-
-    fn assert_near(found: Vec3, expected: Vec3) {
-        assert!((found - expected).abs().max_element() < 2e-7 * expected.max_element(), "{found} {expected}");
-    }
-
-    #[test]
-    fn the_single_triangle_seen_straight_on() {
-        // The ray along -z meets it at (0, 0, -2), weights 51/121, 32/121, 38/121 (solved by hand);
-        // the rest follows SPEC's formulas, evaluated apart from this program.
-        let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
-        assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
-    }
-
-    #[test]
-    fn the_lit_ground_of_figure_4() {
-        // The ray along (0.75, -0.75, -1) meets y = -1 at (1, -1, -4/3). The light at (1, 3, 1) is
-        // off by (0, 4, 7/3): distance squared 193/9, cosine 4 / sqrt(193/9), and nothing between.
-        let found = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
-        let square = 193.0_f64 / 9.0;
-        let pi = std::f64::consts::PI;
-        let expected = 10.0 / (4.0 * pi * square) * 0.8 / pi * 4.0 / square.sqrt();
-        assert_near(found, Vec3::splat(expected as f32));
-    }
-
-    #[test]
-    fn the_shadow_of_figure_4() {
-        // The light's ray through (-1, -0.8, -2), in the triangle, meets the ground at (-1.105, -1, -2.158),
-        // which the eye sees below the triangle's edge along (-0.512, -0.463, -1): pixel (19.5, 58.5) of 80.
-        let found = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
-        assert_eq!(found, Vec3::ZERO);
-    }
-
-    #[test]
-    fn back_faces_are_seen_unless_culled() {
-        let mut scene = fixtures::single_triangle();
-        scene.mesh.triangles[0].positions.reverse();
-        scene.mesh.triangles[0].normals.reverse();
-        let seen = reference(&scene, [40, 25], Culling::None);
-        let culled = reference(&scene, [40, 25], Culling::Back);
-        assert!(seen.hits > 100);
-        assert_eq!(culled.hits, 0);
-        assert_eq!(culled.radiance.pixels[500], scene.background.to_array());
-    }
-
-    #[test]
-    fn culled_faces_cast_no_shadow() {
-        // Shadow rays come from behind the triangle, so the book adds a reversed twin.
-        let mut scene = fixtures::figure_4();
-        let black = |scene: &Scene| {
-            let image = reference(scene, [80, 80], Culling::Back).radiance;
-            image.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count()
-        };
-        assert!(black(&scene) > 50);
-        scene.mesh.triangles.remove(1);
-        assert_eq!(black(&scene), 0);
-    }
-
-    #[test]
-    fn hits_nearer_than_z_near_are_not_seen() {
-        let mut scene = fixtures::single_triangle();
-        scene.camera.z_near = 1.999;
-        assert!(reference(&scene, [40, 25], Culling::None).hits > 100);
-        scene.camera.z_near = 2.001;
-        assert_eq!(reference(&scene, [40, 25], Culling::None).hits, 0);
-    }
-
-    #[test]
-    fn a_light_nearer_than_the_bias_and_normals_of_no_length_give_nothing() {
-        let mut scene = fixtures::single_triangle();
-        scene.lights[0].position = vec3(0.0, 0.0, -1.9999);
-        scene.shadow_bias = 1e-3;
-        assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
-        scene.lights[0].position = vec3(0.0, 0.0, -1.0);
-        assert_ne!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
-        scene.mesh.normals.fill(Vec3::ZERO);
-        assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
-        scene.lights.clear();
-        assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
-    }
-
-    #[test]
-    fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
-        // The triangle's left edge along x = 0 halves the image of an odd width.
-        let mut scene = fixtures::single_triangle();
-        scene.mesh.positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
-        let found = reference(&scene, [9, 5], Culling::None);
-        for (index, certain) in found.certain.iter().enumerate() {
-            assert_eq!(*certain, index % 9 != 4, "pixel {index}");
-        }
-        // Five pixels lie on the edge.
-        assert_eq!(found.hits_range[1] - found.hits_range[0], 5);
-        assert!((found.hits_range[0]..=found.hits_range[1]).contains(&found.hits));
-    }
-
-    #[test]
-    fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
-        // A strip of half a microradian to five beside the ray: that of ten passes it by.
-        let mut scene = fixtures::single_triangle();
-        scene.mesh.positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
-        let found = reference(&scene, [9, 5], Culling::None);
-        assert_eq!((found.hits, found.certain[2 * 9 + 4]), (0, false));
-    }
-
-    #[test]
-    fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
-        // So small that a ray from far below its plane passes it by.
-        let uncertain = |height: f32| {
-            let mut scene = fixtures::single_triangle();
-            scene.mesh.positions =
-                vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
-            scene.mesh.normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface: the light is not faint
-            scene.lights[0].position = vec3(0.0, 9.0, -2.0 + height);
-            let found = reference(&scene, [401, 251], Culling::None);
-            let lit =
-                found.radiance.pixels.iter().zip(&found.certain).filter(|(pixel, _)| **pixel != [0.0; 3]);
-            lit.filter(|(_, certain)| !**certain).count()
-        };
-        assert!(uncertain(1e-4) > 10);
-        assert!(uncertain(1.0) < 3);
-    }
-
-    #[test]
-    fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
-        let mut scene = fixtures::single_triangle();
-        let mut twin = scene.mesh.triangles[0];
-        twin.positions.reverse();
-        twin.normals.reverse();
-        scene.mesh.triangles.push(twin);
-        let alike = reference(&scene, [40, 25], Culling::None);
-        assert!(alike.certain.iter().filter(|certain| !**certain).count() < 10);
-        let mut other = scene.mesh.materials[0];
-        other.lambertian = Vec3::splat(0.1);
-        scene.mesh.materials.push(other);
-        scene.mesh.triangles[1].material = 1;
-        let different = reference(&scene, [40, 25], Culling::None);
-        assert!(different.certain.iter().filter(|certain| !**certain).count() > 100);
-    }
-
-    #[test]
-    fn the_papers_scenes_are_certain_almost_everywhere() {
-        for scene in [
-            fixtures::single_triangle(),
-            fixtures::figure_4(),
-            fixtures::pyramid_upper(),
-            fixtures::pyramid_lower(),
-            fixtures::sphere(24),
-        ] {
-            let found = reference(&scene, [160, 100], Culling::None);
-            let uncertain = found.certain.iter().filter(|certain| !**certain).count();
-            assert!(uncertain <= 160, "{}: {uncertain} uncertain pixels", scene.name);
-        }
-    }
-}
+mod tests;

@@ -4,17 +4,27 @@
 use super::intersect::Hit;
 use super::ray::Ray;
 use super::real::{Real, Vector};
-use super::traverse::Finder;
 use crate::scene::{Light, Material, MaterialKind, Scene};
 
-/// The radiance that leaves a hit towards the ray's origin. Shadow rays along a direction start its `bias` from the surface.
-pub fn shade<R: Real>(
-    scene: &Scene,
-    finder: &dyn Finder<R>,
-    ray: &Ray<R>,
-    hit: &Hit<R>,
-    bias: &dyn Fn(R::Vector) -> R,
-) -> R::Vector {
+/// A light as a point of a surface sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<R: Real> {
+    /// Its place in the scene.
+    pub light: usize,
+    /// From where it is seen.
+    pub point: R::Vector,
+    /// The unit vector to it.
+    pub w_i: R::Vector,
+    /// How far it is.
+    pub distance: R,
+}
+
+/// What says whether nothing is in a light's way.
+pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
+
+/// The radiance that leaves a hit towards the ray's origin; `reaches` says of lights before the surface whether nothing is
+/// in their way.
+pub fn shade<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>, reaches: Reaches<'_, R>) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
     let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
@@ -22,10 +32,10 @@ pub fn shade<R: Real>(
     let normal = (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero();
     let point = ray.origin + ray.direction * hit.t;
     let w_o = -ray.direction;
-    scene.lights.iter().fold(R::Vector::ZERO, |sum, light| {
+    scene.lights.iter().enumerate().fold(R::Vector::ZERO, |sum, (number, light)| {
         let (w_i, distance) = towards::<R>(light, point);
         let cosine = w_i.dot(normal);
-        if cosine <= R::ZERO || !visible(finder, point, w_i, distance, bias(w_i)) {
+        if cosine <= R::ZERO || !reaches(&Sight { light: number, point, w_i, distance }) {
             return sum;
         }
         let falloff = R::from(4.0) * R::PI * distance * distance;
@@ -38,14 +48,6 @@ pub fn shade<R: Real>(
 pub(super) fn towards<R: Real>(light: &Light, point: R::Vector) -> (R::Vector, R) {
     let off = R::Vector::of(light.position) - point;
     (off.normalize_or_zero(), off.dot(off).sqrt())
-}
-
-/// Whether nothing lies between `bias` from the point and the light. A light
-/// no farther than the bias is inside the surface, as it were, and not seen.
-fn visible<R: Real>(finder: &dyn Finder<R>, point: R::Vector, w_i: R::Vector, distance: R, bias: R) -> bool {
-    let far = distance - bias;
-    let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
-    far > R::ZERO && !finder.any(&shadow)
 }
 
 /// How much of the light from `w_i` a surface sends towards `w_o`, a steradian.

@@ -6,6 +6,7 @@ use super::ray::Ray;
 use super::real::{Real, Vector};
 use crate::scene::Mesh;
 use crate::strategy::Culling;
+use std::sync::Arc;
 
 /// Something that knows a mesh's triangles and finds those a ray meets.
 pub trait Finder<R: Real>: Send + Sync {
@@ -31,6 +32,12 @@ pub trait Finder<R: Real>: Send + Sync {
             ray.near
         });
         found
+    }
+}
+
+impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        (**self).visit(ray, visitor);
     }
 }
 

@@ -33,7 +33,7 @@ pub struct Verdict {
 }
 
 /// Judges an image of the scene, size and culling that `reference` is of, and where it is known the number of pixels that
-/// hit something.
+/// hit something, by all pixels that the reference has cast.
 pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, display: Display) -> Verdict {
     let uncertain_pixels = reference.doubts.len();
     let expected = &reference.radiance;
@@ -50,7 +50,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     let wrong_pixels = findings.iter().filter(|finding| finding.wrong).count();
     let reason = match worst {
         Some(finding) if finding.wrong => Some(finding.sentence(wrong_pixels)),
-        _ => too_many_unexplained(unexplained_pixels, expected)
+        _ => too_many_unexplained(unexplained_pixels, reference.judged)
             .or_else(|| hits.and_then(|hits| wrong_hits(hits, reference))),
     };
     Verdict {
@@ -75,14 +75,17 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// How many uncertain pixels may look like none of their nudges: a ten-thousandth of the image, 16 in a small one.
-pub fn unexplained_limit(width: u32, height: u32) -> usize {
-    (width as usize * height as usize / 10_000).max(16)
+/// How many uncertain pixels, of so many judged ones, may look like none of their nudges: a ten-thousandth, 16 of few.
+pub fn unexplained_limit(judged: usize) -> usize {
+    (judged / 10_000).max(16)
 }
 
 /// Why the number of pixels that hit something cannot be; uncertain ones may be strays here as well.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
-    let strays = unexplained_limit(reference.radiance.width, reference.radiance.height);
+    if reference.judged < reference.radiance.pixels.len() {
+        return None;
+    }
+    let strays = unexplained_limit(reference.judged);
     let [fewest, most] = reference.hits_range;
     let apart = fewest.saturating_sub(hits).max(hits.saturating_sub(most));
     (apart > strays).then(|| format!("{hits} pixels hit something, and {fewest} to {most} can"))
@@ -141,12 +144,11 @@ fn steps([a, b]: [[u8; 3]; 2]) -> u8 {
     a.into_iter().zip(b).map(|(a, b)| a.abs_diff(b)).fold(0, u8::max)
 }
 
-fn too_many_unexplained(unexplained: usize, expected: &Radiance) -> Option<String> {
-    let limit = unexplained_limit(expected.width, expected.height);
+fn too_many_unexplained(unexplained: usize, judged: usize) -> Option<String> {
+    let limit = unexplained_limit(judged);
     (unexplained > limit).then(|| {
         format!(
-            "{unexplained} of {} pixels are uncertain and look like none of their rays' nudges; at most {limit} may",
-            expected.pixels.len()
+            "{unexplained} of {judged} pixels are uncertain and look like none of their rays' nudges; at most {limit} may"
         )
     })
 }
@@ -175,132 +177,4 @@ fn refuse(uncertain_pixels: usize, wrong_pixels: usize, reason: String) -> Verdi
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::reference::{fixtures, reference};
-    use crate::strategy::Culling;
-
-    fn judged() -> Reference {
-        reference(&fixtures::figure_4(), [80, 50], Culling::None)
-    }
-
-    fn judge(image: &Radiance, reference: &Reference) -> Verdict {
-        verify(image, Some(reference.hits), reference, Display::default())
-    }
-
-    #[test]
-    fn an_equal_image_is_right() {
-        let reference = judged();
-        let verdict = judge(&reference.radiance, &reference);
-        assert!(verdict.ok && verdict.reason.is_none() && verdict.worst_pixel.is_none(), "{verdict:?}");
-        assert_eq!((verdict.max_difference, verdict.wrong_pixels), (0.0, 0));
-    }
-
-    #[test]
-    fn a_shifted_image_is_wrong() {
-        let reference = judged();
-        let mut shifted = reference.radiance.clone();
-        shifted.pixels.rotate_right(1);
-        let verdict = judge(&shifted, &reference);
-        assert!(!verdict.ok && verdict.wrong_pixels > 100 && verdict.max_difference > 0.5, "{verdict:?}");
-    }
-
-    #[test]
-    fn rounding_is_allowed_and_reported() {
-        let reference = judged();
-        let mut image = reference.radiance.clone();
-        image.pixels[0] = image.pixels[0].map(|channel| channel * 1.0005);
-        let verdict = judge(&image, &reference);
-        assert!(verdict.ok && verdict.worst_pixel == Some([0, 0]), "{verdict:?}");
-        assert!((verdict.max_difference - 5e-4).abs() < 1e-6, "{verdict:?}");
-    }
-
-    #[test]
-    fn one_wrong_pixel_is_named_with_both_values() {
-        let reference = judged();
-        let mut image = reference.radiance.clone();
-        image.pixels[83] = [0.25, 0.5, 0.75];
-        let verdict = judge(&image, &reference);
-        let reason = verdict.reason.unwrap_or_default();
-        assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([3, 1])));
-        assert!(reason.contains("(3, 1)") && reason.contains("[0.25, 0.5, 0.75]"), "{reason}");
-        assert!(reason.contains("[0.0022, 0.0032, 0.0053]"), "{reason}");
-    }
-
-    /// Makes the first pixels uncertain, which may then be anything from black to 0.5.
-    fn doubt_first(reference: &mut Reference, count: usize) {
-        reference.certain[..count].fill(false);
-        let doubt = |pixel| Doubt { pixel, low: [0.0; 3], high: [0.5; 3] };
-        reference.doubts = (0..count).map(doubt).collect();
-    }
-
-    #[test]
-    fn what_is_not_finite_is_wrong_even_where_uncertain() {
-        for value in [f32::NAN, f32::INFINITY] {
-            let mut reference = judged();
-            doubt_first(&mut reference, 6);
-            let mut image = reference.radiance.clone();
-            image.pixels[5] = [0.5; 3];
-            assert!(judge(&image, &reference).ok);
-            image.pixels[5][1] = value;
-            let verdict = judge(&image, &reference);
-            assert!(!verdict.ok && verdict.wrong_pixels == 1, "{verdict:?}");
-            assert!(verdict.reason.unwrap_or_default().contains("not finite"));
-        }
-    }
-
-    #[test]
-    fn uncertain_pixels_look_like_their_nudges_or_are_few() {
-        let mut reference = judged();
-        let limit = unexplained_limit(80, 50);
-        doubt_first(&mut reference, limit + 1);
-        let mut image = reference.radiance.clone();
-        image.pixels[..=limit].fill([0.4; 3]);
-        assert_eq!(judge(&image, &reference).unexplained_pixels, 0);
-        image.pixels[..limit].fill([0.6; 3]);
-        assert!(judge(&image, &reference).ok);
-        image.pixels[..=limit].fill([0.6; 3]);
-        let verdict = judge(&image, &reference);
-        assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
-        assert!(verdict.reason.unwrap_or_default().contains("nudges"));
-    }
-
-    #[test]
-    fn the_limit_of_strays_is_a_ten_thousandth_of_the_image() {
-        let limits = [[40, 25], [400, 400], [800, 500], [1920, 1080]].map(|[w, h]| unexplained_limit(w, h));
-        assert_eq!(limits, [16, 16, 40, 207]);
-    }
-
-    #[test]
-    fn every_uncertain_pixel_of_a_papers_scene_wrong_is_noticed() {
-        let scene = fixtures::pyramid_lower();
-        let reference = reference(&scene, [401, 251], Culling::None);
-        let mut image = reference.radiance.clone();
-        for doubt in &reference.doubts {
-            image.pixels[doubt.pixel] = doubt.high.map(|high| 2.0 * high + 0.1);
-        }
-        let verdict = judge(&image, &reference);
-        assert!(!verdict.ok && verdict.unexplained_pixels == reference.doubts.len(), "{verdict:?}");
-    }
-
-    #[test]
-    fn hits_that_cannot_be_are_noticed() {
-        let reference = judged();
-        let verdict = |hits| verify(&reference.radiance, hits, &reference, Display::default());
-        let [fewest, most] = reference.hits_range;
-        for hits in [None, Some(fewest - 16), Some(most + 16)] {
-            assert!(verdict(hits).ok, "{hits:?} of {fewest} to {most}");
-        }
-        for hits in [0, fewest - 17, most + 17, 80 * 50] {
-            let reason = verdict(Some(hits)).reason.unwrap_or_default();
-            assert!(reason.starts_with(&format!("{hits} pixels hit something")), "{reason}");
-        }
-    }
-
-    #[test]
-    fn an_image_of_another_size_is_wrong() {
-        let reference = judged();
-        let verdict = judge(&Radiance::new(50, 80), &reference);
-        assert!(!verdict.ok && verdict.reason.unwrap_or_default().contains("50 x 80"));
-    }
-}
+mod tests;

@@ -3,7 +3,7 @@
 use super::report::Verified;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
-use crate::reference::reference_of_samples;
+use crate::reference::{all_pixels, reference_of, some_pixels};
 use crate::scene::{Scene, pixel_offsets};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
@@ -21,19 +21,26 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     )))
 }
 
-/// Compares a picture of some samples per pixel, and the number of its pixels that hit something, with the reference.
+/// Compares a picture of some samples per pixel, and the number of its pixels that hit something, with the reference; or
+/// only `some` of its pixels.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
     (strategy, samples): (&Strategy, u32),
     saved: &Path,
+    some: Option<u32>,
 ) -> Result<Verified> {
     let size = [image.width, image.height];
-    let expected = reference_of_samples(scene, size, strategy.culling, &pixel_offsets(samples));
+    let pixels = match some {
+        Some(some) => some_pixels(size, some as usize),
+        None => all_pixels(size),
+    };
+    let expected = reference_of(scene, size, strategy.culling, &pixels, &pixel_offsets(samples));
     let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {
-        return Ok(Verified { max_difference, uncertain_pixels });
+        let [pixels, of_pixels] = [expected.judged, image.pixels.len()];
+        return Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels });
     }
     let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
     Err(error.with_help(format!("it is kept, to be looked at: {}", saved.display())))

@@ -67,7 +67,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 /// The tree of the strategy that the scene will be cast with.
 fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
     // Verification needs more memory, which a session checks first.
-    if args.verify {
+    if args.verify.is_some() {
         return None;
     }
     let (strategy, local_size) = strategy(args, device, scene.mesh.triangles.len()).ok()?;

@@ -93,13 +93,21 @@ pub struct Verified {
     pub max_difference: f64,
     /// Pixels that it is not certain of.
     pub uncertain_pixels: usize,
+    /// Pixels that were compared.
+    pub pixels: usize,
+    /// Those that the picture has.
+    pub of_pixels: usize,
 }
 
 impl Verified {
     /// As a person reads it.
     pub fn text(&self) -> String {
+        let sample = match self.pixels < self.of_pixels {
+            true => format!("{} of {} pixels, chosen at random, ", self.pixels, self.of_pixels),
+            false => String::new(),
+        };
         format!(
-            "verified  against the serial reference: largest difference {:.1e} relative, {} uncertain",
+            "verified  {sample}against the serial reference: largest difference {:.1e} relative, {} uncertain",
             self.max_difference,
             counted(self.uncertain_pixels, "pixel")
         )

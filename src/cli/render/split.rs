@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         local_size,
         sources: &sources,
         repeat: args.repeat,
-        verifies: args.verify,
+        verifies: args.verify.is_some(),
     };
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
@@ -103,8 +103,10 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let (saved, _) = timed(|| save(&image, scene.display, &target));
     saved?;
     refuse_not_finite(&image, target.path())?;
-    let verified =
-        args.verify.then(|| check(&scene, (&image, hits), (&strategy, 1), target.path())).transpose()?;
+    let verified = args
+        .verify
+        .map(|some| check(&scene, (&image, hits), (&strategy, 1), target.path(), some))
+        .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let rays = f64::from(args.width) * f64::from(args.height) + (hits * scene.lights.len()) as f64;

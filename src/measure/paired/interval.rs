@@ -51,3 +51,16 @@ pub(super) fn interval(middle: f64, error: Error) -> Interval {
     let Error { error, degrees } = error;
     Interval { middle: middle.exp(), low: (middle - half).exp(), high: (middle + half).exp(), error, degrees }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_leaves_a_fortieth_on_each_side() {
+        let found = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
+        // The normal distribution's quantiles at 0.025 and 0.975; those at 0.05 and 0.95 are 1.645.
+        assert!((found.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{found:?}");
+        assert!((found.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{found:?}");
+    }
+}

@@ -44,6 +44,27 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
 }
 
 #[test]
+fn a_sample_that_took_long_in_each_launch_is_no_difference() {
+    let mut samples = steady(4, 3, 9);
+    for sample in samples.iter_mut().filter(|sample| sample.point == 3).step_by(9) {
+        sample.ms *= 10.0;
+    }
+    let paired = Paired::of(&samples, 4);
+    let ratio = paired.ratio(3, 1).expect("enough samples");
+    assert!((ratio.middle - 2.0).abs() < 0.01 && ratio.high / ratio.low < 1.02, "{ratio:?}");
+    assert!(paired.median_ms(3).is_some_and(|median| (median.middle - 4.004).abs() < 1e-9));
+}
+
+#[test]
+fn intervals_that_touch_are_a_tie() {
+    let mut samples = steady(3, 3, 9);
+    samples.iter_mut().for_each(|sample| sample.ms = if sample.point == 2 { 2.0 } else { 1.0 });
+    let paired = Paired::of(&samples, 3);
+    assert_eq!(paired.ratio(1, 0).map(|ratio| (ratio.low, ratio.high)), Some((1.0, 1.0)));
+    assert_eq!(paired.ranking(0.0).winners, [0, 1]);
+}
+
+#[test]
 fn a_point_needs_five_samples_in_every_launch() {
     let mut samples = steady(3, 3, 5);
     let last =

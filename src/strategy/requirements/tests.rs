@@ -120,6 +120,19 @@ fn every_preset_fits_one_triangle() {
 }
 
 #[test]
+fn a_work_group_keeps_at_most_5_mib_on_the_stack_of_a_cpus_thread() {
+    let strategy = preset("tile").unwrap().strategy;
+    let limits = DeviceLimits { is_cpu: true, ..PAPER_DEVICE };
+    let of = |down| Workload { local_size: [1, down], ..workload(1, 8) };
+    let check = |down: u32| Requirements::check(&strategy, &of(down), &limits);
+    let bytes = |down| Requirements::of(&strategy, &of(down)).private_bytes;
+    let most = (1..1024).take_while(|down| check(*down).is_ok()).last().unwrap();
+    assert!(bytes(most) <= 5 << 20 && bytes(most + 1) > 5 << 20, "{most}");
+    assert!(check(most + 1).unwrap_err().reason.starts_with("a CPU thread's stack: "));
+    assert!(Requirements::check(&strategy, &of(most + 1), &PAPER_DEVICE).is_ok());
+}
+
+#[test]
 fn a_shared_tile_has_32_work_items_and_room_for_its_stack() {
     let strategy = preset("tile-group").unwrap().strategy;
     let check = |local_size, stack_size, lane_operations| {

@@ -1,0 +1,211 @@
+//! All rays of a narrow cone at once. Where they all meet the same triangle, and the same lights reach it, a small turn of
+//! the ray changes nothing that would have to be searched for again: what makes the reference fast.
+
+use super::ray::Ray;
+use super::tree::{Indexed, Tree};
+use crate::strategy::Culling;
+use glam::DVec3;
+
+/// Narrower beams than this, in radians, are as wide, far above what double precision rounds.
+const NARROWEST: f64 = 1e-9;
+
+/// Rays from a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Beam {
+    /// Where they start.
+    pub origin: DVec3,
+    /// The unit vector in their midst.
+    pub direction: DVec3,
+    /// How far they turn from it, in radians.
+    angle: f64,
+}
+
+/// How a beam meets a triangle, with the range of its rays' distances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Meeting {
+    /// No ray meets it.
+    None,
+    /// Some may.
+    Some([f64; 2]),
+    /// All do.
+    All([f64; 2]),
+}
+
+impl Beam {
+    /// Rays up to an angle apart from the middle one.
+    pub fn new(origin: DVec3, direction: DVec3, angle: f64) -> Self {
+        Self { origin, direction, angle: angle.max(NARROWEST) }
+    }
+
+    /// The planes through the origin and a triangle's edges have their rays on one side or the other; a plane turns its
+    /// distance by no more than the angle.
+    fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> Meeting {
+        let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
+        let [a, b, c] = corners.map(|corner| corner - self.origin);
+        // b x bc is b x c, with less rounding where the triangle is small and far.
+        let planes = [b.cross(bc), c.cross(ca), a.cross(ab)];
+        let sides = planes.map(|plane| self.side(plane));
+        if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
+            return Meeting::None;
+        }
+        let normal = ca.cross(ab);
+        let (height, slope) = (normal.dot(a), normal.dot(self.direction));
+        let slack = self.angle * normal.length();
+        match self.side(normal) {
+            // Edge-on, or so small that nothing is sure.
+            Side::Between => Meeting::Some([height.abs() / (slope.abs() + slack), f64::INFINITY]),
+            Side::Above if culling == Culling::Back => Meeting::None, // seen from behind
+            face => {
+                let ends = [height / (slope - slack), height / (slope + slack)];
+                let range = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+                let outside = if face == Side::Above { Side::Below } else { Side::Above };
+                if sides == [face; 3] {
+                    Meeting::All(range)
+                } else if sides.contains(&outside) {
+                    Meeting::None
+                } else {
+                    Meeting::Some(range)
+                }
+            }
+        }
+    }
+
+    fn side(&self, plane: DVec3) -> Side {
+        let height = plane.dot(self.direction);
+        if height * height <= self.angle * self.angle * plane.length_squared() {
+            Side::Between
+        } else if height > 0.0 {
+            Side::Above
+        } else {
+            Side::Below
+        }
+    }
+
+    /// What all rays meet first beyond `near`, and nothing else within a part of its distance behind it: a triangle, or
+    /// nothing. `None` where that is not sure.
+    pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
+        let around = self.angle * tree.reach(self.origin);
+        let ray = Ray { origin: self.origin, direction: self.direction, near: 0.0, far: f64::INFINITY };
+        // The ray's length on the near plane turns with it.
+        let (nearest, farthest) = (near * (1.0 - 10.0 * self.angle), near * (1.0 + 10.0 * self.angle));
+        let (mut best, mut others): (Option<(u32, [f64; 2])>, f64) = (None, f64::INFINITY);
+        let reach = |best: &Option<(u32, [f64; 2])>| {
+            best.map_or(f64::INFINITY, |(_, range)| range[1] * (1.0 + 2.0 * rival))
+        };
+        tree.walk(&ray, around, |Indexed { corners, triangle }, far| {
+            match self.meet(corners, tree.culling()) {
+                Meeting::None => {}
+                Meeting::Some(range) | Meeting::All(range) if range[1] < nearest => {}
+                Meeting::All(range) if range[0] > farthest => match best {
+                    Some((_, known)) if known[1] <= range[1] => others = others.min(range[0]),
+                    _ => {
+                        others = others.min(best.map_or(f64::INFINITY, |(_, known)| known[0]));
+                        best = Some((*triangle, range));
+                    }
+                },
+                Meeting::Some(range) | Meeting::All(range) => others = others.min(range[0]),
+            }
+            far.min(reach(&best))
+        });
+        (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
+    }
+
+    /// Whether something is in the way of all rays that run to the beam's origin, or of none: a triangle other than `own`
+    /// counts that all meet within `sure`, and one that some may meet within `may` leaves it open.
+    pub fn is_stopped_on_the_way_here(
+        &self,
+        tree: &Tree,
+        own: u32,
+        sure: [f64; 2],
+        may: [f64; 2],
+    ) -> Option<bool> {
+        let around = self.angle * tree.reach(self.origin);
+        let ray = Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1] };
+        let (mut stopped, mut open) = (false, false);
+        tree.walk(&ray, around, |Indexed { corners, triangle }, far| {
+            if stopped || *triangle == own {
+                return far;
+            }
+            // They see its other side.
+            let [a, b, c] = *corners;
+            match self.meet(&[a, c, b], tree.culling()) {
+                Meeting::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
+                Meeting::Some(range) | Meeting::All(range) if range[1] >= may[0] && range[0] <= may[1] => {
+                    open = true;
+                }
+                _ => {}
+            }
+            if stopped { ray.near } else { far }
+        });
+        if stopped { Some(true) } else { (!open).then_some(false) }
+    }
+}
+
+/// Where a beam's rays lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Above,
+    Between,
+    Below,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::intersect::moller_trumbore;
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Rays in and on the cone.
+    fn rays(beam: &Beam) -> impl Iterator<Item = DVec3> {
+        let across = beam.direction.any_orthonormal_vector();
+        let down = beam.direction.cross(across);
+        let (direction, angle) = (beam.direction, beam.angle);
+        (0..40_u8).map(move |i| {
+            let turn = f64::from(i) * 0.7;
+            let off = angle * [0.0, 0.3, 0.7, 1.0][usize::from(i) % 4];
+            (direction + off * (turn.cos() * across + turn.sin() * down)).normalize()
+        })
+    }
+
+    #[test]
+    fn a_beam_meets_what_its_rays_meet() {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut vector = |half: f64| DVec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
+        let mut counts = [0; 3];
+        for case in 0..20_000 {
+            let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
+            let centre = vector(1.0);
+            let corners = [(); 3].map(|()| centre + vector(size));
+            // Towards the triangle, often its edge; from afar and from within its plane.
+            let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
+            let origin =
+                if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };
+            let angle = [1e-5, 1e-2, 1e-4][case % 3];
+            let beam = Beam::new(origin, (aim - origin).normalize(), angle);
+            for culling in [Culling::None, Culling::Back] {
+                let meeting = beam.meet(&corners, culling);
+                counts[match meeting {
+                    Meeting::None => 0,
+                    Meeting::Some(_) => 1,
+                    Meeting::All(_) => 2,
+                }] += 1;
+                for direction in rays(&beam) {
+                    let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY };
+                    let hit = moller_trumbore(&ray, corners, culling).map(|(t, _)| t);
+                    let within =
+                        |t: f64, [low, high]: [f64; 2]| t >= low * (1.0 - 1e-6) && t <= high * (1.0 + 1e-6);
+                    let agrees = match (meeting, hit) {
+                        (Meeting::None, hit) => hit.is_none(),
+                        (Meeting::Some(_), None) => true,
+                        (Meeting::Some(range) | Meeting::All(range), Some(t)) => within(t, range),
+                        // Behind the origin it is met as well.
+                        (Meeting::All(range), None) => range[0] <= 0.0,
+                    };
+                    assert!(agrees, "case {case}: {meeting:?}, {hit:?}");
+                }
+            }
+        }
+        assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
+    }
+}

@@ -1,0 +1,67 @@
+//! Where rays begin and end: the near plane, lights, what hovers over a surface. Each scene is one that shows it, and is right
+//! in any traversal and by any test; tests/mutants.toml has what they catch.
+
+use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon};
+use raycl::reference::reference;
+use raycl::scene::{Scene, load_scene};
+use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
+use raycl::verify::verify;
+use std::path::Path;
+
+const SIZE: [u32; 2] = [61, 43];
+
+fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
+    load_scene(&path).expect("a scene").scene
+}
+
+/// Every family with every test that it takes.
+fn strategies() -> Vec<Strategy> {
+    let tests = [
+        Intersector::MOLLER_TRUMBORE,
+        Intersector::WATERTIGHT,
+        Intersector::COMMON_ORIGIN,
+        Intersector::PIXEL_LINEAR,
+        Intersector::EDGE_PLANES,
+    ];
+    let of = |name| preset(name).expect("a preset").strategy;
+    ["deferred", "bvh", "bvh-packet", "raster", "tile", "tile-group"]
+        .into_iter()
+        .flat_map(|name| tests.map(|intersector| Strategy { intersector, ..of(name) }))
+        .filter(|strategy| strategy.contradiction().is_none() && compiles_soon(strategy))
+        .collect()
+}
+
+fn is_right_in_all(name: &str) {
+    let mut stand = Stand::new(scene(name), SIZE);
+    let strategies = strategies();
+    assert!(strategies.len() >= 10, "{}", strategies.len());
+    for strategy in strategies {
+        let local_size = if strategy.traversal == Traversal::Tile { [1, 1] } else { COMMON_LOCAL_SIZE };
+        let verdict = stand.check(&strategy, local_size).unwrap_or_else(|why| panic!("{strategy}: {why}"));
+        assert!(verdict.ok, "{name}, {strategy}: {verdict:?}");
+    }
+}
+
+#[test]
+fn nothing_nearer_than_the_near_plane_is_seen() {
+    is_right_in_all("near.toml");
+}
+
+#[test]
+fn shadow_rays_end_at_lights_and_meet_all_before() {
+    is_right_in_all("lights.toml");
+    is_right_in_all("hovering.toml");
+}
+
+#[test]
+fn a_near_plane_elsewhere_is_another_picture() {
+    let right = reference(&scene("near.toml"), SIZE, Culling::None);
+    for z_near in [1e-3, 0.8, 1.4] {
+        let mut scene = scene("near.toml");
+        scene.camera.z_near = z_near;
+        let other = reference(&scene, SIZE, Culling::None);
+        let verdict = verify(&other.radiance, None, &right, scene.display);
+        assert!(verdict.wrong_pixels > 40, "{z_near}: {verdict:?}");
+    }
+}

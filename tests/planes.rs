@@ -1,0 +1,58 @@
+//! Lights and cameras in the planes of triangles, on them and just over them: rounding decides there, and the reference
+//! has to know it. No pixel that it is certain of may differ, in any family.
+
+use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
+use glam::{Vec3, vec3};
+use raycl::scene::Scene;
+use raycl::strategy::{Strategy, Traversal, preset};
+
+/// Odd, so that rays run along planes of symmetry.
+const SIZE: [u32; 2] = [161, 101];
+
+fn strategies() -> Vec<Strategy> {
+    let names = ["naive", "deferred", "bvh", "wide-common-origin", "raster", "tile", "tile-watertight"];
+    let all = names.map(|name| preset(name).expect("a preset").strategy);
+    all.into_iter().filter(compiles_soon).collect()
+}
+
+/// Figure 4 with its light elsewhere.
+fn lit_from(x: f32, y: f32, z: f32) -> Scene {
+    let mut scene = scene("figure-4.toml");
+    scene.lights[0].position = vec3(x, y, z);
+    scene
+}
+
+/// Figure 4 from within the plane of its triangle.
+fn seen_along_the_triangle() -> Scene {
+    let mut scene = scene("figure-4.toml");
+    let camera = &mut scene.camera;
+    (camera.position, camera.forward, camera.right) = (vec3(3.0, 0.0, -2.0), Vec3::NEG_X, Vec3::NEG_Z);
+    scene
+}
+
+fn wrong(name: &str, scene: Scene) -> Vec<String> {
+    let mut stand = Stand::new(scene, SIZE);
+    let check = |strategy: Strategy| {
+        let local_size = if strategy.traversal == Traversal::Tile { [1, 1] } else { COMMON_LOCAL_SIZE };
+        let verdict = stand.check(&strategy, local_size).unwrap_or_else(|why| panic!("{strategy}: {why}"));
+        verdict.reason.map(|reason| format!("{name}, {strategy}: {reason}"))
+    };
+    strategies().into_iter().filter_map(check).collect()
+}
+
+#[test]
+fn lights_and_cameras_in_planes_are_verified_right() {
+    let wrong: Vec<String> = [
+        ("a light in the ground", lit_from(0.2, -1.0, -2.5)),
+        ("a light in the ground beside the picture", lit_from(-4.0, -1.0, -2.0)),
+        ("a light in the triangle's plane", lit_from(1.5, 0.9, -2.0)),
+        ("a light on the triangle", lit_from(-0.1, 0.0, -2.0)),
+        ("a light just over the ground", lit_from(0.2, -0.999, -2.5)),
+        ("tangent light", lit_from(30.0, -0.999, -10.0)),
+        ("a camera in the triangle's plane", seen_along_the_triangle()),
+    ]
+    .into_iter()
+    .flat_map(|(name, scene)| wrong(name, scene))
+    .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
