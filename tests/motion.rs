@@ -100,6 +100,30 @@ fn one_animated_picture_holds_the_same_frames_and_so_does_a_stream() {
 }
 
 #[test]
+fn shards_cast_each_frame_once_and_the_same_as_one_process() {
+    let (place, whole) = (place(), self::place());
+    let four = ["mesh.obj", "--turntable", "4", "--frames", "2..4"];
+    turn(&whole, &four);
+    let cast = ["1/2", "2/2"]
+        .map(|shard| turn(&place, &[&four[..], &["--shard", shard]].concat())["frames"].clone());
+    assert_eq!(cast, [1, 2]);
+    for name in ["mesh-0002.png", "mesh-0003.png", "mesh-0004.png"] {
+        assert_eq!(pixels(&place, name), pixels(&whole, name), "{name}");
+    }
+    // What is there is there, whoever asks; and of more processes than frames some have none.
+    let device = device();
+    let auto = [&["render", "--json", "--device", &device], &SIZE[..], &four, &["--shard", "auto"]].concat();
+    let frames = |rank: &str| {
+        let mut command = place.raycl(&auto);
+        command.env("OMPI_COMM_WORLD_RANK", rank).env("OMPI_COMM_WORLD_SIZE", "4");
+        let said = command.assert().success().get_output().stdout.clone();
+        let report: Value = serde_json::from_slice(&said).expect("JSON");
+        (report["frames"].clone(), report["skipped"].clone())
+    };
+    assert_eq!((frames("0"), frames("3")), ((0.into(), 0.into()), (0.into(), 1.into())));
+}
+
+#[test]
 fn mistakes_are_told_before_anything_is_cast() {
     let place = place();
     for (options, message) in [
@@ -110,6 +134,9 @@ fn mistakes_are_told_before_anything_is_cast() {
         (vec!["--turntable", "4", "-o", "a.jpg"], "'a.jpg' is no name for moving pictures"),
         (vec!["--turntable", "4", "-o", "nowhere/a.png"], "there is no folder"),
         (vec!["--turntable", "4", "--watch"], "--watch"),
+        (vec!["--shard", "1/2"], "--turntable"),
+        (vec!["--turntable", "4", "--shard", "3/2"], "there is no shard 3 of 2"),
+        (vec!["--turntable", "4", "--shard", "1/2", "-o", "a.apng"], "no two processes write to one file"),
     ] {
         has(&place.mistake(&[&["render", "mesh.obj"], &options[..]].concat(), 2), &[message]);
     }

@@ -1,10 +1,11 @@
 //! One experiment in shards: whatever starts the processes and whatever becomes of them, what is put together is what one run would have
 //! found. Most of it is done asleep: frames that cast nothing and take a known time.
 
+mod pages;
+mod sweep;
+
 use crate::binary::{Place, device, has, repository, run, until};
-use crate::common::is_long;
-use raycl::record::{PlannedPoint, Record, Sample, read_lines};
-use raycl::shard::{About, Attempt, Block, End, Header, Kind, KindPoint, ShardPlan, cut};
+use raycl::record::{Record, Sample, read_lines};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -122,6 +123,15 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let records = ground.records("out/records.jsonl");
     assert!(records.iter().all(|record| record.host.is_some() && record.attempt.is_some()));
+    let host = records[0].host.clone().expect("a machine");
+    for (table, column) in
+        [("out/summary.csv", "throttled_samples,host,block"), ("out/exports/points.csv", ",host,block")]
+    {
+        let table = ground.place.text(table);
+        assert!(table.lines().next().is_some_and(|header| header.ends_with(column)), "{column}");
+        assert!(table.lines().skip(1).all(|row| row.contains(&format!(",{host},"))), "{table}");
+    }
+    has(&ground.place.text("out/report.html"), &[&format!("measured on {host}")]);
     let before = files(&ground.place.path("out"));
     ground.merge();
     assert!(before == files(&ground.place.path("out")), "the second merge changed something");
@@ -316,177 +326,4 @@ fn slurm_scripts_are_printed_and_none_submitted() {
     let said = ground.place.output(&["run", "test.toml", "--out", "out", "--sbatch", "4", "--device", "cpu"]);
     has(&said, &["#SBATCH --exclusive"]);
     assert!(!ground.place.path("out").exists(), "nothing was written");
-}
-
-/// The pages for Kubernetes and CIs are YAML that says what the text says.
-#[test]
-fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() {
-    let text = std::fs::read_to_string(repository("docs/clusters.md")).expect("the page");
-    let blocks: Vec<&str> =
-        text.split("```yaml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    let read = |text: &&str| yaml_rust2::YamlLoader::load_from_str(text).expect("YAML").remove(0);
-    let [job, github, gitlab] = &blocks.iter().map(read).collect::<Vec<_>>()[..] else {
-        panic!("three pages")
-    };
-    let spec = &job["spec"];
-    let words: Vec<&str> = spec["template"]["spec"]["containers"][0]["command"]
-        .as_vec()
-        .expect("words")
-        .iter()
-        .filter_map(yaml_rust2::Yaml::as_str)
-        .collect();
-    assert_eq!((spec["completionMode"].as_str(), spec["completions"].as_i64()), (Some("Indexed"), Some(16)));
-    assert!(words.join(" ").contains("--shard auto/16") && words[0] == "raycl", "{words:?}");
-    let shards = github["jobs"]["shard"]["strategy"]["matrix"]["shard"].as_vec().expect("a matrix").len();
-    let steps = github["jobs"]["shard"]["steps"].as_vec().expect("steps");
-    let run = steps
-        .iter()
-        .filter_map(|step| step["run"].as_str())
-        .find(|run| run.contains("--shard"))
-        .expect("a shard");
-    assert!(run.contains(&format!("/{shards} ")), "{run}");
-    assert_eq!(gitlab["shard"]["parallel"].as_i64(), Some(4));
-    assert!(gitlab["shard"]["script"][1].as_str().is_some_and(|line| line.contains("--shard auto ")));
-    // Their options are this program's.
-    for option in ["--shard", "--out", "--device"] {
-        has(&Ground::new().place.output(&["run", "--help"]), &[option]);
-    }
-}
-
-/// A sweep of many points in many shards, as if it had been measured: recorded times, under other names, in attempts' folders.
-struct Replay {
-    points: usize,
-    shards: u32,
-    /// Points of one scene and size.
-    group: usize,
-}
-
-impl Replay {
-    /// Recorded points, over and over, each with a key and names of its own and ten samples in two launches.
-    fn record(&self, recorded: &[Record], point: usize) -> Record {
-        let mut record = recorded[point % recorded.len()].clone();
-        record.key = format!("{point:032x}");
-        record.scene = format!("scene-{}", point / self.group);
-        record.scene_hash = Some(record.scene.clone());
-        record.name = format!("strategy-{}", (point % self.group) / 8);
-        record.preset = None;
-        record.local_size = Some([1 << (point % 8), 1]);
-        let median = record.median_ms.expect("a time");
-        record.samples_ms = (0..10).map(|place| median * (1.0 + 0.001 * f64::from(place * 7 % 10))).collect();
-        record.sample_launches = (0..10).map(|place| place / 5).collect();
-        record.samples_at_ms = (0..10).map(|place| f64::from(place % 5)).collect();
-        record
-    }
-
-    /// Writes the plan, the kind of device and every shard's attempt.
-    fn write(&self, out: &Path) {
-        let file = repository("docs/results/2026-11-20-h200/figure-8/records.jsonl");
-        let recorded: Vec<Record> = read_lines::<Record>(&file).expect("recorded times").lines;
-        let recorded: Vec<Record> = recorded
-            .into_iter()
-            .filter(|record| record.median_ms.is_some() && record.device != "host")
-            .collect();
-        let places: Vec<usize> = (0..self.points).collect();
-        let records: Vec<Record> = places.iter().map(|point| self.record(&recorded, *point)).collect();
-        let cost = |point: &usize| (*point, records[*point].median_ms.expect("a time"));
-        let groups: Vec<Vec<(usize, f64)>> =
-            places.chunks(self.group).map(|group| group.iter().map(cost).collect()).collect();
-        let plan = ShardPlan {
-            header: Header { shards: self.shards, ..Header::default() },
-            points: records.iter().map(|record| record.name.clone()).collect(),
-            cases: places.iter().map(|point| point / self.group).collect(),
-            blocks: cut(&groups, self.shards),
-            expected_ms: Vec::new(),
-        };
-        ShardPlan::open(out, &plan.header.clone(), || Ok(plan.clone())).expect("a plan");
-        let kind = Kind {
-            device: recorded[0].device.clone(),
-            identity: "recorded".to_owned(),
-            points: records
-                .iter()
-                .enumerate()
-                .map(|(point, record)| KindPoint { point, planned: PlannedPoint::of(record) })
-                .collect(),
-        };
-        kind.write(&Kind::file(out, &kind.device, &kind.identity)).expect("a kind");
-        for shard in 1..=self.shards {
-            let about =
-                About { shard, of: self.shards, host: format!("n{}", shard % 16), ..About::default() };
-            let attempt = Attempt::begin(out, &about).expect("an attempt");
-            Self::write_attempt(&attempt, &about, &plan.of_shard(shard), &records);
-        }
-    }
-
-    fn write_attempt(attempt: &Attempt, about: &About, blocks: &[Block], records: &[Record]) {
-        let mut files = [String::new(), String::new(), String::new()];
-        for (number, block) in blocks.iter().enumerate() {
-            let borrowed = block.control.filter(|_| block.borrows_control());
-            for place in block.points.iter().chain(&borrowed) {
-                let mut record = records[*place].clone();
-                record.sample_launches.iter_mut().for_each(|launch| *launch += 2 * number as u32);
-                record.control = block.control.map(|control| records[control].key.clone());
-                (record.block, record.host) = (Some(block.number), Some(about.host.clone()));
-                record.is_control = borrowed == Some(*place);
-                for (round, ms) in record.samples_ms.iter().enumerate() {
-                    let (key, launch) = (record.key.clone(), record.sample_launches[round]);
-                    let sample =
-                        Sample { key, launch, round: round as u32 % 5, ms: *ms, ..Sample::default() };
-                    files[1] += &(serde_json::to_string(&sample).expect("JSON") + "\n");
-                }
-                files[if record.is_control { 2 } else { 0 }] +=
-                    &(serde_json::to_string(&record).expect("JSON") + "\n");
-            }
-        }
-        for (name, text) in ["records.jsonl", "samples.jsonl", "controls.jsonl"].into_iter().zip(files) {
-            std::fs::write(attempt.folder.join(name), text).expect("a file");
-        }
-        attempt.ended(&End::Done).expect("an end");
-    }
-}
-
-/// The most memory that a process has held so far, in MB; 0 where the system does not tell.
-fn held_mb(process: u32) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1024
-}
-
-#[test]
-fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
-    let replay = match is_long() {
-        true => Replay { points: 10_000, shards: 256, group: 500 },
-        false => Replay { points: 600, shards: 32, group: 200 },
-    };
-    let place = Place::new();
-    replay.write(&place.path("out"));
-    let start = std::time::Instant::now();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
-    command
-        .args(["merge", "out", "--quiet"])
-        .current_dir(place.path(""))
-        .stdin(Stdio::null())
-        .stderr(Stdio::piped());
-    let child = command.spawn().expect("it starts");
-    let process = child.id();
-    let watch = std::thread::spawn(move || {
-        let mut most_mb = 0;
-        while let held @ 1.. = held_mb(process) {
-            most_mb = most_mb.max(held);
-            std::thread::sleep(std::time::Duration::from_millis(20));
-        }
-        most_mb
-    });
-    succeeds(crate::binary::finish(child));
-    let most_mb = watch.join().expect("the most that it held");
-    println!(
-        "{} points in {} shards: merged and reported in {:.1} s, {most_mb} MB",
-        replay.points,
-        replay.shards,
-        start.elapsed().as_secs_f64()
-    );
-    let records: Vec<Record> = read_lines(&place.path("out/records.jsonl")).expect("records").lines;
-    assert_eq!(records.len(), replay.points);
-    let samples = read_lines::<Sample>(&place.path("out/samples.jsonl")).expect("samples").lines;
-    assert_eq!(samples.len(), 10 * replay.points);
-    assert!(place.path("out/report.html").exists());
 }

@@ -89,8 +89,10 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // Whoever measures, the point is the same: nothing is measured again.
+    // Whoever measures, the point is the same: nothing is measured again, and the blocks stay, whatever points were found to take.
+    let blocks = place.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
+    assert_eq!(place.text("out/blocks.json"), blocks);
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod measuring;
 mod resume;
 mod sbatch;
 mod shard;
+mod spread;
 mod two_kernels;
 
 use super::choice::parse_assignment;
@@ -234,10 +235,10 @@ pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
-    let blocks = args.spread.then(|| shard::blocks(&run, &out)).transpose()?;
-    let run = Run { blocks: blocks.as_deref(), ..run };
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
+    let blocks = args.spread.then(|| spread::blocks(&run, &out)).transpose()?;
+    let run = Run { blocks: blocks.as_deref(), ..run };
     keep_peak(args, &experiment, &mut results, &interrupted)
         .map_err(|error| say_how_to_resume(error, args, &out))?;
     if !args.quiet {

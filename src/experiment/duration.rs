@@ -4,6 +4,7 @@ use super::open::Open;
 use super::{Plan, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
+use crate::shard::Cost;
 use std::collections::HashMap;
 use std::fmt;
 use std::time::Duration;
@@ -67,13 +68,21 @@ impl Run<'_> {
 
     /// What each point of the plan for one device will take, in milliseconds, by groups of comparable points: by what was measured
     /// `earlier`, else by how much there is to compute. Its place is that in the plan.
-    pub fn costs_ms(&self, earlier: &[Record]) -> Result<Vec<Vec<(usize, f64)>>> {
+    pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         let by_name = by_name(earlier);
         let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
         let cost = |open: &Open| {
-            let known = of(&open.record).and_then(|earlier| self.known(&open.record, earlier));
-            (open.point, self.group_ms(&[known.unwrap_or_else(|| guessed(&open.record))]))
+            let before = of(&open.record);
+            let known = before.and_then(|earlier| self.known(&open.record, earlier));
+            let known = known.or_else(|| open.not_for.as_ref().map(|_| Known::default()));
+            let ms = self.group_ms(&[known.unwrap_or_else(|| guessed(&open.record))]);
+            let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
+            Cost {
+                point: open.point,
+                ms,
+                may_control: !failed && self.is_for_every_kind(&plan.points[open.point]),
+            }
         };
         let groups = self.open_points(&plan, &plan.by_device())?;
         Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())

@@ -97,6 +97,14 @@ impl Run<'_> {
         }
     }
 
+    /// Whether no device passes a point over for its kind.
+    pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
+        match point.work {
+            Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].meant_for.is_none(),
+            Work::Host(_) => true,
+        }
+    }
+
     /// Every point that is measured, with what is known of it, as it is measured together. Scenes are loaded one at a time.
     pub(super) fn open_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<Open>>> {
         let drafters: Vec<_> =

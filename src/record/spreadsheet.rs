@@ -58,6 +58,8 @@ struct Row<'a> {
     clock_mhz: Option<f64>,
     energy_mj: Option<f64>,
     throttled_samples: Option<u32>,
+    host: Option<&'a str>,
+    block: Option<u32>,
 }
 
 impl<'a> Row<'a> {
@@ -111,6 +113,8 @@ impl<'a> Row<'a> {
             clock_mhz: record.sensed.and_then(|sensed| sensed.clock_mhz),
             energy_mj: record.sensed.and_then(|sensed| sensed.energy_mj),
             throttled_samples: record.throttled_samples,
+            host: record.host.as_deref(),
+            block: record.block,
         }
     }
 }

@@ -63,6 +63,7 @@ pub fn tip(record: &Record) -> String {
         }
         None => lines.push(format!("{}: {}", record.outcome.name(), first_line(record))),
     }
+    lines.extend(record.host.as_ref().map(|host| format!("measured on {host}")));
     lines.extend(made(record));
     lines
         .extend(record.limit_fraction.map(|part| format!("{} of the device's multiply-adds", percent(part))));

@@ -24,6 +24,17 @@ impl Block {
     }
 }
 
+/// A point that is to be dealt out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cost {
+    /// Its place in the plan.
+    pub point: usize,
+    /// What it will take, in any unit.
+    pub ms: f64,
+    /// Whether blocks may be compared by it: as far as is known, every device can measure it.
+    pub may_control: bool,
+}
+
 /// A block, and what it costs.
 type Priced = (f64, Block);
 
@@ -32,11 +43,10 @@ const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// Finer pieces measure control points more often: they have to end the longest shard sooner by this part.
 const WORTHWHILE: f64 = 0.05;
 
-/// Cuts groups of comparable points into blocks for so many shards. `groups` has each point's place and what it will take, in any
-/// unit. The same numbers make the same blocks.
-pub fn cut(groups: &[Vec<(usize, f64)>], shards: u32) -> Vec<Block> {
+/// Cuts groups of comparable points into blocks for so many shards. The same costs make the same blocks.
+pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
-    let all: f64 = groups.iter().flatten().map(|(_, cost)| cost).sum();
+    let all: f64 = groups.iter().flatten().map(|cost| cost.ms).sum();
     let fair = all / f64::from(shards);
     let mut best: Option<(f64, Vec<Priced>)> = None;
     for grain in GRAINS {
@@ -55,31 +65,37 @@ pub fn cut(groups: &[Vec<(usize, f64)>], shards: u32) -> Vec<Block> {
 }
 
 /// A group whole, or where it is more than a piece may be in pieces of neighbours.
-fn pieces(group: &[(usize, f64)], most: f64) -> Vec<Priced> {
-    let whole: f64 = group.iter().map(|(_, cost)| cost).sum();
+fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
+    let whole: f64 = group.iter().map(|cost| cost.ms).sum();
     // A little more is cheaper than a control point twice; and a piece of one point would only measure two.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
-    let control = group.iter().min_by(|(_, one), (_, other)| one.total_cmp(other)).filter(|_| count > 1);
+    let control = control(group).filter(|_| count > 1);
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
-    for (place, cost) in group {
+    for Cost { point, ms: cost, .. } in group {
         // By the middle of its cost: a point that lies across a border goes where most of it lies.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
-        pieces[piece].1.points.push(*place);
+        pieces[piece].1.points.push(*point);
         before += cost;
     }
     pieces.retain(|(_, block)| !block.points.is_empty());
     let is_cut = pieces.len() > 1;
     for (cost, block) in &mut pieces {
-        block.control = control.map(|(place, _)| *place).filter(|_| is_cut);
-        if let Some((_, own)) = control.filter(|_| block.borrows_control()) {
-            *cost += own;
+        block.control = control.map(|control| control.point).filter(|_| is_cut);
+        if let Some(own) = control.filter(|_| block.borrows_control()) {
+            *cost += own.ms;
         }
     }
     pieces
+}
+
+/// The point that takes least of those that every device can measure.
+fn control(group: &[Cost]) -> Option<&Cost> {
+    let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
+    group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
 }
 
 /// The longest first, each to the shard that has least to do; what the longest shard has then.
@@ -115,9 +131,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn groups(costs: &[Vec<f64>]) -> Vec<Vec<(usize, f64)>> {
-        let mut place = 0..;
-        costs.iter().map(|group| place.by_ref().zip(group.iter().copied()).collect()).collect()
+    fn groups(costs: &[Vec<f64>]) -> Vec<Vec<Cost>> {
+        let mut points = 0..;
+        let mut cost = |ms: &f64| Cost { point: points.next().unwrap_or(0), ms: *ms, may_control: true };
+        costs.iter().map(|group| group.iter().map(&mut cost).collect()).collect()
     }
 
     /// What each shard has to do, borrowed control points included.
@@ -142,7 +159,7 @@ mod tests {
             prop_assert_eq!(places, (0..costs.concat().len()).collect::<Vec<_>>());
             prop_assert!(blocks.iter().all(|block| (1..=shards).contains(&block.shard)));
             for group in &groups {
-                let own: Vec<&Block> = blocks.iter().filter(|block| group.iter().any(|(place, _)| block.points.contains(place))).collect();
+                let own: Vec<&Block> = blocks.iter().filter(|block| group.iter().any(|cost| block.points.contains(&cost.point))).collect();
                 prop_assert!(own.iter().all(|block| block.control == own[0].control));
                 let homes = own.iter().filter(|block| block.control.is_some() && !block.borrows_control()).count();
                 prop_assert_eq!(homes, usize::from(own[0].control.is_some()));
@@ -165,6 +182,17 @@ mod tests {
         let whole = cut(&groups(&vec![vec![1.0; 8]; 4]), 4);
         assert!(whole.len() == 4 && whole.iter().all(|block| block.control.is_none()), "{whole:?}");
         assert_eq!(whole.iter().map(|block| block.shard).collect::<Vec<_>>(), [1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn blocks_are_compared_by_a_point_that_every_device_can_measure() {
+        let mut groups = groups(&[vec![0.1, 2.0, 1.0, 1.5]]);
+        let control = |groups: &[Vec<Cost>]| cut(groups, 2)[0].control;
+        assert_eq!(control(&groups), Some(0));
+        groups[0][0].may_control = false;
+        assert_eq!(control(&groups), Some(2));
+        groups[0].iter_mut().for_each(|cost| cost.may_control = false);
+        assert_eq!(control(&groups), Some(0), "one that some devices cannot measure is better than none");
     }
 
     #[test]

@@ -90,6 +90,9 @@ pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
     }
+    if let (None, Some(error)) = (&numbered, outside_of_a_step(variable)) {
+        return Err(error);
+    }
     let outer = || OUTER.iter().find_map(|ranks| ranks.told(variable).transpose()).transpose();
     let alone = || INNER.iter().find_map(|ranks| ranks.told(variable).transpose()).transpose();
     match numbered
@@ -98,7 +101,7 @@ pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
         .map_or_else(alone, |told| Ok(Some(told)))?
     {
         Some(told) => told.shard(of),
-        None => outside_of_a_step(variable).map_or_else(|| Err(nobody()), Err),
+        None => Err(nobody()),
     }
 }
 
@@ -191,7 +194,7 @@ fn twice(array: &Told, inner: &Told) -> Error {
 
 /// A script of several tasks that starts raycl itself: without `srun` it runs once, and its number is that of nothing.
 fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
-    let place = variable("SLURM_PROCID")?;
+    let place = variable("SLURM_PROCID").filter(|_| variable("SLURM_STEP_ID").is_none())?;
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
@@ -270,6 +273,11 @@ mod tests {
             (None, format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {step}"), "two launchers number this process"),
             (Some(4), format!("SLURM_ARRAY_TASK_ID=2 {step}"), "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4"),
             (None, "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(), "SLURM_PROCID is 0 of 4 tasks, but this is no step"),
+            (
+                Some(4),
+                "SLURM_ARRAY_TASK_ID=2 SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
+                "SLURM_PROCID is 0 of 4 tasks, but this is no step",
+            ),
             (None, BATCH.to_owned(), "no launcher numbered"),
             (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),

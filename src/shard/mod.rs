@@ -20,7 +20,7 @@ mod status;
 mod watch;
 
 pub use attempt::{About, Attempt, End};
-pub use block::{Block, cut};
+pub use block::{Block, Cost, cut};
 pub use kind::{Kind, KindPoint};
 pub use merge::{Merged, merge};
 pub use missing::{Missing, missing};

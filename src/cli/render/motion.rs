@@ -11,6 +11,7 @@ use crate::image::{Movie, Radiance};
 use crate::launch::{Caster, Prepared, Refused};
 use crate::program::Sources;
 use crate::scene::{Loaded, Orbit, Scene, pixel_offsets};
+use crate::shard::Asked;
 use crate::strategy::Strategy;
 use frames::{Frames, Numbered};
 use serde::Serialize;
@@ -29,6 +30,10 @@ pub struct Motion {
     /// Render only frames A to B, both included; the first is 1
     #[arg(long, value_name = "A..B", requires = "turntable", value_parser = frames::parse)]
     frames: Option<Frames>,
+    /// Render only the share of one of several processes: 3/16, or auto where a launcher numbers them (auto/16 where it does
+    /// not say how many there are)
+    #[arg(long, value_name = "N/OF", requires = "turntable")]
+    shard: Option<Asked>,
     /// Frames per second of an .apng or a y4m stream
     #[arg(long, default_value_t = 30, requires = "turntable", value_parser = clap::value_parser!(u16).range(1..=1000))]
     rate: u16,
@@ -38,6 +43,26 @@ impl Motion {
     /// Whether the scene turns.
     pub fn turns(&self) -> bool {
         self.turntable.is_some()
+    }
+
+    /// The frames that are this process's.
+    fn share(&self, all: Frames) -> Result<Option<Frames>> {
+        match self.shard {
+            None => Ok(Some(all)),
+            Some(asked) => Ok(all.of_shard(asked.resolve(&|name| std::env::var(name).ok())?)),
+        }
+    }
+}
+
+/// More processes than frames: what is left for this one.
+fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
+    let text = format!("no frame of {}..{} is this shard's: nothing to do", all.first, all.last);
+    match (args.json, args.quiet) {
+        (true, _) => {
+            crate::cli::print_json(&serde_json::json!({ "frames": 0, "skipped": 0, "notes": [text] }))
+        }
+        (false, true) => Ok(()),
+        (false, false) => crate::cli::print(text),
     }
 }
 
@@ -73,7 +98,8 @@ enum Sink {
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     let count = args.motion.turntable.unwrap_or(1);
-    let wanted = args.motion.frames.unwrap_or(Frames { first: 1, last: count }).within(count)?;
+    let all = args.motion.frames.unwrap_or(Frames { first: 1, last: count }).within(count)?;
+    let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };
     let sink = sink(args, wanted, count)?;
     let sources = Sources::of(args.cl_dir.clone())?;
     let Opened { loaded, device, queue, .. } = open(args, &sources)?;
@@ -134,6 +160,10 @@ fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
     let target = super::target(args);
     let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
     let size = [args.width, args.height];
+    if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
+        return Err(Error::input("--shard casts numbered pictures: no two processes write to one file")
+            .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
+    }
     if target.is_standard_output() {
         return Ok(Sink::Movie(Movie::y4m(target, size, args.motion.rate)));
     }

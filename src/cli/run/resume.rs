@@ -1,6 +1,6 @@
 //! How to go on with a run that was ended: the command.
 
-use super::Args;
+use super::{Args, HANG_LIMIT};
 use crate::error::Error;
 use crate::report::quote;
 use std::path::Path;
@@ -33,5 +33,7 @@ pub fn choices(args: &Args) -> Vec<String> {
     let devices = args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]);
     let set = args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]);
     let kernels = args.cl_dir.iter().flat_map(|folder| ["--cl-dir".to_owned(), folder.display().to_string()]);
-    devices.chain(set).chain(kernels).collect()
+    let limit = (args.hang_limit != HANG_LIMIT)
+        .then(|| ["--hang-limit".to_owned(), args.hang_limit.as_secs_f64().to_string()]);
+    devices.chain(set).chain(kernels).chain(limit.into_iter().flatten()).collect()
 }

@@ -51,5 +51,9 @@ fn command(args: &Args, out: &Path) -> Vec<String> {
     let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
     words.extend(["--out".to_owned(), out.display().to_string()]);
     words.extend(super::choices(args));
+    words.extend(args.peak.as_ref().map(|from| match from.as_str() {
+        "measure" => "--peak".to_owned(),
+        file => format!("--peak={file}"),
+    }));
     words
 }

@@ -13,7 +13,7 @@ use crate::output::{Choice, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Environment, Record};
 use crate::shard::{
-    About, Asked, Attempt, Block, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, cut, watch_launcher,
+    About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, cut, watch_launcher,
 };
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -69,9 +69,9 @@ fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Hea
 
 /// The plan, cut by what its points took before or may take.
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
-    let costs = run.costs_ms(&earlier::earlier(out))?;
+    let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);
-    let costs: Vec<f64> = costs.into_iter().flatten().map(|(_, cost)| cost).collect();
+    let costs: Vec<f64> = costs.into_iter().flatten().map(|cost| cost.ms).collect();
     let mut expected_ms = vec![0.0; header.shards as usize];
     for block in &blocks {
         let borrowed = block.control.filter(|_| block.borrows_control());
@@ -86,11 +86,6 @@ pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     }
     let points = points.iter().map(|point| point.label(run.experiment)).collect();
     Ok(ShardPlan { header, points, cases, blocks, expected_ms })
-}
-
-/// All blocks for as many devices as a run is spread over.
-pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
-    Ok(cut(&run.costs_ms(&earlier::earlier(out))?, run.devices.len() as u32))
 }
 
 /// A shard that is to be measured.

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::image::{Radiance, frame_key, save_frame};
 use crate::output::{Choice, Target};
 use crate::scene::Display;
+use crate::shard::Shard;
 use std::path::{Path, PathBuf};
 
 /// Frames from the first to the last, both included.
@@ -31,6 +32,13 @@ impl Frames {
         }
         let message = format!("--frames {}..{}, but --turntable has {count} frames", self.first, self.last);
         Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
+    }
+
+    /// Those of one of several processes, neighbours, about as many as each other has; none where there are more processes than frames.
+    pub fn of_shard(self, shard: Shard) -> Option<Self> {
+        let before = |number: u32| (u64::from(self.len()) * u64::from(number) / u64::from(shard.of)) as u32;
+        let (begin, end) = (before(shard.number - 1), before(shard.number));
+        (begin < end).then(|| Self { first: self.first + begin, last: self.first + end - 1 })
     }
 
     pub fn numbers(self) -> impl Iterator<Item = u32> {
@@ -106,6 +114,17 @@ fn other(file: &Path, number: u32) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shards_have_each_frame_once_and_about_as_many() {
+        for (last, of) in [(10, 3), (7, 7), (3, 5), (100, 1)] {
+            let all = Frames { first: 3, last: last + 2 };
+            let shards: Vec<_> = (1..=of).filter_map(|number| all.of_shard(Shard { number, of })).collect();
+            assert!(shards.iter().copied().flat_map(Frames::numbers).eq(all.numbers()), "{shards:?}");
+            let most = shards.iter().map(|frames| frames.len()).max();
+            assert_eq!(most, Some(last.div_ceil(of)), "{shards:?}");
+        }
+    }
 
     #[test]
     fn both_ends_are_included() {

@@ -1,0 +1,70 @@
+//! `raycl run --spread`: the blocks that the devices of one machine share.
+
+use super::earlier::earlier;
+use crate::error::{Error, Result};
+use crate::experiment::{Plan, Run};
+use crate::record::{ordinary, write_whole};
+use crate::shard::{Block, cut};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The blocks' file in the folder of results.
+const FILE: &str = "blocks.json";
+
+/// What a run was spread by.
+#[derive(Serialize, Deserialize)]
+struct Spread {
+    /// Over how many devices.
+    devices: usize,
+    /// The points of the plan for one device, for people.
+    points: Vec<String>,
+    blocks: Vec<Block>,
+}
+
+/// The plan in blocks for as many devices as a run is spread over. Whoever goes on with a run measures the same blocks as before,
+/// whatever points were found to take: else those of one group would have different control points.
+pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
+    let devices = run.devices.len();
+    let plan = Plan::new(run.experiment, devices.min(1));
+    let points: Vec<String> = plan.points.iter().map(|point| point.label(run.experiment)).collect();
+    let path = out.join(FILE);
+    if let Some(known) = read(&path).filter(|known| known.devices == devices && known.points == points) {
+        return Ok(known.blocks);
+    }
+    let blocks = cut(&run.costs(&earlier(out))?, devices as u32);
+    let spread = Spread { devices, points, blocks };
+    let text = serde_json::to_vec(&spread).map_err(|error| Error::run(error.to_string()))?;
+    write_whole(&path, &text)?;
+    Ok(spread.blocks)
+}
+
+/// Those of an earlier session; none where there is none, or not each point once.
+fn read(path: &Path) -> Option<Spread> {
+    ordinary(path).ok()?;
+    let spread: Spread = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    let mut points: Vec<usize> = spread.blocks.iter().flat_map(|block| block.points.clone()).collect();
+    points.sort_unstable();
+    points.into_iter().eq(0..spread.points.len()).then_some(spread)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_that_leave_a_point_out_are_not_gone_on_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        let found = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read(&path).map(|spread| spread.blocks.len())
+        };
+        let text = r#"{"devices":2,"points":["a","b"],"blocks":[{"number":1,"shard":1,"points":[1,0],"control":null}]}"#;
+        assert_eq!(found(text), Some(1));
+        assert_eq!(
+            (found(&text.replace("[1,0]", "[1]")), found(&text.replace("[1,0]", "[1,1]"))),
+            (None, None)
+        );
+        assert_eq!((found("{"), read(folder.path()).is_none()), (None, true));
+    }
+}

@@ -1,0 +1,39 @@
+//! The pages of docs/clusters.md for Kubernetes and CIs.
+
+use super::Ground;
+use crate::binary::{has, repository};
+
+/// The pages for Kubernetes and CIs are YAML that says what the text says.
+#[test]
+fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() {
+    let text = std::fs::read_to_string(repository("docs/clusters.md")).expect("the page");
+    let blocks: Vec<&str> =
+        text.split("```yaml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    let read = |text: &&str| yaml_rust2::YamlLoader::load_from_str(text).expect("YAML").remove(0);
+    let [job, github, gitlab] = &blocks.iter().map(read).collect::<Vec<_>>()[..] else {
+        panic!("three pages")
+    };
+    let spec = &job["spec"];
+    let words: Vec<&str> = spec["template"]["spec"]["containers"][0]["command"]
+        .as_vec()
+        .expect("words")
+        .iter()
+        .filter_map(yaml_rust2::Yaml::as_str)
+        .collect();
+    assert_eq!((spec["completionMode"].as_str(), spec["completions"].as_i64()), (Some("Indexed"), Some(16)));
+    assert!(words.join(" ").contains("--shard auto/16") && words[0] == "raycl", "{words:?}");
+    let shards = github["jobs"]["shard"]["strategy"]["matrix"]["shard"].as_vec().expect("a matrix").len();
+    let steps = github["jobs"]["shard"]["steps"].as_vec().expect("steps");
+    let run = steps
+        .iter()
+        .filter_map(|step| step["run"].as_str())
+        .find(|run| run.contains("--shard"))
+        .expect("a shard");
+    assert!(run.contains(&format!("/{shards} ")), "{run}");
+    assert_eq!(gitlab["shard"]["parallel"].as_i64(), Some(4));
+    assert!(gitlab["shard"]["script"][1].as_str().is_some_and(|line| line.contains("--shard auto ")));
+    // Their options are this program's.
+    for option in ["--shard", "--out", "--device"] {
+        has(&Ground::new().place.output(&["run", "--help"]), &[option]);
+    }
+}
