@@ -21,7 +21,8 @@ pub struct Args {
     /// The folder that was --out of `raycl run --shard`
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// A word of a kind of device that is meant, where others took part by mistake [default: all that took part]
+    /// A part of the name of a device that is meant: others that took part are left out, and one that did not begin is
+    /// missing [default: all that took part]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Merge nothing: say how each attempt is (going, hung, lost, or how it ended)
@@ -92,7 +93,9 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
                 kind.command
             )
         });
-        let help = format!("to measure what is missing\n{}", said.collect::<Vec<_>>().join("\n"));
+        let took_part = missing.took_part.iter().map(|names| format!("these took part: {names}"));
+        let lines: Vec<String> = said.chain(took_part).collect();
+        let help = format!("to measure what is missing\n{}", lines.join("\n"));
         return Err(Error::run(format!("{} points are missing", missing.count())).with_help(help));
     }
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {

@@ -12,6 +12,8 @@ pub struct Missing {
     pub kinds: Vec<MissingKind>,
     /// Whether no shard has begun.
     pub nothing_began: bool,
+    /// The kinds that took part, where one is meant that did not: its name may be misspelt.
+    pub took_part: Option<String>,
 }
 
 /// What a kind of device lacks.
@@ -41,11 +43,11 @@ impl Missing {
     }
 }
 
-/// Points of the plan that have no record, on each kind. A caster on the host is there when any kind of host measured it: it belongs to no
-/// kind of device.
+/// Points of the plan that have no record, on each kind, and all of those that are meant by a word and have not begun. A caster on the host
+/// is there when any kind of host measured it: it belongs to no kind of device.
 pub fn missing(
     plan: &ShardPlan,
-    kinds: &[Kind],
+    (kinds, not_begun): (&[Kind], &[String]),
     attempts: &[Attempt],
     has: &dyn Fn(&str) -> bool,
 ) -> Missing {
@@ -71,27 +73,55 @@ pub fn missing(
         if lacks.is_empty() {
             continue;
         }
-        let shards: BTreeSet<u32> =
-            lacks.iter().filter_map(|point| plan.block_of(*point)).map(|block| block.shard).collect();
         let label = distinction.filter(|_| !is_host).map_or(String::new(), |what| format!(" ({what})"));
-        found.push(MissingKind {
-            device: format!("{}{label}", kind.device),
-            points: lacks.iter().filter_map(|point| plan.points.get(*point).cloned()).collect(),
-            of: kind.points.len(),
-            command: command(plan, kind, attempts, &shards),
-            shards: shards.into_iter().collect(),
-        });
+        let words = started_with(Some(kind), attempts);
+        found.push(lacking(plan, format!("{}{label}", kind.device), (&lacks, kind.points.len()), &words));
     }
-    Missing { kinds: found, nothing_began: kinds.is_empty() }
+    found.extend(not_begun.iter().map(|device| {
+        let lacks = of_devices(plan, kinds);
+        let mut words = without(&started_with(None, attempts), "--device");
+        words.extend(["--device".to_owned(), device.clone()]);
+        lacking(plan, device.clone(), (&lacks, lacks.len()), &words)
+    }));
+    Missing { kinds: found, nothing_began: kinds.is_empty(), took_part: None }
 }
 
-/// What an attempt on the kind was started with, for the shards that are missing.
-fn command(plan: &ShardPlan, kind: &Kind, attempts: &[Attempt], shards: &BTreeSet<u32>) -> String {
+/// Points that are not the host's.
+fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
+    let hosts = kinds.iter().filter(|kind| kind.device == HOST).flat_map(|kind| &kind.points);
+    let hosts: BTreeSet<usize> = hosts.map(|point| point.point).collect();
+    (0..plan.points.len()).filter(|point| !hosts.contains(point)).collect()
+}
+
+/// What lacks these points, of so many.
+fn lacking(
+    plan: &ShardPlan,
+    device: String,
+    (lacks, of): (&[usize], usize),
+    words: &[String],
+) -> MissingKind {
+    let shards: BTreeSet<u32> =
+        lacks.iter().filter_map(|point| plan.block_of(*point)).map(|block| block.shard).collect();
+    MissingKind {
+        device,
+        points: lacks.iter().filter_map(|point| plan.points.get(*point).cloned()).collect(),
+        of,
+        command: command(plan, words, &shards),
+        shards: shards.into_iter().collect(),
+    }
+}
+
+/// What an attempt on the kind, else any, was started with, but for the shard.
+fn started_with(kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
     let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
-    let own = abouts.iter().find(|about| about.devices.contains(&kind.identity)).or(abouts.first());
-    let words = own.map_or_else(Vec::new, |about| about.command.clone());
+    let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
+    without_shard(&own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone()))
+}
+
+/// The command for the shards that are missing.
+fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String {
     let of = plan.header.shards;
-    let words = without_shard(&words).iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
+    let words = words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     match shards.iter().copied().collect::<Vec<_>>()[..] {
         [one] => format!("{words} --shard {one}/{of}"),
         _ => {
@@ -103,12 +133,18 @@ fn command(plan: &ShardPlan, kind: &Kind, attempts: &[Attempt], shards: &BTreeSe
 
 /// A command's words under the name that the program has everywhere, without the option that says which shard.
 fn without_shard(command: &[String]) -> Vec<String> {
-    let mut words = vec!["raycl".to_owned()];
-    let mut rest = command.iter().skip(1);
+    let rest = command.iter().skip(1).cloned();
+    without(&std::iter::once("raycl".to_owned()).chain(rest).collect::<Vec<_>>(), "--shard")
+}
+
+/// A command's words without an option and its value.
+fn without(command: &[String], option: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    let mut rest = command.iter();
     while let Some(word) = rest.next() {
-        match word.as_str() {
-            "--shard" => drop(rest.next()),
-            word if word.starts_with("--shard=") => {}
+        match word.strip_prefix(option) {
+            Some("") => drop(rest.next()),
+            Some(value) if value.starts_with('=') => {}
             _ => words.push(word.clone()),
         }
     }
@@ -153,13 +189,22 @@ mod tests {
             kind("gpu", "2", &[1, 2]),
         ];
         let there = ["intel 0", "1 1", "1 2"];
-        let found = missing(&plan(), &kinds, &[], &|key| there.contains(&key));
+        let found = missing(&plan(), (&kinds, &[]), &[], &|key| there.contains(&key));
         let [two] = &found.kinds[..] else { panic!("{found:?}") };
         assert_eq!((two.device.as_str(), two.points.len(), &two.shards[..]), ("gpu (2)", 2, &[3, 7][..]));
         assert_eq!(two.command, "for shard in 3 7; do raycl --shard $shard/16; done");
-        let found = missing(&plan(), &kinds[..1], &[], &|_| false);
+        let found = missing(&plan(), (&kinds[..1], &[]), &[], &|_| false);
         assert_eq!(found.kinds[0].command, "raycl --shard 3/16");
-        assert!(missing(&plan(), &[], &[], &|_| true).nothing_began);
+        assert!(missing(&plan(), (&[], &[]), &[], &|_| true).nothing_began);
+    }
+
+    #[test]
+    fn a_kind_that_is_meant_and_has_not_begun_lacks_all_but_the_hosts_points() {
+        let kinds = [kind(HOST, "amd", &[0]), kind("gpu", "1", &[1, 2])];
+        let found = missing(&plan(), (&kinds, &["h200".to_owned()]), &[], &|_| true);
+        let [h200] = &found.kinds[..] else { panic!("{found:?}") };
+        assert_eq!((h200.device.as_str(), h200.points.len(), h200.of), ("h200", 2, 2));
+        assert_eq!(h200.command, "for shard in 3 7; do raycl --device h200 --shard $shard/16; done");
     }
 
     #[test]

@@ -103,11 +103,11 @@ impl Replay {
     }
 }
 
-/// The most memory that a process has held so far, in MB; 0 where the system does not tell.
-fn held_mb(process: u32) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1024
+/// The most memory that a process has held so far, in MB; none once it has ended, and where the system does not tell.
+fn held_mb(process: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.split_whitespace().next()?.parse::<u64>().ok()? / 1024)
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
     let process = child.id();
     let watch = std::thread::spawn(move || {
         let mut most_mb = 0;
-        while let held @ 1.. = held_mb(process) {
+        while let Some(held) = held_mb(process) {
             most_mb = most_mb.max(held);
             std::thread::sleep(std::time::Duration::from_millis(20));
         }
@@ -143,7 +143,7 @@ fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
         replay.shards,
         start.elapsed().as_secs_f64()
     );
-    assert!(most_mb < 1000, "it held {most_mb} MB");
+    assert!(cfg!(not(target_os = "linux")) || (1..1000).contains(&most_mb), "it held {most_mb} MB");
     let records: Vec<Record> = read_lines(&place.path("out/records.jsonl")).expect("records").lines;
     assert_eq!(records.len(), replay.points);
     let samples = read_lines::<Sample>(&place.path("out/samples.jsonl")).expect("samples").lines;

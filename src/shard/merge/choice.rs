@@ -107,7 +107,8 @@ fn is_wrong_and_right(found: &[(usize, Outcome)]) -> bool {
     found.iter().any(|(_, outcome)| wrong(outcome)) && !found.iter().all(|(_, outcome)| wrong(outcome))
 }
 
-fn few(names: &[&str]) -> String {
+/// Some names, or the first four of many.
+pub fn few(names: &[&str]) -> String {
     let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")
 }

@@ -1,6 +1,7 @@
 //! Attempts put together to one folder of results, as of one run. No device is needed, and no clock decides: the same parts make the same
 //! folder, however often and wherever they are merged. Attempts' folders are only read.
 
+mod again;
 mod choice;
 mod environment;
 mod launches;
@@ -44,11 +45,13 @@ type Measured = (usize, Record);
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
-    let (kinds, attempts) = (meant_kinds(out, meant)?, Attempt::all(out));
+    let ((kinds, not_begun), attempts) = (meant_kinds(out, meant)?, Attempt::all(out));
     let chosen = choose(&attempts)?;
     let planned = Planned::of(&plan, &kinds);
-    let missing = missing::missing(&plan, &kinds, &attempts, &|key| chosen.has(key));
+    let mut missing = missing::missing(&plan, (&kinds, &not_begun), &attempts, &|key| chosen.has(key));
+    missing.took_part = not_begun.first().map(|_| took_part(out)).transpose()?;
     let mut notes = chosen.notes(&attempts);
+    notes.extend(again::attempted_again(&attempts));
     notes.extend(ended_early(&attempts));
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
@@ -86,23 +89,23 @@ fn refuse_other_results(out: &Path) -> Result<()> {
     }
 }
 
-/// The kinds that took part and are meant, and always the host.
-fn meant_kinds(out: &Path, meant: &[String]) -> Result<Vec<Kind>> {
+/// The kinds that took part and are meant, always the host's, and the words that mean none of those that took part.
+fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
     let all = Kind::all(out)?;
     let has = |kind: &Kind, word: &String| {
         format!("{} | {}", kind.device, kind.identity).to_lowercase().contains(&word.to_lowercase())
     };
-    let names = || {
-        all.iter().map(|kind| format!("{} ({})", kind.device, kind.identity)).collect::<Vec<_>>().join("; ")
-    };
-    if let Some(word) = meant.iter().find(|word| !all.iter().any(|kind| has(kind, word))) {
-        return Err(Error::input(format!("no kind of device that took part is called '{word}'"))
-            .with_help(format!("these took part: {}", names())));
-    }
+    let not_begun = meant.iter().filter(|word| !all.iter().any(|kind| has(kind, word))).cloned().collect();
     let is_meant = |kind: &Kind| {
         meant.is_empty() || kind.device == crate::record::HOST || meant.iter().any(|word| has(kind, word))
     };
-    Ok(all.iter().filter(|kind| is_meant(kind)).cloned().collect())
+    Ok((all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun))
+}
+
+fn took_part(out: &Path) -> Result<String> {
+    let mut names: Vec<String> = Kind::all(out)?.into_iter().map(|kind| kind.device).collect();
+    names.dedup();
+    Ok(names.join(", "))
 }
 
 /// What became of attempts that did not end by themselves, in a line.

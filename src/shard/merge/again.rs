@@ -1,0 +1,51 @@
+//! Shards that were attempted more than once, as after a requeue: the first copy may have run on beside the second.
+
+use super::choice::few;
+use crate::shard::Attempt;
+use std::collections::BTreeMap;
+
+/// Names the attempts at each of these shards, in a line. Attempts on other devices are other work.
+pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
+    let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&str>> = BTreeMap::new();
+    for attempt in attempts {
+        let Some(about) = attempt.about() else { continue };
+        of_shards.entry((about.shard, about.devices)).or_default().push(&attempt.name);
+    }
+    let told: Vec<String> = of_shards
+        .iter()
+        .filter(|(_, names)| names.len() > 1)
+        .map(|((shard, _), names)| format!("{} attempts at shard {shard} ({})", names.len(), few(names)))
+        .collect();
+    let told: Vec<&str> = told.iter().map(String::as_str).collect();
+    (!told.is_empty()).then(|| format!("There were {}.", few(&told)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shard::About;
+
+    #[test]
+    fn attempts_at_one_shard_on_the_same_devices_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let begin = |shard, host: &str, device: &str| {
+            let about = About {
+                shard,
+                of: 4,
+                host: host.into(),
+                devices: vec![device.to_owned()],
+                ..About::default()
+            };
+            Attempt::begin(folder.path(), &about).unwrap();
+        };
+        begin(1, "n1", "gpu");
+        begin(1, "n1", "cpu");
+        begin(3, "n3", "cpu");
+        assert_eq!(attempted_again(&Attempt::all(folder.path())), None);
+        begin(3, "n4", "cpu");
+        assert_eq!(
+            attempted_again(&Attempt::all(folder.path())).as_deref(),
+            Some("There were 2 attempts at shard 3 (shard-00003.n3..r00, shard-00003.n4..r00).")
+        );
+    }
+}
