@@ -43,9 +43,9 @@ test-slurm: build ## run shards on a real Slurm of four nodes on this machine, a
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 
-test-slurm-short: ## the same in a minute, as CI does: a raycl killed, a task lost
+test-slurm-short: setup-tests ## the same in a minute, as CI does: a raycl killed, a task lost
 	@tests/slurm/setup
-	cargo build --locked
+	cargo test --locked --no-run
 	RUNS=1 tests/slurm/run $${CARGO_TARGET_DIR:-target}/debug/raycl kill nokill
 
 fuzz: ## fuzz every reader of files, MINUTES (10) each; needs cargo-fuzz

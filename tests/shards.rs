@@ -241,19 +241,33 @@ fn launchers_and_a_shell_loop_make_the_same_shards() {
     );
 }
 
-/// A program under a launcher's name starts the shard and is killed.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_lost_launcher_ends_the_attempt_and_its_worker() {
+    lose_launcher("slurmstepd", "1/1");
+}
+
+/// Whatever is no shell, and whatever numbers its processes.
+#[test]
+#[cfg(target_os = "linux")]
+fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {
+    lose_launcher("my-launcher", "1/1");
+    lose_launcher("sh", "auto/1");
+}
+
+/// A program under a launcher's name starts the shard and is killed.
+#[cfg(target_os = "linux")]
+fn lose_launcher(name: &str, shard: &str) {
     let ground = Ground::new();
-    let launcher = ground.place.path("slurmstepd");
+    let launcher = ground.place.path(name);
     std::fs::copy("/bin/sh", &launcher).expect("a shell");
     let raycl = format!(
-        "{} run test.toml --out out --shard 1/1 --quiet --asleep 2000; true",
+        "{} run test.toml --out out --shard {shard} --quiet --asleep 2000; true",
         env!("CARGO_BIN_EXE_raycl")
     );
     let mut command = Command::new(&launcher);
     command.args(["-c", &raycl]).current_dir(ground.place.path("")).stdin(Stdio::null());
+    command.env("JOB_COMPLETION_INDEX", "0");
     let mut launcher = command.spawn().expect("it starts");
     until("a worker is at work", || {
         ground.attempts().first().is_some_and(|attempt| !workers(attempt).is_empty())
@@ -268,7 +282,7 @@ fn a_lost_launcher_ends_the_attempt_and_its_worker() {
     until("its worker is gone", || workers.iter().all(|process| !lives(process)));
     assert_eq!(lines(&attempt.join("records.jsonl")), 0, "the point under way stays unmeasured");
     has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["12 points are missing"]);
-    has(&ground.place.output(&["merge", "out", "--status"]), &["launcher lost: slurmstepd"]);
+    has(&ground.place.output(&["merge", "out", "--status"]), &[&format!("launcher lost: {name}")]);
 }
 
 /// The workers of an attempt's process.

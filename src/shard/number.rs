@@ -52,6 +52,11 @@ impl Asked {
             Self::Auto(of) => launcher::shard(of, variable),
         }
     }
+
+    /// Whether a launcher gave the number.
+    pub fn is_auto(self) -> bool {
+        matches!(self, Self::Auto(_))
+    }
 }
 
 impl FromStr for Asked {

@@ -1,7 +1,7 @@
 //! Whether what started this process still lives. A scheduler that lost a step never looks for its processes again; one that went on
 //! would measure beside its successor, for nobody.
 
-use super::{Attempt, End};
+use super::{Asked, Attempt, End};
 use std::time::Duration;
 
 /// How often it is looked for.
@@ -22,11 +22,14 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
+/// A person types there, or a script ends before what it left running.
+const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
+
 /// Watches in a thread for as long as the process lives. Where the launcher is lost that is written down in the attempt's folder, and the
-/// process ends with exit code 1; its workers end with it, and the point under way stays unmeasured. Whoever was not started by a
-/// launcher is not watched: a shell may end before what it left running.
-pub fn watch_launcher(attempt: &Attempt) {
-    let (chain, attempt) = (Chain::of_this_process(), attempt.clone());
+/// process ends with exit code 1; its workers end with it, and the point under way stays unmeasured. A shell that gave the shard's number
+/// itself is not watched.
+pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
+    let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
         return;
     }
@@ -58,18 +61,18 @@ struct Process {
     began: String,
 }
 
-/// The processes from this one's parent up to the launcher.
+/// The processes from this one's parent up to the launcher: a known one, or else the parent itself.
 #[derive(Clone, Debug, Default)]
 struct Chain(Vec<Process>);
 
 impl Chain {
-    fn of_this_process() -> Self {
-        Self::from(parent(), &read)
+    fn of_this_process(asked: Asked) -> Self {
+        Self::from(parent(), asked, &read)
     }
 
-    /// Empty where none of them is a launcher.
-    fn from(mut id: u32, read: &dyn Fn(u32) -> Option<Process>) -> Self {
-        let mut chain = Vec::new();
+    /// Empty where nobody is to be watched.
+    fn from(mut id: u32, asked: Asked, read: &dyn Fn(u32) -> Option<Process>) -> Self {
+        let mut chain: Vec<Process> = Vec::new();
         while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
             id = process.parent;
             let is_launcher = LAUNCHERS.contains(&process.name.as_str());
@@ -78,7 +81,9 @@ impl Chain {
                 return Self(chain);
             }
         }
-        Self::default()
+        chain.truncate(1);
+        chain.retain(|parent| asked.is_auto() || !SHELLS.contains(&parent.name.as_str()));
+        Self(chain)
     }
 
     fn is_empty(&self) -> bool {
@@ -132,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_chain_goes_up_to_the_launcher_and_is_empty_without_one() {
+    fn the_chain_goes_up_to_the_launcher_or_is_the_parent() {
         let table = [
             process(9, "bash", 7, "3"),
             process(7, "slurmstepd", 1, "2"),
@@ -140,9 +145,19 @@ mod tests {
             process(19, "sshd", 1, "4"),
         ];
         let read = |id: u32| table.iter().find(|process| process.id == id).cloned();
-        let chain = Chain::from(9, &read);
-        assert_eq!(chain.0.len(), 2);
-        assert!(Chain::from(20, &read).is_empty(), "a shell is no launcher");
+        let given = "3/4".parse().expect("a shard");
+        let names =
+            |id, asked| Chain::from(id, asked, &read).0.into_iter().map(|p| p.name).collect::<Vec<_>>();
+        assert_eq!(names(9, given), ["bash", "slurmstepd"]);
+        assert!(names(20, given).is_empty(), "a shell that gave the number may end");
+        assert_eq!(
+            names(20, Asked::Auto(None)),
+            ["bash"],
+            "it was started by something that numbers its processes"
+        );
+        assert_eq!(names(19, given), ["sshd"]);
+        assert!(names(1, given).is_empty(), "the first process never ends");
+        let chain = Chain::from(9, given, &read);
         assert_eq!(chain.lost_by(&read), None);
         let without = |id: u32| read(id).filter(|process| process.id != 7);
         assert_eq!(chain.lost_by(&without).as_deref(), Some("slurmstepd (process 7) has ended"));

@@ -21,7 +21,10 @@ use std::sync::atomic::AtomicBool;
 /// Measures one shard in a folder of its own.
 pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let shard = asked.resolve(&|name| std::env::var(name).ok())?;
-    let out = args.out.clone().ok_or_else(|| Error::input("--shard needs --out"))?;
+    let out = args.out.clone().ok_or_else(|| {
+        Error::input("--shard needs --out: the folder in which all shards write")
+            .with_help("name one that every machine sees, such as --out results/sweep")
+    })?;
     if args.cl_dir.len() > 1 {
         return Err(Error::input(
             "two folders of kernels are compared in the same rounds, which are on one machine",
@@ -38,7 +41,8 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let locks = Locks::of_machine(!args.no_wait);
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let plan = ShardPlan::open(&out, &header, || make(&run, header.clone(), &out))?;
-    let part = Part { args, out, run, plan, shard, environment: environment(&experiment, &infos, &sources) };
+    let part =
+        Part { args, out, run, plan, asked, shard, environment: environment(&experiment, &infos, &sources) };
     let records = part.measure(&interrupted)?;
     part.report(&records)
 }
@@ -94,6 +98,7 @@ struct Part<'a> {
     out: PathBuf,
     run: Run<'a>,
     plan: ShardPlan,
+    asked: Asked,
     shard: Shard,
     environment: Environment,
 }
@@ -103,7 +108,7 @@ impl Part<'_> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
         let about = About::of_this_process(self.shard, devices, self.args.hang_limit.as_secs_f64());
         let attempt = Attempt::begin(&self.out, &about)?;
-        watch_launcher(&attempt);
+        watch_launcher(&attempt, self.asked);
         let pulse = Pulse::start(&attempt.folder)?;
         let mut listener = observer(self.args.quiet, self.args.verbose);
         let found = self.attempt(&attempt, &about.host, &mut pulse.listening(listener.as_mut()), interrupted);
@@ -129,10 +134,10 @@ impl Part<'_> {
         let mut results = Results::of_attempt(&attempt.folder, &self.environment, host, &earlier)?;
         super::keep_peak(self.args, self.run.experiment, &mut results, interrupted)?;
         if !self.args.quiet {
-            let again = if earlier.is_empty() {
-                String::new()
-            } else {
-                format!(", after {} earlier attempts", earlier.len())
+            let again = match earlier.len() {
+                0 => String::new(),
+                1 => ", after an earlier attempt".to_owned(),
+                attempts => format!(", after {attempts} earlier attempts"),
             };
             observer.says(&format!("shard {}{again}: {}", self.shard, attempt.folder.display()));
         }
