@@ -45,5 +45,6 @@ pub mod sources;
 pub mod strategy;
 mod toml_error;
 pub mod verify;
+pub mod words;
 
 pub use error::{Error, Result};

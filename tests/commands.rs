@@ -113,7 +113,10 @@ fn bash_completes_commands_options_and_presets() {
     assert_eq!(offered(&["raycl", "rep"]), ["report", "reproduce", "repair"]);
     assert_eq!(offered(&["raycl", "render", "--loc"]), ["--local-size"]);
     for command in ["render", "compile"] {
-        assert_eq!(offered(&["raycl", command, "--strategy", "naive"]), ["naive", "naive-scratch"]);
+        assert_eq!(
+            offered(&["raycl", command, "--strategy", "naive"]),
+            ["naive", "naive-scratch", "naive-test-vectors"]
+        );
     }
     assert!(!offered(&["raycl", ""]).contains(&"worker".to_owned()), "it is hidden");
 }

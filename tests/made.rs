@@ -7,13 +7,15 @@ use serde_json::Value;
 
 /// The census of a stored PTX's whole-frame kernel: clang's and that of NVIDIA's driver.
 fn stored(name: &str) -> [(String, Census); 2] {
-    ["clang", "driver"].map(|whose| {
-        let file = format!("tests/ptx/{name}.{whose}.ptx");
-        let text = std::fs::read_to_string(repository(&file)).unwrap_or_else(|e| panic!("{file}: {e}"));
-        assert!(is_ptx(text.as_bytes()), "{file}");
-        let census = census(&text, "cast_frame").unwrap_or_else(|| panic!("{file} has no cast_frame"));
-        (file, census)
-    })
+    ["clang", "driver"].map(|whose| stored_of(name, whose))
+}
+
+fn stored_of(name: &str, whose: &str) -> (String, Census) {
+    let file = format!("tests/ptx/{name}.{whose}.ptx");
+    let text = std::fs::read_to_string(repository(&file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+    assert!(is_ptx(text.as_bytes()), "{file}");
+    let census = census(&text, "cast_frame").unwrap_or_else(|| panic!("{file} has no cast_frame"));
+    (file, census)
 }
 
 /// Instructions of a kind.
@@ -49,6 +51,14 @@ fn private_vectors_are_in_registers() {
         assert_eq!(census.private_array_bytes, 0, "{file}: an array lies in memory");
         assert!(count(&census, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {census}");
     }
+}
+
+/// Five vectors of three floats each, written and read at each test.
+#[test]
+fn the_tests_own_vectors_are_in_private_memory() {
+    let (file, census) = stored_of("test-vectors", "clang");
+    assert!(census.private_array_bytes >= 5 * 3 * 4, "{file}: {} bytes", census.private_array_bytes);
+    assert!(count(&census, "st.local") >= 15 && count(&census, "ld.local") >= 15, "{file}: {census}");
 }
 
 #[test]

@@ -145,11 +145,7 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     let said = ground.place.mistake(&["merge", "out", "--quiet"], 1);
     has(
         &said,
-        &[
-            "points are missing",
-            "of shards 2",
-            "raycl run test.toml --out out --quiet --asleep 1 --shard 2/2",
-        ],
+        &["points are missing", "of shard 2", "raycl run test.toml --out out --quiet --asleep 1 --shard 2/2"],
     );
     let line = said.lines().find(|line| line.trim_start().starts_with("raycl run")).expect("a command");
     let words: Vec<&str> = line.split_whitespace().skip(1).collect();

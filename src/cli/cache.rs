@@ -3,6 +3,7 @@
 use crate::cache::{Cache, LIMIT};
 use crate::error::{Error, Result};
 use crate::memory::readable;
+use crate::words::counted;
 use serde::Serialize;
 
 /// Arguments of `raycl cache`.
@@ -79,7 +80,7 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
     let Some(folder) = &shown.folder else {
         return super::print(format!("Nothing is kept between runs: {}", why_none(cache)));
     };
-    let (count, bytes) = (counted(shown.entries), readable(shown.bytes));
+    let (count, bytes) = (counted(shown.entries, "entry"), readable(shown.bytes));
     super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))
 }
 
@@ -92,9 +93,5 @@ fn clear(cache: &Cache, json: bool) -> Result<()> {
         let removed = Shown { folder: Some(folder), entries, bytes, limit_bytes: cache.limit_bytes() };
         return super::print_json(&removed);
     }
-    super::print(format!("{folder}: {} removed, {}", counted(entries), readable(bytes)))
-}
-
-fn counted(entries: usize) -> String {
-    format!("{entries} entr{}", if entries == 1 { "y" } else { "ies" })
+    super::print(format!("{folder}: {} removed, {}", counted(entries, "entry"), readable(bytes)))
 }

@@ -4,7 +4,8 @@ use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
 use crate::record::{Folder, Record, summary_terminal};
 use crate::report;
-use crate::shard::{Merged, Missing, ShardPlan, merge, status};
+use crate::shard::{Merged, Missing, ShardPlan, merge, no_shards, status};
+use crate::words::counted;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -68,8 +69,11 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     let [kept, others] = merged.samples;
     super::print(format!(
-        "Merged:   {} attempts, {} points, {kept} samples; {others} samples stay in their parts",
-        merged.attempts, merged.records
+        "Merged:   {}, {}, {}; {} stay in their parts",
+        counted(merged.attempts, "attempt"),
+        counted(merged.records, "point"),
+        counted(kept, "sample"),
+        counted(others, "sample")
     ))?;
     super::print(format!("Report:   {}", page.display()))
 }
@@ -86,17 +90,23 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
             let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
             let more = if kind.points.len() > 3 { ", ..." } else { "" };
             format!(
-                "{}: {} of {} points, of shards {shards} ({first}{more}):\n  {}",
+                "{}: {} of {} points, of shard{} {shards} ({first}{more}):\n  {}",
                 kind.device,
                 kind.points.len(),
                 kind.of,
+                if kind.shards.len() == 1 { "" } else { "s" },
                 kind.command
             )
         });
         let took_part = missing.took_part.iter().map(|names| format!("these took part: {names}"));
         let lines: Vec<String> = said.chain(took_part).collect();
         let help = format!("to measure what is missing\n{}", lines.join("\n"));
-        return Err(Error::run(format!("{} points are missing", missing.count())).with_help(help));
+        return Err(Error::run(format!(
+            "{} {} missing",
+            counted(missing.count(), "point"),
+            if missing.count() == 1 { "is" } else { "are" }
+        ))
+        .with_help(help));
     }
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {
         0 => Ok(()),
@@ -108,8 +118,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
 /// How each attempt is.
 fn tell(args: &Args) -> Result<()> {
     let Some(plan) = ShardPlan::read(&args.out)? else {
-        return Err(Error::input(format!("{} holds no experiment in shards", args.out.display()))
-            .with_help("name the folder that was --out of `raycl run --shard`"));
+        return Err(no_shards(&args.out));
     };
     let all = status(&args.out, Duration::from_secs_f64(args.between));
     if args.json {
@@ -124,5 +133,6 @@ fn tell(args: &Args) -> Result<()> {
         table.add_row([one.name.clone(), one.state.to_string(), one.beat.steps.to_string()]);
     }
     super::print(table)?;
-    super::print(format!("{} attempts at {} shards", all.len(), plan.header.shards))
+    let (attempts, shards) = (counted(all.len(), "attempt"), counted(plan.header.shards as usize, "shard"));
+    super::print(format!("{attempts} at {shards}"))
 }

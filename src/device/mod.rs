@@ -23,6 +23,7 @@ pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub use select::{default_place, pick_default, places, select, select_infos};
 pub use threads::thread_variables;
 
+use crate::words::counted;
 use serde::{Deserialize, Serialize};
 
 /// What a device calls itself.
@@ -134,13 +135,15 @@ impl DeviceInfo {
     /// One line that tells it from every other device.
     pub fn describe(&self) -> String {
         let Self { name, platform, driver, limits, .. } = self;
-        let threads =
-            self.threads.map(|threads| format!(", {}", counted(threads, "thread"))).unwrap_or_default();
+        let threads = self
+            .threads
+            .map(|threads| format!(", {}", counted(threads as usize, "thread")))
+            .unwrap_or_default();
         let twin = if self.twins_before > 0 { format!(" #{}", self.twins_before + 1) } else { String::new() };
         format!(
             "{name}{twin} ({platform}, driver {driver}): {}, {}{threads}, {} KiB __local",
             self.kind.name(),
-            counted(limits.compute_units, "compute unit"),
+            counted(limits.compute_units as usize, "compute unit"),
             limits.local_bytes / 1024
         )
     }
@@ -227,11 +230,6 @@ impl DeviceInfo {
         let reserved = if self.vendor.to_lowercase().contains("nvidia") { 1024 } else { 0 };
         self.limits.local_bytes.saturating_sub(reserved)
     }
-}
-
-/// "1 thread", "2 threads".
-fn counted(count: u32, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A device that was found, with the handles to work on it.

@@ -6,6 +6,7 @@ use crate::record::{
     Group, HOST, Record, duration, few_names, interval, launches, median, not_enough, ratio, significant,
     word,
 };
+use crate::words::counted;
 
 /// The result of one group: a scene at an image size on a device.
 #[derive(Clone, Debug)]
@@ -149,7 +150,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
         format!(" The next, {}, takes {middle} times ({low} to {high}) as long.", title(next))
     });
-    let rests = format!("n = {n} in {}", counted(launches(best)));
+    let rests = format!("n = {n} in {}", counted(launches(best), "launch"));
     let look = if launches(best) < 2 { " One launch only: draw no conclusions." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
         1 if launches(best) < 2 => ("unsure", format!("It beats all others; {rests}.{look}")),
@@ -163,11 +164,6 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         ),
     };
     (sureness, format!("{said}{behind}{unranked}"))
-}
-
-/// "1 launch", "3 launches".
-fn counted(launches: usize) -> String {
-    format!("{launches} {}", if launches == 1 { "launch" } else { "launches" })
 }
 
 /// Whether a point that is not ranked has a median that is not above the best one's interval.

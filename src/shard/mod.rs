@@ -22,7 +22,7 @@ mod watch;
 pub use attempt::{About, Attempt, End};
 pub use block::{Block, Cost, cut};
 pub use kind::{Kind, KindPoint};
-pub use merge::{Merged, merge};
+pub use merge::{Merged, merge, no_shards};
 pub use missing::{Missing, missing};
 pub use number::{Asked, Shard};
 pub use plan::{Header, ShardPlan};

@@ -173,6 +173,7 @@ file_axis! {
     /// The ray-triangle test.
     Intersector "intersector" "the ray-triangle test" {
         MOLLER_TRUMBORE "moller-trumbore",
+        FIVE_VECTORS "five-vectors",
         WATERTIGHT "watertight",
         COMMON_ORIGIN "common-origin",
         PIXEL_LINEAR "pixel-linear",

@@ -86,6 +86,12 @@ pub const PRESETS: &[Preset] = &[
         meant_for: None,
     },
     Preset {
+        name: "naive-test-vectors",
+        about: "naive, and five vectors in memory at each ray-triangle test, as the student's intersect",
+        strategy: Strategy { intersector: Intersector::FIVE_VECTORS, ..PAPER },
+        meant_for: None,
+    },
+    Preset {
         name: "private",
         about: "the paper's static arrays, which failed to launch there",
         strategy: Strategy { vectors: Vectors::PRIVATE, ..PAPER },

@@ -7,6 +7,7 @@ use crate::launch::Prepared;
 use crate::memory::readable;
 use crate::scene::Scene;
 use crate::strategy::{PRESETS, Strategy};
+use crate::words::counted;
 use serde::Serialize;
 
 /// The fields of `--json`.
@@ -217,11 +218,6 @@ impl Report {
         let tests = self.tests_per_s.map(|rate| per_second(rate, "tests"));
         std::iter::once(frame).chain(primary).chain(shadow).chain(tests).collect()
     }
-}
-
-/// "1 triangle", "1026 triangles".
-fn counted(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// "12.60 Gtests/s".

@@ -61,7 +61,7 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
 pub(in crate::scene) fn note(count: usize) -> String {
     format!(
         "colours of {} are one per triangle, the mean of its corners",
-        crate::scene::obj::counted(count, "vertex")
+        crate::words::counted(count, "vertex")
     )
 }
 

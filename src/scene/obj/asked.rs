@@ -1,6 +1,7 @@
 //! What a file asks for and raycl does not do: counted where it is read, told once in a sentence of each kind.
 
 use super::text::{quoted, words};
+use crate::words::counted;
 use std::collections::BTreeMap;
 
 /// The keywords of one kind that are kept apart; files may make up any number of them.
@@ -136,16 +137,4 @@ impl Asked {
             }
         })
     }
-}
-
-/// `1 material`, `2 materials`, `12,345 vertices`.
-pub(in crate::scene) fn counted(count: usize, what: &str) -> String {
-    let digits = count.to_string();
-    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
-    let what = match (count, what) {
-        (1, what) => what.to_owned(),
-        (_, "vertex") => "vertices".to_owned(),
-        (_, what) => format!("{what}s"),
-    };
-    format!("{} {what}", groups.join(","))
 }

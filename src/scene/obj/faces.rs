@@ -1,12 +1,12 @@
 //! The second pass: faces, cut into triangles, with every index checked.
 
-use super::asked::counted;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
 use super::text::{Chunk, Mistake, Source, keyword, quoted, tokens, words};
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
+use crate::words::counted;
 use glam::Vec3;
 use std::collections::{BTreeSet, HashMap};
 

@@ -27,7 +27,7 @@ use points::PointChunk;
 use rayon::prelude::*;
 use text::{Chunk, Mistake, Source};
 
-pub(in crate::scene) use asked::{Asked, Wish, counted};
+pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
 pub(in crate::scene) use notes::of_materials as note_materials;
 pub(in crate::scene) use polygon::triangulate;

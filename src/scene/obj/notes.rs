@@ -1,9 +1,10 @@
 //! What a user should know of a mesh that was read: what it asks for and does not get.
 
-use super::asked::{Asked, counted};
+use super::asked::Asked;
 use super::points::PointChunk;
 use crate::scene::Mesh;
 use crate::scene::normals::MISSING;
+use crate::words::counted;
 use std::collections::BTreeSet;
 
 /// Notes of vertices' colours, smoothing groups and other statements; `mesh` is as the file has it, without normals made for it.

@@ -75,8 +75,10 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     Ok(Merged { attempts: attempts.len(), records: records.len(), samples, notes, missing })
 }
 
-fn no_shards(out: &Path) -> Error {
-    Error::input(format!("{} holds no experiment in shards", out.display()))
+/// That a folder is not one that shards write to.
+pub fn no_shards(out: &Path) -> Error {
+    let what = if out.is_dir() { "holds no experiment in shards" } else { "is no folder" };
+    Error::input(format!("{} {what}", out.display()))
         .with_help("name the folder that was --out of `raycl run --shard`")
 }
 

@@ -10,6 +10,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::shapes::MAX_TRIANGLES;
+use crate::words::counted;
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::camera::Type;
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
@@ -221,18 +222,8 @@ impl LeftOut {
             (self.lines_and_points, "primitive of lines or points", "left out"),
         ];
         notes.into_iter().filter(|(count, ..)| *count > 0).map(|(count, what, done)| {
-            let (plural, are) = if count == 1 { (what.to_owned(), "is") } else { (plural(what), "are") };
-            format!("{count} {plural} {are} {done}")
+            format!("{} {} {done}", counted(count, what), if count == 1 { "is" } else { "are" })
         })
-    }
-}
-
-/// `spot lights`, `skinned meshes`, `primitives of lines`.
-fn plural(what: &str) -> String {
-    match what.split_once(' ') {
-        Some(("primitive", rest)) => format!("primitives {rest}"),
-        _ if what.ends_with('h') => format!("{what}es"),
-        _ => format!("{what}s"),
     }
 }
 

@@ -1,0 +1,74 @@
+// meaning: the book's test, with its five vectors in private memory at each test: the student's intersect
+// record_floats: 9
+// prepared_for: any-ray
+// exact_signs: no
+// operations: 15
+// contradicts: epsilons=relative because its guards are the book's constants
+//
+// Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The student's intersect
+// allocates its five vectors anew at each test, and frees them after it. OpenCL C has no malloc: here each test has five
+// arrays of its own. They are volatile, so that the compiler cannot keep them in registers: on a GPU they are in the
+// work-item's private memory, which is off the chip.
+// Operations: direction x e2 6, a 3, origin - v0 3, first weight 3.
+
+enum { E1, E2, Q, S, R, TEST_VECTORS };
+
+// This test prepares nothing per ray: a probe holds only the least distance.
+typedef struct {
+    varying t_min;
+} Probe;
+
+Probe prepare_probe(varying t_min, Vec3 direction) {
+    Probe probe;
+    probe.t_min = t_min;
+    return probe;
+}
+
+// A row is the triangle's three corners. The edges are made at each test.
+Row row_of(Corners corners) {
+    Row row;
+    const Uniform3 corner[3] = { corners.a, corners.b, corners.c };
+    for (int i = 0; i < 3; i++) {
+        row.number[3 * i] = corner[i].x;
+        row.number[3 * i + 1] = corner[i].y;
+        row.number[3 * i + 2] = corner[i].z;
+    }
+    return row;
+}
+
+// Writes a vector to memory, and returns what is read back.
+Vec3 kept(volatile varying *at, Vec3 value) {
+    at[0] = value.x;
+    at[1] = value.y;
+    at[2] = value.z;
+    return vec3(at[0], at[1], at[2]);
+}
+
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
+// there may be some.
+int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
+    volatile varying vector[TEST_VECTORS][3];
+    const Uniform3 corner = LOAD3(row.number);
+    const Vec3 e1 = kept(vector[E1], splat(uniform_difference(LOAD3(row.number + 3), corner)));
+    const Vec3 e2 = kept(vector[E2], splat(uniform_difference(LOAD3(row.number + 6), corner)));
+    // The determinant; near 0 the ray is parallel to the triangle.
+    const Vec3 q = kept(vector[Q], cross3(direction, e2));
+    const varying a = dot3(e1, q);
+    const Mask crosses = fabs(a) > 1e-7f;
+    // The weight of the second corner.
+    const Vec3 s = kept(vector[S], subtract(origin, splat(corner)));
+    hit->w1 = dot3(s, q) / a;
+    const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
+    if (!ANY(inside1)) return 0;
+
+    // The weight of the third corner; what is left to 1 is the first's.
+    const Vec3 r = kept(vector[R], cross3(s, e1));
+    hit->w2 = dot3(direction, r) / a;
+    hit->t = dot3(e2, r) / a;
+    hit->lanes = inside1 & (hit->w2 >= -1e-10f) & (hit->w1 + hit->w2 <= 1.0f + 1e-10f);
+    hit->lanes &= (hit->t > probe->t_min) & (hit->t < t_max);
+#if CULL_BACK
+    hit->lanes &= a > 0.0f;
+#endif
+    return 1;
+}

@@ -1,0 +1,59 @@
+//! Numbers in sentences.
+
+/// "1 material", "2 entries", "12,345 vertices". The plural is that of the first of several words: "3 primitives of lines", save where that is
+/// an adjective: "2 compute units".
+pub fn counted(count: usize, what: &str) -> String {
+    let what = if count == 1 { what.to_owned() } else { plural(what) };
+    format!("{} {what}", grouped(count))
+}
+
+/// Thousands are set apart where there are ten of them or more.
+fn grouped(count: usize) -> String {
+    let digits = count.to_string();
+    if digits.len() < 5 {
+        return digits;
+    }
+    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
+    groups.join(",")
+}
+
+fn plural(what: &str) -> String {
+    for joint in [" of ", " with "] {
+        if let Some((first, rest)) = what.split_once(joint) {
+            return format!("{}{joint}{rest}", plural(first));
+        }
+    }
+    match what {
+        "vertex" => "vertices".to_owned(),
+        _ if what.ends_with("sh") || what.ends_with("ch") => format!("{what}es"),
+        _ => match what.strip_suffix("ry") {
+            Some(stem) => format!("{stem}ries"),
+            None => format!("{what}s"),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::counted;
+
+    #[test]
+    fn words_follow_their_number() {
+        let expected = [
+            (1, "triangle", "1 triangle"),
+            (0, "light", "0 lights"),
+            (1026, "triangle", "1026 triangles"),
+            (12345, "vertex", "12,345 vertices"),
+            (1_000_000, "face", "1,000,000 faces"),
+            (3, "launch", "3 launches"),
+            (2, "skinned mesh", "2 skinned meshes"),
+            (2, "entry", "2 entries"),
+            (2, "compute unit", "2 compute units"),
+            (4, "primitive of lines or points", "4 primitives of lines or points"),
+            (4, "primitive with morph targets", "4 primitives with morph targets"),
+        ];
+        for (count, what, told) in expected {
+            assert_eq!(counted(count, what), told);
+        }
+    }
+}
