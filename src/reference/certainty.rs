@@ -11,8 +11,11 @@ use crate::scene::{PixelFrame, Scene};
 use glam::DVec3;
 use std::cell::{Cell, RefCell};
 
-/// How far a pixel's ray is nudged, in radians: a little, and by about a rounding, for what is narrower than a little.
-const NUDGES_RADIANS: [f64; 2] = [1e-5, 1e-6];
+/// How far a pixel's ray is nudged, in radians: ten times as far as rounding turns it. What survives that has to agree everywhere.
+const WIDE_NUDGE_RADIANS: f64 = 1e-5;
+/// And as far as rounding may turn it, or twice that: 16 roundings of single precision, where a direction has four of them, and an edge's
+/// cross and dot products six. Whatever survives that, and all that is narrower than a wide nudge, is asked for too.
+const NUDGE_RADIANS: f64 = 1e-6;
 /// Another triangle this near behind the closest hit, as a part of its distance, may as well be the closest.
 const RIVAL: f64 = 1e-6;
 /// How far off its triangle's plane rounding may put a hit, as a part of its distance or of its own coordinates. Where light
@@ -33,7 +36,9 @@ pub struct Sample {
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite where it turns.
     pub change: f64,
-    /// The least and the most of each channel, over the centre and all nudges.
+    /// The same without the wide nudges.
+    pub near_change: f64,
+    /// The least and the most of each channel, over the centre and all nudges but the wide ones.
     pub range: [DVec3; 2],
 }
 
@@ -43,12 +48,12 @@ pub struct Sample {
 pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Sample {
     let (ray, hit) = caster.look(x, y);
     let mut sample = Sample::of(caster.radiance(&ray, hit.as_ref(), bias), hit.is_some());
-    for [x, y] in nudges(frame, [x, y]) {
+    for (reach, [x, y]) in nudges(frame, [x, y]) {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
-            (sample.turns, sample.change) = (true, f64::INFINITY);
+            sample.turn(reach);
         }
-        sample.consider(caster.radiance(&ray, other.as_ref(), bias));
+        sample.nudge(reach, caster.radiance(&ray, other.as_ref(), bias));
     }
     if let Some(hit) = &hit {
         for factor in [0.5, 2.0] {
@@ -86,7 +91,7 @@ pub fn quick_sample(
     [x, y]: [f64; 2],
 ) -> Option<Sample> {
     let ray = caster.ray(x, y);
-    let beam = Beam::new(ray.origin, ray.direction, 1.1 * NUDGES_RADIANS[0]);
+    let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
     let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
         return Some(Sample::of(caster.radiance(&ray, None, bias), false));
     };
@@ -100,21 +105,21 @@ pub fn quick_sample(
     if caster.grazing(&ray, &hit, bias, OFF_PLANE).is_some() {
         return None;
     }
-    let mut nudged = [(ray, hit); 4 * NUDGES_RADIANS.len()];
-    for (place, [x, y]) in nudged.iter_mut().zip(nudges(frame, [x, y])) {
-        *place = meet(caster.ray(x, y))?;
+    let mut nudged = [(Reach::Wide, (ray, hit)); NUDGES];
+    for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(frame, [x, y])) {
+        *place = (reach, meet(caster.ray(x, y))?);
     }
     let point = |(ray, hit): &(Ray<f64>, Hit<f64>)| ray.origin + ray.direction * hit.t;
     let centre = point(&(ray, hit));
-    let spread = nudged.iter().map(|other| point(other).distance(centre)).fold(0.0, f64::max);
+    let spread = nudged.iter().map(|(_, other)| point(other).distance(centre)).fold(0.0, f64::max);
     let shadows = Shadows::new(caster.scene(), tree, triangle, centre, 1.01 * spread, bias);
     let radiance = |(ray, hit): &(Ray<f64>, Hit<f64>)| {
         let radiance = caster.shaded(ray, Some(hit), &|sight| shadows.reaches(sight.light));
         (!shadows.unsure.get()).then_some(radiance)
     };
     let mut sample = Sample::of(radiance(&(ray, hit))?, true);
-    for other in &nudged {
-        sample.consider(radiance(other)?);
+    for (reach, other) in &nudged {
+        sample.nudge(*reach, radiance(other)?);
     }
     Some(sample)
 }
@@ -170,13 +175,30 @@ impl<'a> Shadows<'a> {
 
 impl Sample {
     fn of(radiance: DVec3, hit: bool) -> Self {
-        Self { radiance, hit, turns: false, change: 0.0, range: [radiance; 2] }
+        Self { radiance, hit, turns: false, change: 0.0, near_change: 0.0, range: [radiance; 2] }
     }
 
     /// Takes another answer to nearly the same question into account.
     fn consider(&mut self, other: DVec3) {
-        self.change = self.change.max((other - self.radiance).abs().max_element());
-        self.range = [self.range[0].min(other), self.range[1].max(other)];
+        self.nudge(Reach::Near, other);
+    }
+
+    /// Takes the answer to a nudged ray into account.
+    fn nudge(&mut self, reach: Reach, other: DVec3) {
+        let change = (other - self.radiance).abs().max_element();
+        self.change = self.change.max(change);
+        if reach == Reach::Near {
+            self.near_change = self.near_change.max(change);
+            self.range = [self.range[0].min(other), self.range[1].max(other)];
+        }
+    }
+
+    /// A nudge made a miss of a hit, or the reverse.
+    fn turn(&mut self, reach: Reach) {
+        (self.turns, self.change) = (true, f64::INFINITY);
+        if reach == Reach::Near {
+            self.near_change = f64::INFINITY;
+        }
     }
 
     /// Adds another sample of the same pixel; hits are those of the last, as a caster's are.
@@ -184,6 +206,7 @@ impl Sample {
         self.radiance += other.radiance;
         (self.hit, self.turns) = (other.hit, other.turns);
         self.change += other.change;
+        self.near_change += other.near_change;
         self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
     }
 
@@ -191,26 +214,50 @@ impl Sample {
     pub fn divide(&mut self, count: f64) {
         self.radiance /= count;
         self.change /= count;
+        self.near_change /= count;
         self.range = self.range.map(|end| end / count);
     }
 }
 
+/// How far a nudge goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reach {
+    /// Farther than rounding.
+    Wide,
+    /// As far as rounding may.
+    Near,
+}
+
+/// How many there are.
+const NUDGES: usize = 8;
+
 /// The pixel coordinates small angles to the right, left, below and above.
-fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
+fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
     let per_radian = |step: DVec3| towards.length_squared() / step.cross(towards).length();
     let (across, down) = (per_radian(frame.step_x), per_radian(frame.step_y));
-    NUDGES_RADIANS.into_iter().flat_map(move |radians| {
-        let (dx, dy) = (radians * across, radians * down);
-        [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]]
-    })
+    [(Reach::Wide, WIDE_NUDGE_RADIANS), (Reach::Near, NUDGE_RADIANS)].into_iter().flat_map(
+        move |(reach, radians)| {
+            let (dx, dy) = (radians * across, radians * down);
+            [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]].map(|place| (reach, place))
+        },
+    )
 }
 
-/// Whether a change is too small to matter beside a pixel's own brightness, or beside `floor` where it is darker.
+/// Whether no nudge changes a pixel by what matters beside its own brightness, or beside `floor` where it is darker.
 pub fn is_certain(sample: &Sample, floor: f64) -> bool {
+    is_small(sample.change, sample, floor)
+}
+
+/// Whether none but a wide one does.
+pub fn is_nearly_certain(sample: &Sample, floor: f64) -> bool {
+    is_small(sample.near_change, sample, floor)
+}
+
+fn is_small(change: f64, sample: &Sample, floor: f64) -> bool {
     let brightness = sample.radiance.abs().max_element();
-    sample.radiance.is_finite() && sample.change < RELATIVE_LIMIT * brightness.max(floor)
+    sample.radiance.is_finite() && change < RELATIVE_LIMIT * brightness.max(floor)
 }
 
 #[cfg(test)]

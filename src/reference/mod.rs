@@ -27,7 +27,7 @@ use crate::image::{Radiance, dark_floor};
 use crate::scene::{Display, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
-use certainty::{Sample, is_certain, quick_sample, sample};
+use certainty::{Sample, is_certain, is_nearly_certain, quick_sample, sample};
 use rand::SeedableRng as _;
 use rand::seq::index::sample as sample_indices;
 use rand_chacha::ChaCha8Rng;
@@ -59,12 +59,21 @@ pub struct Reference {
     pub floor: f64,
 }
 
+impl Reference {
+    /// How many pixels rounding alone may decide.
+    pub fn uncertain_pixels(&self) -> usize {
+        self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
+    }
+}
+
 /// A pixel that the reference is not certain of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {
     /// Its place in `radiance.pixels`.
     pub pixel: usize,
-    /// The least of each channel over the pixel's nudges.
+    /// Whether only a nudge much farther than rounding changes it: then what it may look like is what it is, nearly.
+    pub nearly_certain: bool,
+    /// The least of each channel over the pixel's nudges, but for those that go farther than rounding.
     pub low: [f32; 3],
     /// The most of each channel.
     pub high: [f32; 3],
@@ -130,7 +139,7 @@ fn judged(samples: &[Sample], size: [u32; 2], pixels: &[usize], display: Display
         certain[pixel] = is_certain(sample, floor);
         if !certain[pixel] {
             let [low, high] = sample.range.map(|end| end.as_vec3().to_array());
-            doubts.push(Doubt { pixel, low, high });
+            doubts.push(Doubt { pixel, nearly_certain: is_nearly_certain(sample, floor), low, high });
         }
     }
     let hits = samples.iter().filter(|sample| sample.hit).count();

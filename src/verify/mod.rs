@@ -2,9 +2,9 @@
 //!
 //! Pixels the [`Reference`] is certain of agree within [`RELATIVE_LIMIT`] (see
 //! [`relative_difference`] for what it is relative to) and within 1 in 8 bits as displayed.
-//! Uncertain ones, where rounding may rightly decide, look like the pixel under one of its nudges (they lie within
-//! the range that those span); those that do not are counted and have to be few. As many pixels hit something as can:
-//! `shadow_rays_per_s` counts them.
+//! The others, where a turn of the ray much farther than rounding changes something, look like the pixel under one of the nudges that go as far
+//! as rounding (they lie within the range that those span): where these change nothing, they agree as certain ones do. Those that do not are
+//! counted and have to be few. As many pixels hit something as can: `shadow_rays_per_s` counts them.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -20,9 +20,9 @@ pub struct Verdict {
     pub max_difference: f64,
     /// Where it is, as column and row; where any pixel is wrong, the worst of those.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Pixels the reference is not certain of.
+    /// Pixels that rounding may decide.
     pub uncertain_pixels: usize,
-    /// Uncertain pixels outside the range that their nudges span.
+    /// Pixels that are not certain and outside the range that their nudges span.
     pub unexplained_pixels: usize,
     /// Certain pixels that disagree, and pixels that are not finite.
     pub wrong_pixels: usize,
@@ -35,7 +35,7 @@ pub struct Verdict {
 /// Judges an image of the scene, size and culling that `reference` is of, and where it is known the number of pixels that
 /// hit something, by all pixels that the reference has cast.
 pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, display: Display) -> Verdict {
-    let uncertain_pixels = reference.doubts.len();
+    let uncertain_pixels = reference.uncertain_pixels();
     let expected = &reference.radiance;
     let same_size = (image.width, image.height) == (expected.width, expected.height);
     if !same_size || image.pixels.len() != expected.pixels.len() {
@@ -64,7 +64,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     }
 }
 
-/// How many uncertain pixels look like none of their nudges.
+/// How many pixels that are not certain look like none of their nudges.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let found = image.pixels[doubt.pixel];

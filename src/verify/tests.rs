@@ -54,7 +54,7 @@ fn one_wrong_pixel_is_named_with_both_values() {
 /// Makes the first pixels uncertain, which may then be anything from black to 0.5.
 fn doubt_first(reference: &mut Reference, count: usize) {
     reference.certain[..count].fill(false);
-    let doubt = |pixel| Doubt { pixel, low: [0.0; 3], high: [0.5; 3] };
+    let doubt = |pixel| Doubt { pixel, nearly_certain: false, low: [0.0; 3], high: [0.5; 3] };
     reference.doubts = (0..count).map(doubt).collect();
 }
 
@@ -87,6 +87,23 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     let verdict = judge(&image, &reference);
     assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
     assert!(verdict.reason.unwrap_or_default().contains("nudges"));
+}
+
+/// They are not among the pixels that rounding may decide, and have to be what they are.
+#[test]
+fn pixels_that_only_a_wide_nudge_changes_are_judged() {
+    let scene = fixtures::random(300, 1);
+    let reference = reference(&scene, [201, 125], Culling::None);
+    let nearly = reference.doubts.iter().filter(|doubt| doubt.nearly_certain);
+    let wrong: Vec<usize> = nearly.map(|doubt| doubt.pixel).collect();
+    assert_eq!(wrong.len() + reference.uncertain_pixels(), reference.doubts.len());
+    assert!(wrong.len() > 2 * reference.uncertain_pixels() && wrong.len() > 16, "{}", wrong.len());
+    let mut image = reference.radiance.clone();
+    for &pixel in &wrong {
+        image.pixels[pixel] = image.pixels[pixel].map(|channel| 1.01 * channel);
+    }
+    let verdict = judge(&image, &reference);
+    assert!(!verdict.ok && verdict.unexplained_pixels == wrong.len(), "{verdict:?}");
 }
 
 #[test]
