@@ -100,7 +100,8 @@ fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     assert!(wrong.len() > 2 * reference.uncertain_pixels() && wrong.len() > 16, "{}", wrong.len());
     let mut image = reference.radiance.clone();
     for &pixel in &wrong {
-        image.pixels[pixel] = image.pixels[pixel].map(|channel| 1.01 * channel);
+        let brightest = image.pixels[pixel].into_iter().fold(reference.floor as f32, f32::max);
+        image.pixels[pixel] = image.pixels[pixel].map(|channel| channel + 0.01 * brightest);
     }
     let verdict = judge(&image, &reference);
     assert!(!verdict.ok && verdict.unexplained_pixels == wrong.len(), "{verdict:?}");
