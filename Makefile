@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-long mutants oclgrind test-intel test-slurm test-slurm-short test-browser fuzz lint figures bench
+.PHONY: help setup setup-tests build demo test test-long mutants oclgrind test-intel test-slurm test-slurm-short test-browser fuzz lint licences figures bench
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -55,6 +55,9 @@ lint: setup ## check format and lints, as CI does
 	cargo fmt --check
 	cargo clippy --all-targets --locked -- -D warnings
 	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
+
+licences: ## check licences, bans and sources of all crates by deny.toml, without cargo-deny (Python 3.11)
+	@.ci/licences
 
 figures: build ## make the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
 	$(RAYCL) figures

@@ -9,7 +9,7 @@ use super::tree::Tree;
 use crate::image::RELATIVE_LIMIT;
 use crate::scene::{PixelFrame, Scene};
 use glam::DVec3;
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 
 /// How far a pixel's ray is nudged, in radians: ten times as far as rounding turns it. What survives that has to agree everywhere.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
@@ -81,8 +81,8 @@ fn scale(scene: &Scene, sight: &Sight<f64>) -> f64 {
 }
 
 /// What [`sample`] gives, without searching for what every nudge finds alike: where the whole beam of nudged rays meets one
-/// triangle first, or nothing, and the beam from each light to where they meet it is stopped as a whole, or not at all.
-/// `None` where that is not sure.
+/// triangle first, or nothing, and of lights, where the beam from one to where they meet it is stopped as a whole, or not at
+/// all. `None` where it is not sure what they meet.
 pub fn quick_sample(
     caster: &Caster<'_, f64>,
     tree: &Tree,
@@ -113,18 +113,26 @@ pub fn quick_sample(
     let centre = point(&(ray, hit));
     let spread = nudged.iter().map(|(_, other)| point(other).distance(centre)).fold(0.0, f64::max);
     let shadows = Shadows::new(caster.scene(), tree, triangle, centre, 1.01 * spread, bias);
-    let radiance = |(ray, hit): &(Ray<f64>, Hit<f64>)| {
-        let radiance = caster.shaded(ray, Some(hit), &|sight| shadows.reaches(sight.light));
-        (!shadows.unsure.get()).then_some(radiance)
+    let radiance = |(ray, hit): &(Ray<f64>, Hit<f64>), bias: f64, part: f64| {
+        let reaches = |sight: &Sight<f64>| {
+            let end = sight.distance - part * scale(caster.scene(), sight);
+            shadows.reaches(sight.light).unwrap_or_else(|| caster.reaches_within(sight, bias, end))
+        };
+        caster.shaded(ray, Some(hit), &reaches)
     };
-    let mut sample = Sample::of(radiance(&(ray, hit))?, true);
+    let mut sample = Sample::of(radiance(&(ray, hit), bias, 0.0), true);
     for (reach, other) in &nudged {
-        sample.nudge(*reach, radiance(other)?);
+        sample.nudge(*reach, radiance(other, bias, 0.0));
+    }
+    if shadows.some_are_unsure() {
+        for (factor, part) in [(0.5, 0.0), (2.0, 0.0), (1.0, AT_LIGHT), (1.0, -AT_LIGHT)] {
+            sample.consider(radiance(&(ray, hit), bias * factor, part));
+        }
     }
     Some(sample)
 }
 
-/// Which lights reach all points near one, found out when first asked for.
+/// Which lights reach all points near one, or none of them, found out when first asked for.
 struct Shadows<'a> {
     scene: &'a Scene,
     tree: &'a Tree,
@@ -132,31 +140,33 @@ struct Shadows<'a> {
     point: DVec3,
     spread: f64,
     bias: f64,
-    known: RefCell<Vec<Option<bool>>>,
-    unsure: Cell<bool>,
+    known: RefCell<Vec<Option<Found>>>,
 }
+
+/// What was found out: whether the light reaches them; none where that is not sure.
+type Found = Option<bool>;
 
 impl<'a> Shadows<'a> {
     fn new(scene: &'a Scene, tree: &'a Tree, triangle: u32, point: DVec3, spread: f64, bias: f64) -> Self {
         let known = RefCell::new(vec![None; scene.lights.len()]);
-        Self { scene, tree, triangle, point, spread, bias, known, unsure: Cell::new(false) }
+        Self { scene, tree, triangle, point, spread, bias, known }
     }
 
-    fn reaches(&self, light: usize) -> bool {
-        if self.unsure.get() {
-            return false;
-        }
+    fn reaches(&self, light: usize) -> Found {
         let known = self.known.borrow()[light];
         known.unwrap_or_else(|| {
             let found = self.find(light);
-            self.unsure.set(found.is_none());
-            self.known.borrow_mut()[light] = found;
-            found.unwrap_or(false)
+            self.known.borrow_mut()[light] = Some(found);
+            found
         })
     }
 
+    fn some_are_unsure(&self) -> bool {
+        self.known.borrow().contains(&Some(None))
+    }
+
     /// Looks from the light, where all shadow rays meet.
-    fn find(&self, light: usize) -> Option<bool> {
+    fn find(&self, light: usize) -> Found {
         let position = self.scene.lights[light].position.as_dvec3();
         let off = self.point - position;
         let distance = off.length();
