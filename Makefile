@@ -4,7 +4,7 @@ RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test test-long mutants oclgrind test-intel test-slurm test-slurm-short test-browser fuzz lint licences figures bench
+.PHONY: help setup setup-tests build demo test test-long mutants oclgrind test-intel test-slurm test-slurm-short test-browser fuzz lint licences figures bench book test-python
 
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
@@ -51,16 +51,24 @@ test-slurm-short: setup-tests ## the same in a minute, as CI does: a raycl kille
 fuzz: ## fuzz every reader of files, MINUTES (10) each; needs cargo-fuzz
 	@.ci/fuzz
 
-lint: setup ## check format and lints, as CI does
+lint: setup ## check format, lints and documentation, as CI does
 	cargo fmt --check
 	cargo clippy --all-targets --locked -- -D warnings
 	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --locked
 
 licences: ## check licences, bans and sources of all crates by deny.toml, without cargo-deny (Python 3.11)
 	@.ci/licences
 
 figures: build ## make the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
 	$(RAYCL) figures
+
+test-python: ## run the lines of docs/python.md (installs pandas, Polars and DuckDB under target/)
+	@tests/python/run target/python
+
+book: ## make target/book/index.html of docs/ (installs mdbook with cargo where it is missing)
+	@command -v mdbook >/dev/null || cargo install --locked mdbook
+	mdbook build
 
 bench: build ## measure the fast strategies
 	$(RAYCL) run configs/beyond.toml --out results/beyond --resume

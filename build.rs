@@ -1,5 +1,6 @@
 //! Tells the program which revision it is built from: RAYCL_GIT_REVISION, `-dirty` where tracked files differ. Outside a
-//! git repository, or without git, it is not set. And how it is built, which decides how fast casters on the host are: RAYCL_BUILD.
+//! git repository it is the one that cargo wrote into the package; without both it is not set. RAYCL_VERSION is what
+//! `raycl -V` prints. And how it is built, which decides how fast casters on the host are: RAYCL_BUILD.
 
 use std::process::Command;
 
@@ -14,14 +15,36 @@ fn main() {
             println!("cargo:rerun-if-changed={path}");
         }
     }
-    // raycl unpacked inside somebody else's repository has no revision of its own.
-    let tracked = git(&["ls-files", "--error-unmatch", "Cargo.toml"]).is_some();
-    if let Some(revision) =
-        git(&["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]).filter(|_| tracked)
-    {
+    let revision = of_repository().or_else(of_package);
+    if let Some(revision) = &revision {
         println!("cargo:rustc-env=RAYCL_GIT_REVISION={revision}");
     }
+    println!("cargo:rustc-env=RAYCL_VERSION={}", version(revision.as_deref()));
     println!("cargo:rustc-env=RAYCL_BUILD={}", build());
+}
+
+/// The revision of the repository that this is. raycl unpacked inside somebody else's repository has none of its own.
+fn of_repository() -> Option<String> {
+    git(&["ls-files", "--error-unmatch", "Cargo.toml"])?;
+    git(&["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"])
+}
+
+/// The revision that `cargo package` wrote into the package: `{"git": {"sha1": "...", "dirty": true}, ...}`.
+fn of_package() -> Option<String> {
+    let text = std::fs::read_to_string(".cargo_vcs_info.json").ok()?;
+    let hash: String = text.split_once("\"sha1\": \"")?.1.chars().take(12).collect();
+    let dirty = if text.contains("\"dirty\": true") { "-dirty" } else { "" };
+    hash.chars().all(|c| c.is_ascii_hexdigit()).then(|| hash + dirty)
+}
+
+/// "0.1.0 (0123456789ab)", "0.1.0 (0123456789ab, with uncommitted changes)", or "0.1.0" of an unknown revision.
+fn version(revision: Option<&str>) -> String {
+    let number = std::env::var("CARGO_PKG_VERSION").unwrap_or_default();
+    let Some(revision) = revision else { return number };
+    match revision.strip_suffix("-dirty") {
+        Some(commit) => format!("{number} ({commit}, with uncommitted changes)"),
+        None => format!("{number} ({revision})"),
+    }
 }
 
 /// "profile release, opt-level 3, x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.89.0": parts that

@@ -1,5 +1,29 @@
 //! Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 //!
+//! # The stable part
+//!
+//! What is listed here keeps its meaning between versions, as [Semantic Versioning](https://semver.org) says; `examples/` has a program
+//! for each.
+//!
+//! | | |
+//! |---|---|
+//! | [`load_scene`] | reads a scene or a mesh |
+//! | [`Raycaster`] | casts it on a device: a [`Picture`] |
+//! | [`hits`] | what each pixel's ray hits: [`Layers`] |
+//! | [`run_experiment`], [`serve_if_worker`] | measures the points of a config: [`Record`]s |
+//!
+//! ```no_run
+//! # fn main() -> raycl::Result<()> {
+//! let loaded = raycl::load_scene("scenes/teapot.toml".as_ref())?;
+//! let mut caster = raycl::Raycaster::open(loaded.scene, None)?;
+//! caster.cast(Some("naive"), [800, 500])?.save("teapot.png".as_ref())?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # The inside
+//!
+//! All modules are raycl's own: public for its tests, hidden here, and changed without notice.
 //! The rooms, in the order an experiment passes through them:
 //! [`config`] reads a TOML experiment; [`scene`] loads what it names;
 //! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
@@ -13,38 +37,79 @@
 //! [`documents`] makes the figures of this repository's documents of its stored records. [`cache`] keeps between runs what can
 //! be made again.
 
+#[doc(hidden)]
 pub mod accel;
+#[doc(hidden)]
 pub mod anchor;
+#[doc(hidden)]
 pub mod cache;
+#[doc(hidden)]
 pub mod cli;
+#[doc(hidden)]
 pub mod config;
+#[doc(hidden)]
 pub mod device;
+#[doc(hidden)]
 pub mod device_lock;
+#[doc(hidden)]
 pub mod documents;
+#[doc(hidden)]
 pub mod error;
+#[doc(hidden)]
 pub mod experiment;
+#[doc(hidden)]
 pub mod filetype;
+#[doc(hidden)]
 pub mod image;
+#[doc(hidden)]
 pub mod launch;
+mod library;
+#[doc(hidden)]
 pub mod load;
+#[doc(hidden)]
 pub mod manifest;
+#[doc(hidden)]
 pub mod measure;
+#[doc(hidden)]
 pub mod memory;
+#[doc(hidden)]
 pub mod output;
+#[doc(hidden)]
 pub mod peak;
+#[doc(hidden)]
 pub mod printer;
+#[doc(hidden)]
 pub mod program;
+#[doc(hidden)]
 pub mod reader;
+#[doc(hidden)]
 pub mod record;
+#[doc(hidden)]
 pub mod reference;
+#[doc(hidden)]
 pub mod report;
+#[doc(hidden)]
 pub mod scene;
+mod schema;
+#[doc(hidden)]
 pub mod sensor;
+mod settings;
+#[doc(hidden)]
 pub mod shard;
+#[doc(hidden)]
 pub mod sources;
+#[doc(hidden)]
 pub mod strategy;
 mod toml_error;
+#[doc(hidden)]
 pub mod verify;
+#[doc(hidden)]
 pub mod words;
+mod xdg;
 
 pub use error::{Error, Result};
+pub use image::Radiance;
+pub use library::{Picture, Raycaster, hits, run_experiment, serve_if_worker};
+pub use record::{Outcome, Record};
+pub use reference::layers::{Layers, NOTHING};
+pub use scene::{Loaded, Scene, load_scene};

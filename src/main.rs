@@ -7,10 +7,10 @@ use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
     limit_threads();
-    keep_lines_whole();
-    match raycl::cli::Cli::read().run() {
+    match raycl::cli::Cli::read().and_then(raycl::cli::Cli::run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
+            choose_look();
             let code = ExitCode::from(error.exit_code());
             // Nobody is left to tell when standard error is closed too.
             raycl::printer::tell(format!("{:?}", miette::Report::new(error)));
@@ -28,11 +28,14 @@ fn limit_threads() {
     }
 }
 
-/// Wraps an error's lines for a terminal only: in a log, a message stays in one line and can be searched for.
-fn keep_lines_whole() {
-    if std::io::stderr().is_terminal() {
-        return;
-    }
+/// How errors look: lines are wrapped for a terminal only (in a log, a message stays in one line and can be searched for), and
+/// coloured as the user says.
+fn choose_look() {
+    let look = MietteHandlerOpts::new().wrap_lines(std::io::stderr().is_terminal());
+    let look = match raycl::cli::colour::told() {
+        Some(coloured) => look.color(coloured),
+        None => look,
+    };
     // It fails only where a hook is set already, and then that one will do.
-    let _ = miette::set_hook(Box::new(|_| Box::new(MietteHandlerOpts::new().wrap_lines(false).build())));
+    let _ = miette::set_hook(Box::new(move |_| Box::new(look.clone().build())));
 }

@@ -7,10 +7,12 @@ mod binary;
 mod common;
 
 mod bad_input;
+mod book;
 mod commands;
 #[cfg(unix)]
 mod device_lock;
 mod edits;
+mod examples;
 #[cfg(unix)]
 mod faults;
 mod figures;
@@ -18,6 +20,7 @@ mod formats;
 mod goldens;
 #[cfg(unix)]
 mod guarded;
+mod hosted;
 #[cfg(unix)]
 mod hostile;
 mod kept;
@@ -44,7 +47,9 @@ mod resuming;
 mod run;
 mod samples;
 mod scenes;
+mod schemas;
 mod session;
+mod settings;
 #[cfg(unix)]
 mod shards;
 mod split;

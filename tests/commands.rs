@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use assert_cmd::assert::OutputAssertExt as _;
 
 fn raycl(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    let mut command = crate::binary::program();
     command.args(arguments);
     command
 }
@@ -89,6 +89,67 @@ fn a_reader_that_goes_away_is_no_error() {
     let output = finish(child);
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "{output:?}");
+}
+
+#[test]
+fn the_version_names_the_revision_and_says_where_the_tree_was_changed() {
+    let printed = output(&["-V"]);
+    let number = env!("CARGO_PKG_VERSION");
+    let expected = match option_env!("RAYCL_GIT_REVISION")
+        .map(|revision| revision.split_once('-').unwrap_or((revision, "")))
+    {
+        None => format!("raycl {number}\n"),
+        Some((commit, "")) => format!("raycl {number} ({commit})\n"),
+        Some((commit, _)) => format!("raycl {number} ({commit}, with uncommitted changes)\n"),
+    };
+    assert_eq!(printed, expected);
+    assert_eq!(output(&["--version"]), expected);
+}
+
+#[test]
+fn man_prints_a_page_and_writes_those_of_all_commands() {
+    assert!(output(&["man"]).contains(".TH RAYCL 1"), "{}", output(&["man"]));
+    let page = output(&["man", "render"]);
+    for part in [".TH RAYCL-RENDER 1", "\\-\\-turntable", "Render pictures"] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
+    let message = mistake(&mut raycl(&["man", "rendr"]), 2);
+    assert!(message.contains("did you mean 'render'"), "{message}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("man1");
+    output(&["man", "--out", out.to_str().expect("UTF-8")]);
+    let written = std::fs::read_to_string(out.join("raycl-render.1")).expect("a page");
+    assert_eq!(written.trim_end(), page.trim_end());
+    assert!(out.join("raycl.1").is_file() && !out.join("raycl-worker.1").exists());
+    // Somebody's own page stays.
+    std::fs::write(out.join("raycl-run.1"), "mine").expect("a file");
+    let message = mistake(&mut raycl(&["man", "--out", out.to_str().expect("UTF-8")]), 2);
+    assert!(message.contains("raycl-run.1"), "{message}");
+}
+
+/// The option decides, before and after the command's name; else `NO_COLOR`; else whether it is a terminal, which no test has.
+#[test]
+fn colours_are_what_the_user_says() {
+    let escapes = |words: &[&str], refused: bool| {
+        let mut command = raycl(words);
+        command.env_remove("NO_COLOR").env("TERM", "xterm-256color");
+        if refused {
+            command.env("NO_COLOR", "1");
+        }
+        let output = run(&mut command);
+        [output.stdout, output.stderr].map(|bytes| bytes.contains(&0x1b))
+    };
+    let nothing = "no-such-scene.toml";
+    // A mistake of the arguments, one in a file, and help: clap's words and ours.
+    assert_eq!(escapes(&["rendr"], false), [false, false]);
+    assert_eq!(escapes(&["--color=always", "rendr"], true), [false, true]);
+    assert_eq!(escapes(&["render", nothing, "--color", "always"], true), [false, true]);
+    assert_eq!(escapes(&["render", nothing, "--color", "never"], false), [false, false]);
+    assert_eq!(escapes(&["render", nothing], false), [false, false]);
+    assert_eq!(escapes(&["render", "--help", "--color", "always"], true), [true, false]);
+    assert_eq!(escapes(&["render", "--help"], false), [false, false]);
+    let message = mistake(&mut raycl(&["devices", "--color", "allways"]), 2);
+    assert!(message.contains("'always'"), "{message}");
 }
 
 /// What bash offers for the last of these words, once it has loaded the script.

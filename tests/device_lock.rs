@@ -20,7 +20,7 @@ fn place() -> Place {
 
 /// Starts the binary in the place, what it says on standard error going to a file there.
 fn start(place: &Place, arguments: &[&str], said: &str) -> Child {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    let mut command = crate::binary::program();
     command.args(arguments).current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));
     command.env("RAYCL_CACHE_MIB", "0");
     let said = File::create(place.path(said)).expect("a file");
@@ -132,6 +132,7 @@ fn pocl_has_no_more_threads_than_the_process_may_run_on() {
     let threads = |program: &str, more: &[&str], variable: Option<&str>| {
         let place = Place::new();
         let mut command = Command::new(program);
+        command.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS);
         command.args(more).arg(env!("CARGO_BIN_EXE_raycl")).arg("render").arg(&scene);
         command.args([
             "--width",

@@ -39,7 +39,7 @@ impl Ground {
     fn command(&self, arguments: &[&str]) -> Command {
         let device =
             std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
-        let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+        let mut command = crate::binary::program();
         command.arg("run").arg(&self.config).arg("--out").arg(&self.out);
         command.args(["--quiet", "--device", &device]).args(arguments);
         // Tests that do not test the lock of devices do not wait for each other.

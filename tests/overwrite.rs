@@ -90,7 +90,7 @@ struct Watching(Child, Receiver<String>);
 impl Watching {
     fn start(place: &Place) -> Self {
         let device = device();
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
+        let mut command = crate::binary::program();
         command.args(["render", "scene.toml", "--watch", "--quiet", "--width", "24", "--height", "15"]);
         command.args(["--device", &device]).current_dir(place.path("")).env("RAYCL_CACHE_MIB", "0");
         let mut child = command.stderr(Stdio::piped()).spawn().expect("it starts");

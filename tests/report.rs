@@ -2,12 +2,12 @@
 //! What a browser makes of the pages is looked at by `make test-browser`.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::{Value, json};
 
 fn raycl(arguments: &[&str]) -> Output {
-    crate::binary::run(Command::new(env!("CARGO_BIN_EXE_raycl")).args(arguments))
+    crate::binary::run(crate::binary::program().args(arguments))
 }
 
 /// Runs it, expects this exit code, and gives standard output and standard error.

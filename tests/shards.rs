@@ -31,7 +31,7 @@ impl Ground {
     }
 
     fn command(&self, shard: &str, frame_ms: &str, more: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+        let mut command = crate::binary::program();
         command.args(["run", "test.toml", "--out", "out", "--shard", shard, "--quiet"]);
         if !frame_ms.is_empty() {
             command.args(["--asleep", frame_ms]);
@@ -263,6 +263,7 @@ fn lose_launcher(name: &str, shard: &str) {
         env!("CARGO_BIN_EXE_raycl")
     );
     let mut command = Command::new(&launcher);
+    command.env("XDG_CONFIG_HOME", crate::binary::NO_SETTINGS);
     command.args(["-c", &raycl]).current_dir(ground.place.path("")).stdin(Stdio::null());
     command.env("JOB_COMPLETION_INDEX", "0");
     let mut launcher = command.spawn().expect("it starts");

@@ -2,7 +2,6 @@
 //! reason; never in a panic or a crash.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// The files whose triangles are plain enough to be shown, by the number their name begins with.
 const SHOWN: [u32; 48] = [
@@ -20,7 +19,7 @@ enum End {
 fn render(path: &Path, folder: &Path) -> Result<End, String> {
     let picture = folder.join("picture.exr");
     let _ = std::fs::remove_file(&picture);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    let mut command = crate::binary::program();
     command.arg("render").arg(path).args(["--width", "24", "--height", "16", "--quiet", "--output"]);
     let output = crate::binary::run(command.arg(&picture).env("RAYCL_CACHE_MIB", "0"));
     let said = String::from_utf8(output.stderr).map_err(|_| "an error that is not UTF-8")?;

@@ -14,10 +14,7 @@ pub fn limit_bytes() -> u64 {
 
 /// `raycl` in the user's folder of caches; none where the environment names no such folder.
 pub fn of_user() -> Option<PathBuf> {
-    // As the XDG base directory specification says: a path that is not absolute counts as none.
-    let named = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let caches = named("XDG_CACHE_HOME").or_else(|| Some(named("HOME")?.join(".cache")))?;
-    Some(caches.join("raycl"))
+    crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
 /// Makes a folder that is its owner's alone.

@@ -1,10 +1,11 @@
 //! Arguments that several subcommands read: a device, a strategy, a local size, `--set`.
 
 use crate::cache::Cache;
-use crate::device::{Device, DeviceInfo, default_place, pick_one, places};
+use crate::device::{Device, DeviceInfo, DeviceLimits, default_place, pick_one, places};
 use crate::error::{Error, Result, nearest};
+use crate::settings;
 use crate::sources::Sources;
-use crate::strategy::{AXES, PRESETS, Strategy, preset};
+use crate::strategy::{AXES, PRESETS, Strategy, Traversal, fastest, preset};
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::ffi::OsStr;
 
@@ -67,6 +68,29 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
+/// The strategy to cast so many triangles and pixels with, and its local size: by its text, or the fastest that is known; with the
+/// axes among `set` changed.
+pub fn chosen_strategy(
+    text: Option<&str>,
+    set: &[(String, String)],
+    limits: &DeviceLimits,
+    triangles: usize,
+    [width, height]: [u32; 2],
+) -> Result<(Strategy, [u32; 2])> {
+    let (best, best_local) = fastest(limits, triangles, width as usize * height as usize)?;
+    let mut strategy = text.map_or(Ok(best), parse_strategy)?;
+    for (axis, value) in set.iter().filter(|(key, _)| is_axis(key)) {
+        strategy.set(axis, value)?;
+    }
+    strategy.check()?;
+    if strategy == best {
+        return Ok((strategy, best_local));
+    }
+    // A tile is work enough for a work-group.
+    let tiles = strategy.traversal == Traversal::Tile;
+    Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
+}
+
 /// Whether `--set` means an axis of the strategy.
 pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
@@ -84,11 +108,12 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     }
 }
 
-/// The one device to render on: the first that matches, or the most capable one.
+/// The one device to render on: the first that matches, or that the user's settings name, or the most capable one.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
-    let choose = |infos: &[DeviceInfo]| match pattern {
-        Some(pattern) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
-        None => Ok(default_place(infos)),
+    let choose = |infos: &[DeviceInfo]| match (pattern, settings::device()) {
+        (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
+        (None, Some(word)) => Ok(places(infos, &[word]).map_err(settings::blame_device)?.first().copied()),
+        (None, None) => Ok(default_place(infos)),
     };
     pick_one(&Cache::of_user(), sources, choose)?.ok_or_else(|| {
         Error::run("no OpenCL device is usable").with_help("`raycl devices` tells why of each")

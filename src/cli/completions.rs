@@ -28,5 +28,6 @@ pub fn run(args: Args) -> Result<()> {
 fn shown() -> Command {
     let whole = super::Cli::command();
     let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
-    Command::new("raycl").version(env!("CARGO_PKG_VERSION")).subcommands(shown)
+    let own = whole.get_arguments().cloned();
+    Command::new("raycl").version(env!("RAYCL_VERSION")).args(own).subcommands(shown)
 }

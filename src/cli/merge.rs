@@ -65,7 +65,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
-    super::print_coloured(&summary_terminal(&folder.records, super::coloured()))?;
+    super::print_coloured(&summary_terminal(&folder.records, super::colour::on_output()))?;
     folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     let [kept, others] = merged.samples;
     super::print(format!(

@@ -1,7 +1,8 @@
 //! The command line: one file per subcommand, each with its `Args` and its `run`.
 
 pub mod cache;
-mod choice;
+pub(crate) mod choice;
+pub mod colour;
 pub mod compare;
 pub mod compare_images;
 pub mod compile;
@@ -9,6 +10,7 @@ pub mod completions;
 pub mod devices;
 pub mod figures;
 pub mod kernel;
+pub mod man;
 pub mod merge;
 pub mod noise;
 pub mod occupancy;
@@ -21,23 +23,25 @@ pub mod repair;
 pub mod report;
 pub mod reproduce;
 pub mod run;
+pub mod schema;
 pub mod strategies;
 mod turn;
 mod watch;
 
-pub use output::{coloured, end_at_once, print, print_coloured, print_json, table, tell};
+pub use output::{end_at_once, print, print_coloured, print_json, table, tell};
 
 use std::ffi::OsString;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::error::Result;
-use crate::printer;
 use crate::sources::Sources;
+use crate::{printer, settings};
+use colour::Colour;
 
 /// Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 #[derive(Debug, Parser)]
-#[command(name = "raycl", version, arg_required_else_help = true, max_term_width = 100)]
+#[command(name = "raycl", version = env!("RAYCL_VERSION"), arg_required_else_help = true, max_term_width = 100)]
 #[command(after_help = "Examples:
   raycl devices                              the devices that can cast rays
   raycl render scenes/teapot.toml            a picture, and a table of its times
@@ -46,8 +50,14 @@ use crate::sources::Sources;
   raycl strategies                           all strategies: axes and presets
   raycl kernel naive                         the source of one of them
 
-`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.")]
+`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.
+
+Your own defaults (device, color, results) are in ~/.config/raycl/config.toml. The variables
+RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS go before them, options before both.")]
 pub struct Cli {
+    /// When to use colours: auto (on a terminal, unless NO_COLOR is set), always or never [default: auto]
+    #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
+    color: Option<Colour>,
     #[command(subcommand)]
     command: Command,
 }
@@ -104,12 +114,35 @@ enum Command {
     Cache(cache::Args),
     /// Print completions for a shell
     Completions(completions::Args),
+    /// Print or write the man pages
+    Man(man::Args),
+    /// Print the JSON schema of scenes, configs or records, for editors and other programs
+    Schema(schema::Args),
 }
 
 impl Cli {
     /// Reads the process's arguments. A mistake in them ends it with exit code 2 and a suggestion.
-    pub fn read() -> Self {
-        Self::try_parse().unwrap_or_else(|error| renamed::explain(shown(error, std::env::args_os())).exit())
+    ///
+    /// # Errors
+    /// A mistake in the user's settings, which workers do not read.
+    pub fn read() -> Result<Self> {
+        let words: Vec<OsString> = std::env::args_os().collect();
+        let settings = settings::load();
+        // A mistake, too, is told in the colours that its line asks for.
+        colour::choose(colour::typed(&words), settings::colour());
+        let read = Self::parse_words(&words)
+            .unwrap_or_else(|error| renamed::explain(shown(error, words.into_iter())).exit());
+        colour::choose(read.color, settings::colour());
+        if !matches!(read.command, Command::Worker { .. }) {
+            settings?;
+        }
+        Ok(read)
+    }
+
+    fn parse_words(words: &[OsString]) -> std::result::Result<Self, clap::Error> {
+        let mut command = Self::command().color(colour::of_clap());
+        let mut found = command.try_get_matches_from_mut(words)?;
+        Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
 
     /// Runs the subcommand.
@@ -140,20 +173,20 @@ impl Cli {
             Command::Figures(args) => figures::run(args),
             Command::Cache(args) => cache::run(args),
             Command::Completions(args) => completions::run(args),
+            Command::Man(args) => man::run(args),
+            Command::Schema(args) => schema::run(args),
         }
     }
 }
 
 /// The mistake in words that no terminal obeys: clap quotes them as they are.
 fn shown(error: clap::Error, words: impl Iterator<Item = OsString>) -> clap::Error {
-    let words = words.map(|word| printer::line(&word.to_string_lossy()).into_owned());
-    Cli::try_parse_from(words).err().unwrap_or(error)
+    let words = words.map(|word| printer::line(&word.to_string_lossy()).into_owned().into());
+    Cli::parse_words(&words.collect::<Vec<OsString>>()).err().unwrap_or(error)
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory as _;
-
     use super::*;
 
     #[test]

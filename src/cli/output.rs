@@ -1,7 +1,7 @@
 //! Standard output for every subcommand. `println!` panics when its reader has gone
 //! (`raycl devices | head -1`), so nothing here or in a subcommand uses it.
 
-use std::io::{ErrorKind, IsTerminal as _, Write as _};
+use std::io::{ErrorKind, Write as _};
 
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{CellAlignment, Table};
@@ -49,13 +49,6 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))?;
     print(text)
-}
-
-/// Whether standard output takes colours: it is a terminal, and nobody has set `NO_COLOR` (<https://no-color.org>).
-pub fn coloured() -> bool {
-    let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-    std::io::stdout().is_terminal() && !refused && !dumb
 }
 
 /// An empty table with this header. The first `left` columns are words, the others numbers, to the right.

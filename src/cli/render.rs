@@ -12,7 +12,7 @@ mod split;
 mod timeline;
 
 use super::choice::{
-    StrategyText, is_axis, parse_assignment, parse_size, parse_strategy, refuse_misspelt_axis,
+    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
 };
 use super::watch::{RecursiveMode, watch};
 use crate::device::DeviceInfo;
@@ -26,7 +26,7 @@ use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
 use crate::scene::{Display, Loaded, Scene, Shot, load_scene_for};
-use crate::strategy::{Strategy, Traversal, fastest};
+use crate::strategy::Strategy;
 use casting::{Picture, cast};
 use judge::{check, refuse_not_finite};
 use look::Look;
@@ -297,22 +297,8 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
 
 /// The strategy and local size asked for, or the fastest for the device.
 fn strategy(args: &Args, device: &DeviceInfo, triangles: usize) -> Result<(Strategy, [u32; 2])> {
-    let pixels = args.width as usize * args.height as usize;
-    let (best, best_local) = fastest(&device.limits, triangles, pixels)?;
-    let mut strategy = match &args.strategy {
-        Some(text) => parse_strategy(text)?,
-        None => best,
-    };
-    for (axis, value) in args.set.iter().filter(|(key, _)| is_axis(key)) {
-        strategy.set(axis, value)?;
-    }
-    strategy.check()?;
-    // A tile is work enough for a work-group.
-    let tiles = strategy.traversal == Traversal::Tile;
-    let usual = if strategy == best {
-        best_local
-    } else {
-        strategy.local_size(&device.limits, if tiles { [1, 1] } else { [8, 8] })
-    };
+    let size = [args.width, args.height];
+    let (strategy, usual) =
+        chosen_strategy(args.strategy.as_deref(), &args.set, &device.limits, triangles, size)?;
     Ok((strategy, args.local_size.unwrap_or(usual)))
 }

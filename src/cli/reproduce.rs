@@ -9,6 +9,7 @@ use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::record::Folder;
 use crate::report;
 use crate::report::paper::{CONFIGS, SCENES};
+use crate::settings::results;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -24,7 +25,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Where to write: a folder of results for each config, and the page
-    #[arg(short, long, value_name = "DIR", default_value = "results/reproduction")]
+    #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
     /// Write into DIR even if it holds files that raycl did not write, and replace files of the same names; keep results in it
     #[arg(long)]
@@ -144,9 +145,16 @@ fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
 /// Writes the configs and scenes beside the results.
 fn unpack(out: &mut OutFolder) -> Result<()> {
     let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
-    let scenes = scenes.map(|(name, text)| (format!("scenes/{name}"), text.into()));
-    let configs = CONFIGS.iter().map(|(name, text)| (format!("configs/{name}.toml"), (*text).into()));
+    let scenes = scenes.map(|(name, text)| (format!("scenes/{name}"), alone(text)));
+    let configs = CONFIGS.iter().map(|(name, text)| (format!("configs/{name}.toml"), alone(text)));
     out.write(&configs.chain(scenes).collect::<Vec<_>>())
+}
+
+/// A file without the line that names its schema for editors, which is not beside it here.
+fn alone(text: &str) -> Vec<u8> {
+    let rest =
+        text.split_once('\n').filter(|(first, _)| first.starts_with("#:schema ")).map(|(_, rest)| rest);
+    rest.unwrap_or(text).into()
 }
 
 fn write_page(out: &mut OutFolder) -> Result<PathBuf> {

@@ -21,6 +21,7 @@ use crate::experiment::{Fault, Observer, Plan, Results, Run, asleep, dry_run, fi
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Folder, Record, summary_terminal};
+use crate::settings;
 use crate::shard::{Asked, ShardPlan};
 use earlier::foreseen;
 use environment::environment;
@@ -120,7 +121,7 @@ pub struct Args {
 
 impl Args {
     /// The arguments of a run that another subcommand makes.
-    pub(super) fn of(
+    pub(crate) fn of(
         config: PathBuf,
         out: &Path,
         device: &[String],
@@ -223,7 +224,7 @@ fn refuse_shards(out: &Path) -> Result<()> {
 }
 
 /// Measures the missing points. Returns the folder of results and the records of all points.
-pub(super) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
+pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
@@ -259,7 +260,7 @@ fn keep_peak(
     let Some(given) = &args.peak else { return Ok(()) };
     let wanted = super::peak::Wanted {
         given,
-        patterns: patterns(args, experiment),
+        patterns: &patterns(args, experiment),
         cl_dir: args.cl_dir.first().map(PathBuf::as_path),
         no_wait: args.no_wait,
     };
@@ -278,17 +279,23 @@ pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
     Ok([points, points * experiment.timing.launches as usize])
 }
 
-/// The devices that the arguments name, or else the config.
+/// The devices to measure on.
 fn chosen<'d>(
     args: &Args,
     experiment: &Experiment,
     devices: &'d [DeviceInfo],
 ) -> Result<Vec<&'d DeviceInfo>> {
-    select_infos(devices, patterns(args, experiment))
+    let named = !args.device.is_empty() || !experiment.devices.is_empty();
+    let found = select_infos(devices, &patterns(args, experiment));
+    found.map_err(|error| if named { error } else { settings::blame_device(error) })
 }
 
-fn patterns<'a>(args: &'a Args, experiment: &'a Experiment) -> &'a [String] {
-    if args.device.is_empty() { &experiment.devices } else { &args.device }
+/// What names the devices: the arguments, else the config, else the user's settings; else all are meant.
+fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
+    match (args.device.as_slice(), experiment.devices.as_slice()) {
+        ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
+        ([], named) | (named, _) => named.to_vec(),
+    }
 }
 
 /// Prints the plan of the run.
@@ -334,7 +341,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
             super::print_json(record)?;
         }
     } else if !args.quiet {
-        super::print_coloured(&summary_terminal(records, super::coloured()))?;
+        super::print_coloured(&summary_terminal(records, super::colour::on_output()))?;
         folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
         super::print(format!("Report:   {}", written.page.display()))?;
         super::print(format!("Pictures: {}", out.join("images").display()))?;

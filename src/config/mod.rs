@@ -6,6 +6,7 @@ mod document;
 mod lists;
 mod numbers;
 mod scenes;
+mod schema;
 mod sizes;
 mod strategies;
 #[cfg(test)]
@@ -22,6 +23,11 @@ use crate::error::{Error, Result};
 use crate::filetype::{Opened, Wanted, scene_instead};
 use crate::reader::Kind;
 use document::Document;
+
+/// The JSON schema of an experiment's file.
+pub fn schema() -> serde_json::Value {
+    crate::schema::of::<wire::Experiment>("raycl experiment")
+}
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) laid over it.
 ///

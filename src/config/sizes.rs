@@ -11,7 +11,7 @@ use super::wire;
 use crate::error::Result;
 
 /// Pixels an image may have across or down.
-const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
+pub(super) const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
 /// Work-items a work-group may have across or down; a device may allow fewer.
 const LOCAL_SIDE: RangeInclusive<i64> = 1..=1024;
 /// Work-items a work-group may have in all.

@@ -59,7 +59,7 @@ fn refuses(text: &str, expected: &[&str]) {
 fn a_good_config_becomes_an_experiment() {
     let experiment = load_with(GOOD, &[]).unwrap();
     assert_eq!(experiment.name, "test");
-    assert_eq!(experiment.devices, ["all"]);
+    assert!(experiment.devices.is_empty());
     assert_eq!(experiment.image_sizes, [[800, 500]]);
     assert_eq!(experiment.strategies[0].local_sizes, [[8, 8], [64, 1]]);
     assert_eq!(experiment.strategies[1].preset.as_deref(), Some("local-vectors"));

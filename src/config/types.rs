@@ -23,7 +23,7 @@ pub struct Experiment {
     pub scenes: Vec<SceneChoice>,
     /// Whether scenes are compared with each other, and so measured in the same rounds.
     pub compare_scenes: bool,
-    /// Words that devices are chosen by; "all" is every usable one.
+    /// Words that devices are chosen by; "all" is every usable one. Empty where the config names none.
     pub devices: Vec<String>,
     /// Pixels across and down.
     pub image_sizes: Vec<[u32; 2]>,

@@ -14,9 +14,9 @@ use super::{scenes, strategies, wire};
 use crate::error::{Result, nearest};
 
 /// Launches a group may take.
-const MOST_LAUNCHES: i64 = 100;
+pub(super) const MOST_LAUNCHES: i64 = 100;
 /// Samples a point may take.
-const MOST_SAMPLES: i64 = 1_000_000;
+pub(super) const MOST_SAMPLES: i64 = 1_000_000;
 
 /// Checks everything that can be checked without a device.
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
@@ -56,7 +56,7 @@ fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<St
 }
 
 fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<String>> {
-    let Some(list) = list else { return Ok(vec!["all".into()]) };
+    let Some(list) = list else { return Ok(Vec::new()) };
     not_empty(document, &list, "devices", "\"all\" or a part of a device's name")?;
     for device in list.get_ref() {
         sentence(document, device, "device")?;

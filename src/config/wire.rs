@@ -4,48 +4,78 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use toml::Spanned;
 
+use super::schema::{Anything, BaselineName, PresetName};
+use super::validate::{MOST_LAUNCHES, MOST_SAMPLES};
 use crate::strategy::AXES;
 
-/// The whole file.
-#[derive(Deserialize)]
+/// An experiment: the product of its scenes, image sizes, strategies, local sizes and devices, each point verified and timed.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
+    /// What the experiment is to answer, in a sentence.
+    #[schemars(with = "String", length(min = 1))]
     pub question: Spanned<String>,
+    /// The expected answer, written before it is measured.
+    #[schemars(with = "String", length(min = 1))]
     pub expectation: Spanned<String>,
+    /// Scene files, relative to this file.
     #[serde(default)]
+    #[schemars(with = "Vec<String>")]
     pub scenes: Vec<Spanned<String>>,
+    /// Scene files with values set in them.
     #[serde(default)]
     pub scene: Vec<SceneEntry>,
+    /// Measure all scenes in the same rounds, so that their times can be compared [default: false].
     #[serde(default)]
     pub compare_scenes: bool,
+    /// Words of devices' names, platforms or vendors, or cpu, gpu, all [default: all].
+    #[schemars(with = "Option<Vec<String>>", length(min = 1))]
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Widths and heights in pixels: 512 for a square, or [800, 500].
+    #[schemars(with = "Vec<Size>", length(min = 1))]
     pub image_sizes: Spanned<Vec<Spanned<Size>>>,
+    /// Work-items of a work-group: 8 for 8 x 8, or [64, 1].
     #[serde(default)]
+    #[schemars(with = "Vec<Size>")]
     pub local_sizes: Vec<Spanned<Size>>,
+    /// Presets by name; `raycl strategies` lists them.
     #[serde(default)]
+    #[schemars(with = "Vec<PresetName>")]
     pub strategies: Vec<Spanned<String>>,
+    /// Presets with axes changed; a list is one strategy for each value.
     #[serde(default)]
+    #[schemars(with = "Vec<StrategyEntry>")]
     pub strategy: Vec<Spanned<StrategyEntry>>,
+    /// Measure presets that are meant for one kind of device on the others too [default: false].
     #[serde(default)]
     pub any_kind: bool,
+    /// Casters on the host, measured in the same rounds.
     #[serde(default)]
+    #[schemars(with = "Vec<BaselineName>")]
     pub baselines: Vec<Spanned<String>>,
+    /// Limits of a smaller device to imitate.
     #[serde(default)]
     pub emulate: Emulate,
+    /// How long and how often each point is measured.
     #[serde(default)]
     pub timing: Timing,
 }
 
-/// A `[[scene]]`: a file, and values to set in it.
-#[derive(Deserialize)]
+/// A scene file, and values to set in it.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
+    /// The scene file, relative to this file.
+    #[schemars(with = "String")]
     pub file: Spanned<String>,
+    /// Values by their paths, such as "object.0.triangles"; a list is one scene for each value.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Anything>")]
     pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
 }
 
@@ -57,22 +87,42 @@ pub enum SceneValues {
     One(toml::Value),
 }
 
-#[derive(Default, Deserialize)]
+/// Limits of a smaller device to imitate; they never raise a device's own.
+#[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Emulate {
+    /// `__local` bytes that a work-group may use.
+    #[schemars(with = "Option<u32>")]
     pub local_bytes: Option<Spanned<i64>>,
+    /// `__constant` bytes that a kernel may use.
+    #[schemars(with = "Option<u32>")]
     pub constant_bytes: Option<Spanned<i64>>,
 }
 
-#[derive(Default, Deserialize)]
+/// How long and how often each point is measured.
+#[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
+    /// Frames cast before the first sample [default: 2].
+    #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
+    /// Fresh processes, apart in time, that share the samples of a point; 1 is a look [default: 3].
+    #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
+    /// Samples of a point before stopping is considered, unless the time is up [default: 10].
+    #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
+    /// Samples of a point after which its group stops in any case [default: 100].
+    #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
+    /// Milliseconds that a point may spend on its samples, in the mean of its group [default: 5000].
+    #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
+    /// The seed of the order of launches and rounds [default: 1].
+    #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
+    /// Stop when the standard deviation over the mean is below this for each point of a group [default: 0.005].
+    #[schemars(with = "Option<f64>", range(min = 0, max = 1))]
     pub relative_sigma: Option<Spanned<f64>>,
 }
 

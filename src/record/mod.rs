@@ -61,7 +61,7 @@ pub(crate) use together::{
     ratio_of_means, ratio_to_mean,
 };
 pub use together::{judge, judge_beside_anchors};
-pub use types::{HOST, Outcome, Record};
+pub use types::{HOST, Outcome, Record, schema};
 pub use whole::{
     TEMPORARY_PREFIX, ordinary, own_file, own_folder, sync_folder, temporary_in, write_new, write_page,
     write_whole, write_whole_by,

@@ -4,13 +4,14 @@ use super::place::Place;
 use crate::manifest;
 use crate::program::MadeKernel;
 use crate::sensor::Sensed;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What `device` says in the records of baselines.
 pub const HOST: &str = "host";
 
 /// What came of a point.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// The image was right and was timed.
@@ -54,7 +55,7 @@ impl Outcome {
 }
 
 /// All that was found about one point.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
     /// The measurement's name: a hash of everything that decides it.
     pub key: String,
@@ -237,6 +238,11 @@ pub struct Record {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
 fn is_false(value: &bool) -> bool {
     !value
+}
+
+/// The JSON schema of a line of `records.jsonl`.
+pub fn schema() -> serde_json::Value {
+    crate::schema::of_json::<Record>("raycl record")
 }
 
 impl Record {

@@ -17,6 +17,7 @@ mod normals;
 mod obj;
 mod orbit;
 mod overrides;
+mod schema;
 mod shapes;
 mod transform;
 mod validate;
@@ -31,6 +32,11 @@ pub use shapes::{Shape, generate};
 pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
+
+/// The JSON schema of a scene's file.
+pub fn schema() -> serde_json::Value {
+    crate::schema::of::<wire::SceneWire>("raycl scene")
+}
 
 /// A light at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

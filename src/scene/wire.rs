@@ -2,85 +2,154 @@
 //! that `toml` points at the place.
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
+use super::schema::{ShapeName, both_names_of_mesh};
+use super::shapes::{MAX_FINENESS, MAX_TRIANGLES};
 use super::validate::MAX_POWER;
+use schemars::JsonSchema;
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
+use serde_json::{Value, json};
 use std::fmt;
 use std::marker::PhantomData;
 use toml::Spanned;
 
-/// A whole scene file.
-#[derive(serde::Deserialize)]
+/// A scene: objects, lights and a camera.
+#[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneWire {
+    /// The scene's name in records and reports [default: the file's].
     pub name: Option<String>,
+    /// A pinhole [default: the paper's, at the origin, looking along -z].
     #[serde(default)]
     pub camera: CameraWire,
+    /// Meshes, generated shapes, and triangles of the file's own; at least one.
     #[serde(default)]
+    #[schemars(with = "Vec<ObjectWire>")]
     pub object: Vec<Spanned<ObjectWire>>,
+    /// Lights at points [default: none: everything that is hit is black].
     pub light: Option<Vec<LightWire>>,
+    /// Radiance of a ray that hits nothing, one number or three, or a display colour such as "#204060".
     pub background: Option<BackgroundWire>,
+    /// Turn the normals of triangles whose back is to the camera, so that they are lit as fronts [default: false].
     pub two_sided: Option<bool>,
+    /// Degrees: edges of meshes without normals stay sharp where their faces meet at more [default: smooth everywhere].
     pub crease: Option<Number<Crease>>,
+    /// The distance from its surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box].
     pub shadow_bias: Option<Number<NonNegative>>,
+    /// How radiance becomes colours of 8 bits.
     #[serde(default)]
     pub display: DisplayWire,
 }
 
-#[derive(Default, serde::Deserialize)]
+/// A pinhole camera.
+#[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraWire {
+    /// The eye [default: the origin].
+    #[schemars(with = "Option<Vector>")]
     pub position: Option<Spanned<Vector>>,
+    /// The point in the middle of the picture [default: position + [0, 0, -1]].
+    #[schemars(with = "Option<Vector>")]
     pub look_at: Option<Spanned<Vector>>,
+    /// The direction that points up in the picture [default: [0, 1, 0]].
+    #[schemars(with = "Option<Vector>")]
     pub up: Option<Spanned<Vector>>,
+    /// Field of view across the width [default: 90].
+    #[schemars(with = "Option<Number<Angle>>")]
     pub fov_x_degrees: Option<Spanned<Number<Angle>>>,
+    /// Field of view across the height, instead of fov_x_degrees.
+    #[schemars(with = "Option<Number<Angle>>")]
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
+    /// Only hits deeper than this along the view are seen [default: 0].
     pub z_near: Option<Number<NonNegative>>,
+    /// See all of the scene from this angle, from its front to its right.
     pub azimuth_degrees: Option<Number<Finite>>,
+    /// The same from this high.
     pub elevation_degrees: Option<Number<Elevation>>,
 }
 
-#[derive(serde::Deserialize)]
+/// A mesh of a file, a generated shape, or triangles in the file itself; scaled, rotated, then moved.
+#[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = both_names_of_mesh)]
 pub(super) struct ObjectWire {
+    /// A mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; relative to this file.
     #[serde(alias = "mesh")]
+    #[schemars(with = "Option<String>")]
     pub obj: Option<Spanned<String>>,
+    /// A generated shape.
+    #[schemars(with = "Option<ShapeName>")]
     pub shape: Option<Spanned<String>>,
+    /// With a shape: how many triangles to aim for.
+    #[schemars(with = "Option<u32>", range(min = 1, max = MAX_TRIANGLES))]
     pub triangles: Option<Spanned<u32>>,
+    /// With the teapot: quads along the side of each of its 32 patches.
+    #[schemars(with = "Option<u32>", range(min = 1, max = MAX_FINENESS))]
     pub fineness: Option<Spanned<u32>>,
+    /// With the terrain: which hills.
+    #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<u32>>,
+    /// Points of triangles in this file.
+    #[schemars(with = "Option<Vec<Vector>>")]
     pub vertices: Option<Spanned<Vec<Vector>>>,
+    /// Corners of each face: places in `vertices`, from 0; more than three are a polygon.
+    #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub faces: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
+    /// Normals; without `face_normals`, one per vertex.
+    #[schemars(with = "Option<Vec<Vector>>")]
     pub normals: Option<Spanned<Vec<Vector>>>,
+    /// For each corner of each face, which normal, from 0.
+    #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub face_normals: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
+    /// First: along the object's own axes; negative mirrors [default: 1].
     pub scale: Option<Triple<NonZero>>,
+    /// Then: degrees about x, then y, then z.
     pub rotation: Option<Vector>,
+    /// Last.
     pub translation: Option<Vector>,
+    /// Give every triangle its own normal: facets [default: false].
     #[serde(default)]
     pub flat: bool,
+    /// With a mesh or vertices: as the scene's, for this object.
+    #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
+    /// Replaces these of every material of the object.
     pub material: Option<MaterialWire>,
+    /// With a mesh: also read MTL files and glTF buffers outside of its folder [default: false].
+    #[schemars(with = "Option<bool>")]
     pub outside_materials: Option<Spanned<bool>>,
 }
 
-#[derive(serde::Deserialize)]
+/// What a surface does with light.
+#[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialWire {
+    /// The diffuse reflectance, one number or three [default: 0.8].
     pub k_l: Option<Triple<Reflectance>>,
+    /// The highlight's strength, one number or three [default: none; 0.2 with shininess].
     pub k_g: Option<Triple<Reflectance>>,
+    /// The highlight's exponent [default: none; 100 with k_g].
     pub shininess: Option<Number<Shininess>>,
 }
 
-#[derive(serde::Deserialize)]
+/// A light at a point: a surface at distance r receives power / (4 pi r^2).
+#[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
+    /// Where it is.
+    #[schemars(with = "Vector")]
     pub position: Spanned<Vector>,
+    /// Its power: one number is white, three are red, green and blue.
+    #[schemars(with = "Triple<Power>")]
     pub power: Spanned<Triple<Power>>,
 }
 
-#[derive(Default, serde::Deserialize)]
+/// How radiance becomes colours of 8 bits: 255 * clamp(exposure * L, 0, 1)^(1 / gamma).
+#[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DisplayWire {
+    /// The factor before the curve [default: 15].
     pub exposure: Option<Number<NonNegative>>,
+    /// The exponent's inverse [default: 2.2].
     pub gamma: Option<Number<Positive>>,
 }
 
@@ -88,10 +157,12 @@ pub(super) struct DisplayWire {
 pub(super) trait Range {
     const EXPECTED: &'static str;
     fn contains(value: f32) -> bool;
+    /// Its ends as a JSON schema has them.
+    fn bounds() -> Value;
 }
 
 macro_rules! ranges {
-    ($($(#[$doc:meta])* $name:ident: $expected:literal, $holds:expr;)*) => {$(
+    ($($(#[$doc:meta])* $name:ident: $expected:literal, $holds:expr, $bounds:tt;)*) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy)]
         pub(super) struct $name;
@@ -101,31 +172,40 @@ macro_rules! ranges {
                 let holds: fn(f32) -> bool = $holds;
                 value.is_finite() && holds(value)
             }
+            fn bounds() -> Value {
+                json!($bounds)
+            }
         }
     )*};
 }
 
 ranges! {
     /// Any that f32 holds.
-    Finite: "a finite number", |_| true;
+    Finite: "a finite number", |_| true, {};
     /// For what has no sign.
-    NonNegative: "a finite number of at least 0", |value| value >= 0.0;
+    NonNegative: "a finite number of at least 0", |value| value >= 0.0, { "minimum": 0 };
     /// For k_L and k_G.
-    Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value);
+    Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value),
+        { "minimum": 0, "maximum": MAX_REFLECTANCE };
     /// For s.
-    Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value);
+    Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
+        { "minimum": 0, "maximum": MAX_SHININESS };
     /// For lights.
-    Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value);
+    Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value),
+        { "minimum": 0, "maximum": 1e28 };
     /// For divisors.
-    Positive: "a finite number of more than 0", |value| value > 0.0;
+    Positive: "a finite number of more than 0", |value| value > 0.0, { "exclusiveMinimum": 0 };
     /// For scales.
-    NonZero: "a finite number other than 0", |value| value != 0.0;
+    NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
     /// For how high a camera stands.
-    Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value);
+    Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value),
+        { "minimum": -90, "maximum": 90 };
     /// For angles between faces.
-    Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value);
+    Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
+        { "minimum": 0, "maximum": 180 };
     /// For fields of view; near the ends their tangent leaves f32.
-    Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99;
+    Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
+        { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }
 
 /// Radiance, or a colour as displays have it.

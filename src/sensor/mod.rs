@@ -6,6 +6,7 @@ mod watch;
 pub use watch::Watch;
 
 use crate::device::Hardware;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Something that can be asked how a device fares.
@@ -30,7 +31,7 @@ pub fn watch(hardware: &Hardware) -> Watch {
 }
 
 /// What sensors showed while a sample was taken; a record has the means of its samples'.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Sensed {
     /// The processors' clock.

@@ -105,6 +105,16 @@ pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
+/// Where raycl finds no settings: whose machine it is decides no test.
+pub const NO_SETTINGS: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-settings");
+
+/// The binary, without the user's settings.
+pub fn program() -> std::process::Command {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
+    command.env("XDG_CONFIG_HOME", NO_SETTINGS).env_remove("RAYCL_DEVICE").env_remove("RAYCL_RESULTS");
+    command
+}
+
 /// A folder that the binary runs in.
 pub struct Place(tempfile::TempDir);
 
@@ -158,7 +168,7 @@ impl Place {
 
     /// The binary, to be run in this folder.
     pub fn raycl(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+        let mut command = Command::from_std(program());
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
         // Tests that do not test the lock of devices do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.path(".locks"));

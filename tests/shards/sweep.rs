@@ -6,7 +6,7 @@ use crate::common::is_long;
 use raycl::record::{PlannedPoint, Record, Sample, read_lines};
 use raycl::shard::{About, Attempt, Block, Cost, End, Header, Kind, KindPoint, ShardPlan, cut};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 /// A sweep of many points in many shards, as if it had been measured: recorded times, under other names, in attempts' folders.
 struct Replay {
@@ -119,7 +119,7 @@ fn a_sweep_of_many_points_in_many_shards_is_merged_and_reported() {
     let place = Place::new();
     replay.write(&place.path("out"));
     let start = std::time::Instant::now();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_raycl"));
+    let mut command = crate::binary::program();
     command
         .args(["merge", "out", "--quiet"])
         .current_dir(place.path(""))

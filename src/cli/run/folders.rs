@@ -1,6 +1,7 @@
 //! Where results go that are given no folder.
 
-use std::path::{Path, PathBuf};
+use crate::settings::results;
+use std::path::PathBuf;
 
 /// The latest folder of this name to go on with, or a free one.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
@@ -18,7 +19,7 @@ fn free_folder(name: &str) -> PathBuf {
 
 fn numbered_folder(name: &str, number: u32) -> PathBuf {
     match number {
-        1 => Path::new("results").join(name),
-        _ => Path::new("results").join(format!("{name}-{number}")),
+        1 => results().join(name),
+        _ => results().join(format!("{name}-{number}")),
     }
 }

@@ -9,10 +9,11 @@
 //!
 //! It is printed only when the program is really compiled, not when the driver's cache answers.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a kernel takes of a device, as its build log says.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Resources {
     /// Registers per work-item.

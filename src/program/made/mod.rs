@@ -12,10 +12,11 @@ pub use ptx::{Census, census, is_ptx};
 use crate::device::occupancy::{multiprocessor, occupancy};
 use ocl::Kernel;
 use ocl::enums::{KernelWorkGroupInfo as Query, KernelWorkGroupInfoResult as Answer};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One built kernel.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MadeKernel {
     /// Its name in the source.

@@ -1,11 +1,12 @@
 //! A census of memory instructions in PTX text, kernel by kernel: how many of the program's instructions load,
 //! store or change memory of each address space. Counts are static: a loop's body counts once.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Memory instructions inside one kernel's body.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Census {
     /// Instructions by what they do and the space they reach: "ld.global", "st.shared", "ld.global.nc" (through the
     /// read-only cache), "atom.global"; "ld.generic" where the space is known only when it runs. `ld.param` reads the

@@ -13,7 +13,7 @@ use super::Mesh;
 /// The most triangles a shape or a scene has: their vertices then have 32-bit indices with room to spare.
 pub const MAX_TRIANGLES: u32 = 100_000_000;
 /// The largest fineness whose teapot has at most [`MAX_TRIANGLES`].
-const MAX_FINENESS: u32 = 1250;
+pub(super) const MAX_FINENESS: u32 = 1250;
 
 /// A shape and how fine it is. `triangles` is a target that is met within a few per
 /// cent from some hundred triangles on. Shapes have y up and k_L 0.8.

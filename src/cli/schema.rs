@@ -1,0 +1,39 @@
+//! `raycl schema`: JSON schemas of the files that users write, and of records.
+
+use crate::error::Result;
+use crate::{config, record, scene};
+
+/// Arguments of `raycl schema`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl schema scene > scene.schema.json
+  raycl schema config > config.schema.json
+  raycl schema record > record.schema.json
+
+A TOML file whose first line is `#:schema PATH`, relative to the file, is completed and checked by editors that know JSON schemas \
+(Even Better TOML, Taplo, Tombi). The repository has all schemas in docs/schemas. raycl itself does not read that line. \
+That of records gives the type of each field of records.jsonl.")]
+pub struct Args {
+    /// Of what
+    #[arg(value_name = "WHAT")]
+    what: What,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum What {
+    /// A scene
+    Scene,
+    /// The config of an experiment
+    Config,
+    /// A line of records.jsonl
+    Record,
+}
+
+/// Prints the schema.
+pub fn run(args: Args) -> Result<()> {
+    super::print_json(&match args.what {
+        What::Scene => scene::schema(),
+        What::Config => config::schema(),
+        What::Record => record::schema(),
+    })
+}

@@ -1,0 +1,77 @@
+//! The JSON schemas of what `wire` reads by hand: sizes, and names that are lists elsewhere.
+
+use std::borrow::Cow;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde_json::{Map, Value, json};
+
+use super::sizes::IMAGE_SIDE;
+use super::types::Baseline;
+use super::wire::{Size, StrategyEntry};
+use crate::schema::{names, schema_by_hand};
+use crate::strategy::{AXES, AxisInfo, PRESETS};
+
+/// The name of a preset.
+pub struct PresetName;
+/// The name of a caster on the host.
+pub struct BaselineName;
+/// Any value.
+pub struct Anything;
+
+schema_by_hand! {
+    PresetName => names(PRESETS.iter().map(|preset| preset.name));
+    BaselineName => names(Baseline::ALL.iter().map(|baseline| baseline.name()));
+    Anything => json_schema!({});
+    Size => size();
+    StrategyEntry => strategy();
+}
+
+fn size() -> Schema {
+    let side = json!({ "type": "integer", "minimum": IMAGE_SIDE.start(), "maximum": IMAGE_SIDE.end() });
+    json_schema!({ "anyOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
+}
+
+/// A `[[strategy]]`: a preset, and any axis.
+fn strategy() -> Schema {
+    let mut keys = Map::new();
+    let mut add = |key: &str, about: &str, schema: Schema| {
+        let mut schema = schema.to_value();
+        schema["description"] = about.into();
+        keys.insert(key.to_owned(), schema);
+    };
+    add(
+        "preset",
+        "The preset that the axes start from; `raycl strategies` lists them.",
+        PresetName::schema(),
+    );
+    add(
+        "name",
+        "Its name in results [default: the preset with what differs].",
+        json_schema!({ "type": "string" }),
+    );
+    let sizes = json_schema!({ "type": "array", "items": size() });
+    add("local_sizes", "Work-items of a work-group, instead of the experiment's.", sizes);
+    let about = "Measure the preset on devices that it is not meant for, too [default: false].";
+    add("any_kind", about, json_schema!({ "type": "boolean" }));
+    for axis in AXES {
+        add(
+            axis.name,
+            &format!("{}: one value, or a list, which is one strategy for each", axis.about),
+            values(axis),
+        );
+    }
+    json_schema!({ "type": "object", "properties": keys, "required": ["preset"], "additionalProperties": false })
+}
+
+/// A value of an axis or a list of them. Numbers may be written as numbers; of an axis whose values are files, a folder that
+/// --cl-dir names may hold more.
+fn values(axis: &AxisInfo) -> Schema {
+    let known = axis.values().into_iter().map(|(name, _)| Value::from(name));
+    let numbers = axis.values().into_iter().filter_map(|(name, _)| name.parse::<i64>().ok()).map(Value::from);
+    let mut one = vec![json!({ "enum": known.chain(numbers).collect::<Vec<_>>() })];
+    if axis.listed.is_empty() {
+        one.push(json!({ "type": "string" }));
+    }
+    let list = json!({ "type": "array", "items": { "anyOf": one }, "minItems": 1 });
+    json_schema!({ "anyOf": one.iter().cloned().chain([list]).collect::<Vec<_>>() })
+}

@@ -1,0 +1,83 @@
+//! JSON schemas of the TOML files that users write, made of the types that read them: with one, an editor completes keys, explains them
+//! and marks what raycl would refuse. And of records, so that other programs know the type of a field that is null in all of a file.
+//! `raycl schema` prints them.
+
+use schemars::generate::SchemaSettings;
+use schemars::transform::RecursiveTransform;
+use schemars::{JsonSchema, Schema, json_schema};
+use serde_json::Value;
+
+/// The schema of a TOML file that is read as a `T`.
+pub(crate) fn of<T: JsonSchema>(title: &str) -> Value {
+    let mut settings = settings();
+    settings.transforms.push(Box::new(RecursiveTransform(without_null)));
+    titled::<T>(settings, title)
+}
+
+/// The schema of a `T` in JSON.
+pub(crate) fn of_json<T: JsonSchema>(title: &str) -> Value {
+    titled::<T>(settings(), title)
+}
+
+/// Editors' TOML plugins know this draft. Nothing is referred to: each table stands where it is used.
+fn settings() -> SchemaSettings {
+    let mut settings = SchemaSettings::draft07();
+    settings.inline_subschemas = true;
+    settings
+}
+
+fn titled<T: JsonSchema>(settings: SchemaSettings, title: &str) -> Value {
+    let mut schema = settings.into_generator().into_root_schema_for::<T>();
+    schema.insert("title".to_owned(), title.into());
+    schema.to_value()
+}
+
+/// One of these names.
+pub(crate) fn names(names: impl Iterator<Item = &'static str>) -> Schema {
+    json_schema!({ "type": "string", "enum": names.collect::<Vec<_>>() })
+}
+
+/// TOML has no null: a key that may be absent is no key that may be null.
+fn without_null(schema: &mut Schema) {
+    if let Some(Value::Array(types)) = schema.get_mut("type") {
+        types.retain(|one| one != "null");
+        if let [only] = &types[..] {
+            let only = only.clone();
+            schema.insert("type".to_owned(), only);
+        }
+    }
+    if let Some(Value::Array(values)) = schema.get_mut("enum") {
+        values.retain(|one| !one.is_null());
+    }
+    let Some(Value::Array(choices)) = schema.get_mut("anyOf") else { return };
+    let before = choices.len();
+    choices.retain(|one| one.get("type").is_none_or(|name| name != "null"));
+    if let ([Value::Object(only)], true) = (&choices[..], choices.len() < before) {
+        let only = only.clone();
+        schema.remove("anyOf");
+        only.into_iter().for_each(|(key, value)| drop(schema.insert(key, value)));
+    }
+}
+
+/// Schemas of types that are read by hand; each is also the type's own `schema()`.
+macro_rules! schema_by_hand {
+    ($($type:ty => $schema:expr;)+) => {$(
+        impl $type {
+            fn schema() -> Schema {
+                $schema
+            }
+        }
+        impl JsonSchema for $type {
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($type).into()
+            }
+            fn inline_schema() -> bool {
+                true
+            }
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                Self::schema()
+            }
+        }
+    )+};
+}
+pub(crate) use schema_by_hand;

@@ -1,0 +1,156 @@
+//! The user's own settings, `~/.config/raycl/config.toml`: what counts where neither an option nor the environment says it.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::cli::colour::Colour;
+use crate::error::{Error, Result};
+use crate::reader::{self, Kind};
+use crate::toml_error::toml_error;
+use crate::xdg;
+
+/// The variable that names the default device.
+pub const DEVICE: &str = "RAYCL_DEVICE";
+/// The variable that names the folder of results.
+pub const RESULTS: &str = "RAYCL_RESULTS";
+/// The remedy of a value that is wrong.
+const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
+
+/// The file as TOML has it.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Wire {
+    device: Option<Spanned<String>>,
+    color: Option<Colour>,
+    results: Option<Spanned<String>>,
+}
+
+/// What was read, with the text for messages.
+#[derive(Debug, Default)]
+struct Settings {
+    name: String,
+    text: String,
+    wire: Wire,
+}
+
+static USER: OnceLock<Settings> = OnceLock::new();
+
+/// Reads the user's file, once and before anything asks for a setting. A user who has none has no settings.
+///
+/// # Errors
+/// An input error with file, line and the nearest right name; then there are no settings.
+pub fn load() -> Result<()> {
+    let Some(path) = xdg::folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("config.toml"))
+    else {
+        return Ok(());
+    };
+    let settings = read(&path)?;
+    // A second reading would change nothing.
+    let _ = USER.set(settings);
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<Settings> {
+    let text = match reader::text(path, Kind::Toml) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Settings::default()),
+        Err(error) => {
+            return Err(Error::unreadable(
+                "settings",
+                path,
+                &error,
+                "make it a readable TOML file, or remove it",
+            ));
+        }
+    };
+    let name = path.display().to_string();
+    let wire: Wire = toml::from_str(&text).map_err(|error| toml_error(&name, &text, &error, KEYS))?;
+    let settings = Settings { name, text, wire };
+    for value in settings.wire.device.iter().chain(&settings.wire.results) {
+        if value.get_ref().trim().is_empty() {
+            return Err(settings
+                .error(value, "this is empty".to_owned())
+                .with_help("give it a value, or remove the line"));
+        }
+    }
+    Ok(settings)
+}
+
+impl Settings {
+    fn error(&self, at: &Spanned<String>, message: String) -> Error {
+        Error::in_file(&self.name, self.text.as_str(), at.span(), message, "here")
+    }
+}
+
+fn user() -> &'static Settings {
+    static NONE: OnceLock<Settings> = OnceLock::new();
+    USER.get().unwrap_or_else(|| NONE.get_or_init(Settings::default))
+}
+
+/// What the environment says, if anything.
+fn variable(name: &str) -> Option<String> {
+    std::env::var(name).ok().filter(|text| !text.trim().is_empty())
+}
+
+/// When to use colours.
+pub fn colour() -> Option<Colour> {
+    user().wire.color
+}
+
+/// The folder in which runs make theirs: `results` where nobody says otherwise.
+pub fn results() -> PathBuf {
+    let set = || user().wire.results.as_ref().map(|path| path.get_ref().clone());
+    xdg::expanded(Path::new(&variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned())))
+}
+
+/// The word for the device to use where the command names none.
+pub fn device() -> Option<String> {
+    variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
+}
+
+/// A mistake in the word that [`device`] gave, told where it stands.
+pub fn blame_device(error: Error) -> Error {
+    error.placed(|message| match (variable(DEVICE), &user().wire.device) {
+        (None, Some(word)) => user().error(word, message),
+        (Some(_), _) => Error::input(format!("{DEVICE}: {message}")),
+        (None, None) => Error::input(message),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Settings> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("config.toml");
+        std::fs::write(&path, text).expect("a file");
+        read(&path)
+    }
+
+    #[test]
+    fn a_file_is_read_and_none_is_no_mistake() {
+        let read = read_text("device = \"cpu\"\ncolor = \"never\"\nresults = \"~/r\"\n").expect("settings");
+        assert_eq!(read.wire.color, Some(Colour::Never));
+        assert_eq!(read.wire.device.map(Spanned::into_inner).as_deref(), Some("cpu"));
+        assert!(super::read(Path::new("/no/such/file")).expect("no settings").wire.device.is_none());
+    }
+
+    #[test]
+    fn mistakes_have_file_line_and_the_nearest_name() {
+        for (text, parts) in [
+            ("# mine\ndevise = \"cpu\"\n", ["config.toml:2", "devise", "did you mean `device`", "results"]),
+            ("color = \"nevr\"\n", ["config.toml:1", "nevr", "did you mean `never`", "always"]),
+            ("device = 3\n", ["config.toml:1", "wrong type: integer", "expected a string", "the keys are"]),
+            ("\nresults = \"\"\n", ["config.toml:2", "this is empty", "results", "remove the line"]),
+        ] {
+            let error = read_text(text).expect_err(text);
+            assert_eq!(error.exit_code(), 2);
+            let told = format!("{:?}", miette::Report::new(error));
+            parts.iter().for_each(|part| assert!(told.contains(part), "{part}: {told}"));
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! docs/ as a book, and every link of the documents: to a file that is there, and to a heading that is in it. Pictures and stored
+//! records are in the repository and not in the package.
+
+use crate::binary::repository;
+use std::collections::BTreeSet;
+use std::fs::{read_dir, read_to_string};
+use std::path::{Path, PathBuf};
+
+/// Names of the pages in docs/.
+fn pages() -> BTreeSet<String> {
+    let entries =
+        read_dir(repository("docs")).expect("docs").map(|entry| entry.expect("an entry").file_name());
+    let names = entries.filter_map(|name| name.into_string().ok());
+    names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md").collect()
+}
+
+/// The text without code: fenced blocks and what stands between backticks.
+fn without_code(text: &str) -> String {
+    let mut fenced = false;
+    let mut kept = String::new();
+    for line in text.lines() {
+        if line.trim_start().starts_with("```") {
+            fenced = !fenced;
+        } else if !fenced {
+            kept.extend(line.split('`').step_by(2));
+            kept.push('\n');
+        }
+    }
+    kept
+}
+
+/// Where the links and pictures of a page lead, without those to other machines.
+fn links(text: &str) -> Vec<String> {
+    let targets = without_code(text)
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| Some(rest.split_once(')')?.0.to_owned()))
+        .collect::<Vec<_>>();
+    targets.into_iter().filter(|target| !target.contains("://")).collect()
+}
+
+/// A heading as part of a link, as GitHub and mdBook make it.
+fn anchor(heading: &str) -> String {
+    let words = heading.trim().to_lowercase().replace(' ', "-");
+    words.chars().filter(|c| c.is_alphanumeric() || matches!(c, '-' | '_')).collect()
+}
+
+fn anchors(path: &Path) -> BTreeSet<String> {
+    let text = read_to_string(path).expect("a page");
+    text.lines()
+        .filter(|line| line.starts_with('#'))
+        .map(|line| anchor(line.trim_start_matches('#')))
+        .collect()
+}
+
+#[test]
+fn every_page_is_in_the_book_once() {
+    let summary = read_to_string(repository("docs/SUMMARY.md")).expect("the table of contents");
+    let listed = links(&summary);
+    let distinct: BTreeSet<String> = listed.iter().cloned().collect();
+    assert_eq!(listed.len(), distinct.len(), "a page is listed twice");
+    assert_eq!(distinct, pages());
+    let parts: Vec<_> = summary.lines().filter_map(|line| line.strip_prefix("# For ")).collect();
+    assert_eq!(parts, ["pictures", "students", "engineers"]);
+    let book: toml::Table = read_to_string(repository("book.toml")).expect("the book").parse().expect("TOML");
+    assert_eq!(book["book"]["src"].as_str(), Some("docs"));
+}
+
+#[test]
+fn every_link_of_the_documents_leads_somewhere() {
+    let own = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/SUMMARY.md"]
+        .map(str::to_owned);
+    let documents = own.into_iter().chain(pages().into_iter().map(|name| format!("docs/{name}")));
+    let mut seen = 0;
+    for name in documents {
+        let page = repository(&name);
+        for link in links(&read_to_string(&page).expect("a page")) {
+            let (file, heading) = link.split_once('#').unwrap_or((&link, ""));
+            let path: PathBuf =
+                if file.is_empty() { page.clone() } else { page.parent().expect("a folder").join(file) };
+            assert!(path.exists(), "{name}: there is no {link}");
+            let known = heading.is_empty() || anchors(&path).contains(heading);
+            assert!(known, "{name}: {file} has no heading for {link}: {:?}", anchors(&path));
+            seen += 1;
+        }
+    }
+    assert!(seen > 100, "only {seen} links");
+}

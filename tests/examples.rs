@@ -1,0 +1,53 @@
+//! The programs under examples/, which use the library's stable part, do what they say. `cargo test` builds them; `cargo test --test all`
+//! does not: then `cargo build --examples` does.
+
+use crate::binary::{NO_SETTINGS, Place, TRIANGLE, config, device, has};
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs an example in a folder.
+fn run(place: &Place, example: &str, words: &[&str]) -> Output {
+    let program = Path::new(env!("CARGO_BIN_EXE_raycl")).with_file_name("examples").join(example);
+    assert!(program.is_file(), "{}: `cargo build --examples` makes it", program.display());
+    let mut command = Command::new(program);
+    command.args(words).current_dir(place.path("")).env("XDG_CONFIG_HOME", NO_SETTINGS);
+    command.env("RAYCL_LOCK_DIR", place.path(".locks")).env("RAYCL_CACHE_MIB", "0");
+    crate::binary::run(&mut command)
+}
+
+fn said(output: Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+#[test]
+fn one_casts_a_picture() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let told = said(run(&place, "cast", &["scene.toml", "a.png", &device()]));
+    has(&told, &[" ms, ", " pixels hit something"]);
+    assert!(!told.contains(" 0 pixels"), "{told}");
+    let picture = image::open(place.path("a.png")).expect("a picture");
+    assert_eq!((picture.width(), picture.height()), (320, 200));
+    // A mistake has its line, as raycl's own.
+    place.write("bad.toml", &TRIANGLE.replace("power", "pwer"));
+    let output = run(&place, "cast", &["bad.toml", "b.png"]);
+    assert!(!output.status.success());
+    has(&String::from_utf8_lossy(&output.stderr), &["bad.toml:8", "did you mean `power`"]);
+}
+
+#[test]
+fn one_reads_hits() {
+    let place = Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))]);
+    let told = said(run(&place, "hits", &["scene.toml"]));
+    has(&told, &["object 0: ", "the nearest at 2.000", "object 1: "]);
+    assert_eq!(told.lines().count(), 2, "{told}");
+}
+
+#[test]
+fn one_runs_an_experiment() {
+    let points = "image_sizes = [[8, 5]]\nlocal_sizes = [4]\nstrategies = [\"naive\", \"deferred\"]\n";
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))]);
+    let told = said(run(&place, "experiment", &["config.toml", "out", &device()]));
+    has(&told, &["naive on ", "deferred on ", "2 of 2 points were measured"]);
+    assert_eq!(place.json_lines("out/records.jsonl").len(), 2);
+}

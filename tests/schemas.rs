@@ -1,0 +1,300 @@
+//! The JSON schemas of scenes and configs: they are those of this program, every file of the repository keeps to its own, and what
+//! raycl refuses they refuse.
+
+use crate::binary::{Place, repository};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::fs::{read_dir, read_to_string};
+use std::path::PathBuf;
+
+const KINDS: [(&str, &str); 2] = [("config", "configs"), ("scene", "scenes")];
+
+/// A line of records.jsonl has a schema, too.
+const RECORD: &str = "record";
+
+fn schema(kind: &str) -> Value {
+    serde_json::from_str(&Place::new().output(&["schema", kind])).expect("JSON")
+}
+
+fn tomls(folder: &str) -> Vec<PathBuf> {
+    let files = read_dir(repository(folder)).expect("a folder").map(|entry| entry.expect("an entry").path());
+    let mut files: Vec<_> =
+        files.filter(|path| path.extension().is_some_and(|ending| ending == "toml")).collect();
+    files.sort();
+    files
+}
+
+fn read(text: &str) -> Value {
+    let table: toml::Table = text.parse().expect("TOML");
+    serde_json::to_value(table).expect("JSON")
+}
+
+/// Why a value is not what a schema asks for; of the keywords these schemas use, and no others.
+fn mistakes(value: &Value, schema: &Value, place: &str) -> Vec<String> {
+    let keywords = schema.as_object().expect("a schema");
+    keywords.iter().flat_map(|(keyword, wanted)| mistake(value, keyword, wanted, place, schema)).collect()
+}
+
+fn is_of(value: &Value, name: &Value) -> bool {
+    match name.as_str().expect("a type") {
+        "null" => value.is_null(),
+        "object" => value.is_object(),
+        "array" => value.is_array(),
+        "string" => value.is_string(),
+        "boolean" => value.is_boolean(),
+        "number" => value.is_number(),
+        "integer" => value.is_i64() || value.is_u64(),
+        other => panic!("the type {other}"),
+    }
+}
+
+fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &Value) -> Vec<String> {
+    let number = |holds: fn(f64, f64) -> bool| match (value.as_f64(), wanted.as_f64()) {
+        (Some(value), Some(wanted)) => holds(value, wanted),
+        (value, _) => value.is_none(),
+    };
+    let count = |holds: fn(u64, u64) -> bool| {
+        let length = value.as_array().map(Vec::len).or(value.as_str().map(str::len));
+        length.is_none_or(|length| holds(length as u64, wanted.as_u64().expect("a length")))
+    };
+    let holds = match keyword {
+        "$schema" | "title" | "description" | "format" | "default" => true,
+        "type" => match wanted {
+            Value::Array(types) => types.iter().any(|one| is_of(value, one)),
+            one => is_of(value, one),
+        },
+        "enum" => wanted.as_array().expect("values").contains(value),
+        "const" => value == wanted || wanted.is_number() && value.as_f64() == wanted.as_f64(),
+        "not" => !mistakes(value, wanted, place).is_empty(),
+        "minimum" => number(|value, least| value >= least),
+        "maximum" => number(|value, most| value <= most),
+        "exclusiveMinimum" => number(|value, below| value > below),
+        "exclusiveMaximum" => number(|value, above| value < above),
+        "minItems" | "minLength" => count(|length, least| length >= least),
+        "maxItems" => count(|length, most| length <= most),
+        // That of colours is all there is.
+        "pattern" => {
+            value.as_str().is_none_or(|text| text.starts_with('#') || ["black", "white"].contains(&text))
+        }
+        "anyOf" | "oneOf" => {
+            wanted.as_array().expect("choices").iter().any(|one| mistakes(value, one, place).is_empty())
+        }
+        "items" => {
+            let items = value.as_array().into_iter().flatten().enumerate();
+            return items.flat_map(|(at, item)| mistakes(item, wanted, &format!("{place}[{at}]"))).collect();
+        }
+        "properties" | "additionalProperties" if !value.is_object() => true,
+        "properties" => {
+            let keys = value
+                .as_object()
+                .into_iter()
+                .flatten()
+                .filter_map(|(key, value)| Some((key, value, wanted.get(key)?)));
+            return keys
+                .flat_map(|(key, value, wanted)| mistakes(value, wanted, &format!("{place}.{key}")))
+                .collect();
+        }
+        "additionalProperties" => match wanted {
+            Value::Bool(allowed) => {
+                let known = |key: &String| schema["properties"].get(key).is_some();
+                *allowed || value.as_object().into_iter().flatten().all(|(key, _)| known(key))
+            }
+            _ => true,
+        },
+        "required" => {
+            let mut keys = wanted.as_array().into_iter().flatten().filter_map(Value::as_str);
+            keys.all(|key| value.get(key).is_some() || !value.is_object())
+        }
+        other => panic!("this test does not know the keyword {other}"),
+    };
+    if holds { Vec::new() } else { vec![format!("{place}: {keyword} {wanted}: {value}")] }
+}
+
+#[test]
+fn the_stored_schemas_are_this_programs() {
+    for kind in KINDS.map(|(kind, _)| kind).into_iter().chain([RECORD]) {
+        let path = repository(&format!("docs/schemas/{kind}.schema.json"));
+        let stored = read_to_string(&path).unwrap_or_default();
+        let printed = Place::new().output(&["schema", kind]);
+        assert!(stored == printed, "`raycl schema {kind} > docs/schemas/{kind}.schema.json` makes it again");
+    }
+}
+
+#[test]
+fn every_file_names_its_schema_and_keeps_to_it() {
+    for (kind, folder) in KINDS {
+        let schema = schema(kind);
+        let files = tomls(folder);
+        assert!(files.len() > 10, "{folder}: {} files", files.len());
+        for path in files {
+            let text = read_to_string(&path).expect("a file");
+            let first = format!("#:schema ../docs/schemas/{kind}.schema.json");
+            assert_eq!(text.lines().next(), Some(first.as_str()), "{}", path.display());
+            let found = mistakes(&read(&text), &schema, "");
+            assert!(found.is_empty(), "{}: {found:#?}", path.display());
+        }
+    }
+}
+
+#[test]
+fn what_raycl_refuses_the_schemas_refuse() {
+    let scene = "[[light]]\nposition = [1, 3, 1]\npower = 10\n[[object]]\nshape = \"ground\"\n";
+    let config = "question = \"?\"\nexpectation = \"!\"\nscenes = [\"scene.toml\"]\nimage_sizes = [[8, 5]]\nlocal_sizes = [4]\n\
+        [[strategy]]\npreset = \"deferred\"\nwidth = [1, 4]\n[timing]\nseed = 1\n";
+    for (kind, good, changes) in [
+        (
+            "scene",
+            scene,
+            [
+                ("shape", "shpae"),
+                ("shape = \"ground\"", "shape = \"grond\""),
+                ("power = 10", "pwer = 10"),
+                ("power = 10", "power = -1"),
+                ("[1, 3, 1]", "[1, 3]"),
+                ("power = 10", "power = \"10\""),
+                ("[[light]]", "shadow_bias = -1\n[[light]]"),
+                ("[[light]]", "[camera]\nfov_x_degrees = 180\n[[light]]"),
+                ("[[light]]", "background = \"grey\"\n[[light]]"),
+            ],
+        ),
+        (
+            "config",
+            config,
+            [
+                ("image_sizes", "image_size"),
+                ("question = \"?\"\n", ""),
+                ("[[8, 5]]", "[[8, 5, 3]]"),
+                ("[[8, 5]]", "[0]"),
+                ("width", "wdith"),
+                ("preset = \"deferred\"", "preset = \"defered\""),
+                ("width = [1, 4]", "width = [1, 5]"),
+                ("seed", "sede"),
+                ("seed = 1", "seed = 1.5"),
+            ],
+        ),
+    ] {
+        let schema = schema(kind);
+        assert!(mistakes(&read(good), &schema, "").is_empty(), "{:?}", mistakes(&read(good), &schema, ""));
+        for (from, to) in changes {
+            let bad = good.replacen(from, to, 1);
+            assert_ne!(bad, good, "{from}");
+            assert!(!mistakes(&read(&bad), &schema, "").is_empty(), "the schema takes: {bad}");
+            let place = Place::with(&[("scene.toml", scene), (&format!("{kind}.toml"), &bad)]);
+            match kind {
+                "scene" => place.mistake(&["render", "scene.toml", "-o", "a.png"], 2),
+                _ => place.mistake(&["run", "config.toml", "--dry-run"], 2),
+            };
+        }
+    }
+}
+
+#[test]
+fn axes_and_presets_are_completed_and_numbers_may_be_numbers() {
+    let config = schema("config");
+    let strategy = &config["properties"]["strategy"]["items"]["properties"];
+    for axis in raycl::strategy::AXES {
+        assert!(
+            strategy[axis.name]["description"].as_str().is_some_and(|text| text.contains(axis.about)),
+            "{}",
+            axis.name
+        );
+    }
+    let widths = strategy["width"]["anyOf"][0]["enum"].as_array().expect("values");
+    assert!(widths.contains(&json!(4)) && widths.contains(&json!("4")), "{widths:?}");
+    let presets = config["properties"]["strategies"]["items"]["enum"].as_array().expect("presets").len();
+    assert_eq!(presets, raycl::strategy::PRESETS.len());
+    // A key without words would not be explained.
+    for (kind, _) in KINDS {
+        for (key, value) in schema(kind)["properties"].as_object().expect("keys") {
+            assert!(value["description"].is_string(), "{kind}: {key}");
+        }
+    }
+}
+
+/// Fields of the first table under a heading of docs/format.md: what stands in backticks in its first column.
+fn documented(heading: &str) -> BTreeSet<String> {
+    let text = read_to_string(repository("docs/format.md")).expect("the page");
+    let section = text.split_once(heading).expect("the heading").1;
+    let table = section.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
+    let rows = table.take_while(|line| line.starts_with('|'));
+    let names = |row: &str| -> Vec<String> {
+        let first = row.split('|').nth(1).unwrap_or_default();
+        first.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    };
+    rows.flat_map(names).collect()
+}
+
+/// The stored records are of several versions: what was written then is what the schema says now.
+#[test]
+fn records_keep_to_their_schema_and_the_page_has_every_field() {
+    let schema = schema(RECORD);
+    let fields: BTreeSet<String> =
+        schema["properties"].as_object().expect("fields").keys().cloned().collect();
+    assert_eq!(documented("\n## records.jsonl\n"), fields);
+    let mut seen = 0;
+    for device in ["2026-11-20-h200", "2026-11-20-pocl"] {
+        for run in read_dir(repository("docs/results").join(device)).expect("stored results") {
+            let Ok(text) = read_to_string(run.expect("a folder").path().join("records.jsonl")) else {
+                continue;
+            };
+            for line in text.lines() {
+                let found = mistakes(&serde_json::from_str(line).expect("JSON"), &schema, "");
+                assert!(found.is_empty(), "{found:#?}\n{line}");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 1000, "{seen} records");
+}
+
+/// Words of docs/python.md's lines that are no fields: names of types, of what the lines make, and of SQL.
+const NO_FIELDS: [&str; 21] = [
+    "properties",
+    "type",
+    "string",
+    "integer",
+    "number",
+    "boolean",
+    "measured",
+    "diagonal_relaxed",
+    "select",
+    "from",
+    "where",
+    "order",
+    "by",
+    "limit",
+    "unnest",
+    "as",
+    "sample_ms",
+    "points",
+    "count",
+    "group",
+    "float64",
+];
+
+/// The lines of docs/python.md name fields that records have. `make test-python` runs them.
+#[test]
+fn the_python_page_names_fields_that_records_have() {
+    let page = read_to_string(repository("docs/python.md")).expect("the page");
+    let blocks: Vec<&str> =
+        page.split("\n```python\n").skip(1).filter_map(|rest| rest.split("\n```").next()).collect();
+    assert!(blocks.len() >= 8, "{} blocks", blocks.len());
+    let fields = documented("\n## records.jsonl\n");
+    let is_name = |word: &&str| word.len() > 1 && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let mut seen = BTreeSet::new();
+    for line in blocks.iter().flat_map(|block| block.lines()) {
+        // Words between quotes, and those of a query.
+        for quoted in line.split('"').skip(1).step_by(2) {
+            let words = if quoted.starts_with("select") {
+                quoted.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).collect()
+            } else {
+                vec![quoted]
+            };
+            for word in words.into_iter().filter(is_name).filter(|word| !NO_FIELDS.contains(word)) {
+                assert!(fields.contains(word), "records have no {word}: {line}");
+                seen.insert(word);
+            }
+        }
+    }
+    assert!(seen.len() >= 6, "{seen:?}");
+}

@@ -1,0 +1,80 @@
+//! The user's settings: options go before the environment, the environment before the file, the file before what raycl would do.
+
+use crate::binary::{Place, TRIANGLE, config, device, has};
+use assert_cmd::Command;
+
+/// A place with a settings file, a scene and an experiment of one baseline, which needs no device.
+fn place(settings: &str) -> Place {
+    let text = config("image_sizes = [[8, 5]]\nbaselines = [\"serial\"]\n", 0, 1);
+    Place::with(&[("home/raycl/config.toml", settings), ("scene.toml", TRIANGLE), ("config.toml", &text)])
+}
+
+fn raycl(place: &Place, words: &[&str]) -> Command {
+    let mut command = place.raycl(words);
+    command.env("XDG_CONFIG_HOME", place.path("home"));
+    command
+}
+
+fn mistake(command: &mut Command) -> String {
+    String::from_utf8(command.assert().code(2).get_output().stderr.clone()).expect("UTF-8")
+}
+
+#[test]
+fn the_device_is_the_options_then_the_environments_then_the_files() {
+    let place = place("# mine\ndevice = \"of-the-file\"\n");
+    let render = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--force"];
+    let of_file = mistake(&mut raycl(&place, &render));
+    has(&of_file, &["no device matches 'of-the-file'", "config.toml:2", "cpu, gpu, all"]);
+    let of_variable = mistake(raycl(&place, &render).env("RAYCL_DEVICE", "of-the-variable"));
+    has(&of_variable, &["RAYCL_DEVICE: no device matches 'of-the-variable'"]);
+    let device = device();
+    let option = [&render[..], &["--device", &device]].concat();
+    raycl(&place, &option).env("RAYCL_DEVICE", "of-the-variable").assert().success();
+    // A run asks the same, unless its config names devices.
+    let run = ["run", "config.toml", "--dry-run"];
+    has(&mistake(&mut raycl(&place, &run)), &["no device matches 'of-the-file'", "config.toml:2"]);
+    let named = place.text("config.toml").replace("image_sizes", "devices = [\"all\"]\nimage_sizes");
+    place.write("named.toml", &named);
+    raycl(&place, &["run", "named.toml", "--dry-run"]).assert().success();
+}
+
+#[test]
+fn results_lie_where_the_settings_say() {
+    let place = place(&format!("device = \"{}\"\nresults = \"~/kept\"\n", device()));
+    let run = ["run", "config.toml", "--quiet"];
+    raycl(&place, &run).env("HOME", place.path("me")).assert().success();
+    assert!(place.path("me/kept/config/records.jsonl").is_file());
+    raycl(&place, &run).env("RAYCL_RESULTS", "elsewhere").assert().success();
+    assert!(place.path("elsewhere/config/records.jsonl").is_file());
+    raycl(&place, &[&run[..], &["--out", "named"]].concat())
+        .env("RAYCL_RESULTS", "elsewhere")
+        .assert()
+        .success();
+    assert!(place.path("named/records.jsonl").is_file() && !place.path("results").exists());
+}
+
+#[test]
+fn colours_are_the_options_then_the_environments_then_the_files() {
+    let place = place("color = \"always\"\n");
+    let coloured = |words: &[&str], no_color: &str| {
+        let output = raycl(&place, words).env("NO_COLOR", no_color).output().expect("it runs");
+        output.stdout.contains(&0x1b)
+    };
+    assert!(coloured(&["--help"], ""));
+    assert!(!coloured(&["--help"], "1"));
+    assert!(!coloured(&["--help", "--color", "never"], ""));
+    assert!(coloured(&["--help", "--color", "always"], "1"));
+}
+
+/// Every command tells a mistake in the file, but help is given and workers work.
+#[test]
+fn a_mistake_in_the_file_is_told_with_its_line_and_the_nearest_name() {
+    let place = place("# mine\ndevise = \"cpu\"\n");
+    for command in ["strategies", "completions bash", "man", "schema scene"] {
+        let words: Vec<&str> = command.split(' ').collect();
+        let told = mistake(&mut raycl(&place, &words));
+        has(&told, &["home/raycl/config.toml:2", "devise", "did you mean `device`?"]);
+    }
+    raycl(&place, &["--help"]).assert().success();
+    raycl(&place, &["worker", "--list"]).assert().success();
+}
