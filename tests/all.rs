@@ -18,6 +18,7 @@ mod formats;
 mod goldens;
 #[cfg(unix)]
 mod guarded;
+mod host_mutants;
 #[cfg(unix)]
 mod hostile;
 mod kept;
