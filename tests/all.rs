@@ -20,6 +20,7 @@ mod formats;
 mod goldens;
 #[cfg(unix)]
 mod guarded;
+mod host_mutants;
 mod hosted;
 #[cfg(unix)]
 mod hostile;

@@ -1,4 +1,4 @@
-//! Broken kernels: verification must notice every change of mutants.toml. `make test` takes some of them, `make test-long`
+//! Broken kernels: verification must notice every change of mutants/kernels.toml. `make test` takes some of them, `make test-long`
 //! all.
 
 use crate::binary::{Place, device, has, repository};
@@ -39,6 +39,7 @@ struct Mutant {
     scene: Option<String>,
     lanes: Option<Vec<LaneOperations>>,
     command: Option<String>,
+    reason: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -47,8 +48,23 @@ struct Table {
 }
 
 fn mutants() -> Vec<Mutant> {
-    let text = std::fs::read_to_string(repository("tests/mutants.toml")).expect("the table");
+    let text = std::fs::read_to_string(repository("tests/mutants/kernels.toml")).expect("the table");
     toml::from_str::<Table>(&text).expect("rows").mutant
+}
+
+/// The row, from 1, that `tests/mutants/run` asks for: it alone is tried.
+fn chosen() -> Option<usize> {
+    std::env::var("RAYCL_TEST_MUTANT").ok()?.parse().ok()
+}
+
+/// The rows of a command, or of pictures, that are to be tried; there are so many at least.
+fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
+    let is_own =
+        |(_, mutant): &(usize, Mutant)| mutant.command.as_deref() == command && mutant.reason.is_none();
+    let all: Vec<(usize, Mutant)> = (1..).zip(mutants()).filter(is_own).collect();
+    assert!(all.len() >= least, "{command:?}: {}", all.len());
+    let is_chosen = |(number, _): &(usize, Mutant)| chosen().is_none_or(|chosen| chosen == *number);
+    all.into_iter().filter(is_chosen).map(|(_, mutant)| mutant).collect()
 }
 
 impl Mutant {
@@ -123,31 +139,33 @@ fn files(strategy: &Strategy) -> Vec<String> {
 fn a_broken_kernel_is_a_wrong_picture() {
     let lanes = common::device().info.builtins().lanes;
     let mut pictures = 0;
-    for mutant in mutants().iter().filter(|mutant| mutant.command.is_none()) {
+    for mutant in &of_command(None, 70) {
         if !mutant.is_about(lanes) {
             continue;
         }
         let strategies = mutant.strategies();
         assert!(!strategies.is_empty(), "{}: no strategy is made of it", mutant.file);
+        let soon = strategies.iter().any(|(_, strategy)| compiles_soon(strategy));
         for (name, strategy) in strategies {
             pictures += 1;
-            if is_long() || (pictures % STEP == 0 && compiles_soon(&strategy)) {
+            let is_due = match chosen() {
+                Some(_) => compiles_soon(&strategy) || !soon,
+                None => pictures % STEP == 0 && compiles_soon(&strategy),
+            };
+            if is_due || is_long() {
                 println!("{}: {name}", mutant.file);
                 mutant.must_be_noticed_in(&name, &strategy);
             }
         }
     }
-    assert!(pictures > 100, "{pictures}");
+    assert!(pictures > 100 || chosen().is_some(), "{pictures}");
 }
 
 /// Only devices that have more than barriers have such code.
 #[test]
 fn broken_lane_operations_are_not_taken() {
     let lanes = common::device().info.builtins().lanes;
-    let all = mutants();
-    let of_probe: Vec<_> = all.iter().filter(|mutant| mutant.command.as_deref() == Some("probe")).collect();
-    assert!(of_probe.len() >= 3);
-    for mutant in of_probe.iter().filter(|mutant| mutant.is_about(lanes)) {
+    for mutant in of_command(Some("probe"), 3).iter().filter(|mutant| mutant.is_about(lanes)) {
         let place = Place::new();
         let folder = mutant.folder(&place);
         let kernel = ["kernel", "tile-group", "--device", &device(), "--local-size", "32x1"];
@@ -162,10 +180,7 @@ fn broken_lane_operations_are_not_taken() {
 /// Each takes seconds, in which it measures.
 #[test]
 fn a_broken_kernel_of_peak_is_no_figure() {
-    let all = mutants();
-    let of_peak: Vec<_> = all.iter().filter(|mutant| mutant.command.as_deref() == Some("peak")).collect();
-    assert!(of_peak.len() >= 6);
-    for mutant in of_peak.iter().take(if is_long() { usize::MAX } else { 1 }) {
+    for mutant in of_command(Some("peak"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {
         let place = Place::new();
         let folder = mutant.folder(&place);
         let message = place.mistake(&["peak", "--device", &device(), "--cl-dir", &folder], 1);

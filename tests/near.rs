@@ -1,5 +1,5 @@
 //! Where rays begin and end: the near plane, lights, what hovers over a surface. Each scene is one that shows it, and is right
-//! in any traversal and by any test; tests/mutants.toml has what they catch.
+//! in any traversal and by any test; tests/mutants/kernels.toml has what they catch.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon};
 use raycl::reference::reference;

@@ -246,3 +246,26 @@ fn the_fingerprint_is_that_of_this_builder() {
         "builder or layout changed: make accel::FINGERPRINT the hash that was found"
     );
 }
+
+#[test]
+fn a_stack_holds_the_children_of_every_level() {
+    let wide = WideBvh::of_mesh(&random_mesh(1, 1000, 0.1, 1.0), 4, 4).unwrap();
+    assert_eq!(wide.stack_size(), 3 * wide.depth as usize + 1);
+}
+
+#[test]
+fn more_triangles_than_a_word_can_name_are_refused() {
+    let bvh = Bvh { nodes: Vec::new(), order: vec![0; WideBvh::MAX_INDEX + 1], depth: 0 };
+    let message = WideBvh::new(&bvh, 4, 4).unwrap_err().to_string();
+    assert!(message.contains("33554433 triangles"), "{message}");
+}
+
+#[test]
+fn a_ray_along_an_axis_misses_boxes_beside_it() {
+    let mesh = mesh_of([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    let wide = WideBvh::of_mesh(&mesh, 4, 4).unwrap();
+    let tested = |x: f64, y: f64| {
+        wide.closest_hit(DVec3::new(x, y, 2.0), DVec3::NEG_Z, f64::INFINITY, |_, _| None).triangles
+    };
+    assert_eq!([tested(0.5, 0.5), tested(-0.1, 0.5), tested(1.1, 0.5), tested(0.5, 1.1)], [1, 0, 0, 0]);
+}

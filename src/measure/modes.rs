@@ -221,4 +221,10 @@ mod tests {
         assert!(Modes::of(&[10.0, 12.0].repeat(20)).is_some());
         assert_eq!(Modes::of(&[10.0, 12.0].repeat(4)), None, "too few");
     }
+
+    #[test]
+    fn the_median_of_an_even_group_is_halfway() {
+        assert_eq!((median(&[1.0, 2.0, 4.0, 8.0]), median(&[1.0, 2.0, 4.0])), (3.0, 2.0));
+        assert!(median(&[]).is_nan());
+    }
 }

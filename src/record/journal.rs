@@ -191,4 +191,18 @@ mod tests {
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
         assert!(error.message.contains("samples.jsonl:1: this line is no record"), "{}", error.message);
     }
+
+    /// A pipe takes bytes, and nothing can be asked to be on its disk.
+    #[cfg(unix)]
+    #[test]
+    fn a_line_is_on_the_disk_or_an_error() {
+        let (mut reader, writer) = std::io::pipe().unwrap();
+        let file = File::from(std::os::fd::OwnedFd::from(writer));
+        let mut journal = JsonLines { path: PathBuf::from("pipe"), file, line_type: PhantomData };
+        assert!(journal.append(&record("a")).is_err());
+        drop(journal);
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut reader, &mut text).unwrap();
+        assert!(text.ends_with('\n'), "it was written: {text}");
+    }
 }

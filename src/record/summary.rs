@@ -210,4 +210,16 @@ pub mod tests {
         let keys: Vec<_> = groups[0].records.iter().map(|record| record.key.as_str()).collect();
         assert_eq!(keys, ["gpu naive 2", "gpu naive 16", "gpu wide 1"]);
     }
+
+    #[test]
+    fn images_of_two_sizes_are_two_groups() {
+        let large = Record { image_size: [1600, 1000], ..measured("gpu", "wide", 1, 4.0) };
+        assert_eq!(groups(&judged([measured("gpu", "wide", 1, 1.0), large])).len(), 2);
+    }
+
+    #[test]
+    fn quartiles_are_the_first_and_the_third() {
+        let records = judged([measured("gpu", "wide", 1, 100.0)]);
+        assert_eq!(quartiles(&records[0]), Some([99.0, 101.0]));
+    }
 }

@@ -314,4 +314,31 @@ mod tests {
         assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be told apart here."]);
         assert!(how_sure(&[]).is_empty());
     }
+
+    #[test]
+    fn a_tie_is_decided_by_the_intervals_end() {
+        // In one launch level with the first, in the other 6% slower: 3% in the middle, and unsure.
+        let wavers = sampled("wide", (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 10.6 })));
+        let records = judged([launches("naive", 10.0, 0.0), wavers]);
+        assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);
+        assert_eq!(ranking(&records).winners.len(), 2);
+    }
+
+    #[test]
+    fn what_can_be_told_apart_is_beyond_a_tie() {
+        let records = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
+        let [low, high] = resolution(&records).expect("two points");
+        assert!((low - TIE).abs() < 1e-9 && (high - TIE).abs() < 1e-9, "{low} {high}");
+    }
+
+    #[test]
+    fn samples_are_paired_in_the_order_they_were_taken() {
+        let mut one = launches("naive", 10.0, 0.0);
+        one.samples_at_ms = (0..10).map(|place| f64::from(2 * place)).collect();
+        let mut other = launches("wide", 5.0, 0.0);
+        other.samples_at_ms = (0..10).map(|place| f64::from(2 * place + 1)).collect();
+        let order: Vec<usize> =
+            in_order([one, other].iter(), &[]).into_iter().map(|sample| sample.point).collect();
+        assert_eq!(order, [0, 1].repeat(10));
+    }
 }

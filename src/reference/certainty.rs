@@ -330,4 +330,25 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn a_sample_remembers_changes_both_ways_and_adds_up() {
+        let mut one = Sample::of(DVec3::splat(1.0), true);
+        one.consider(DVec3::splat(0.25));
+        one.consider(DVec3::splat(1.5));
+        assert_eq!((one.change, one.range), (0.75, [DVec3::splat(0.25), DVec3::splat(1.5)]));
+        one.add(&Sample::of(DVec3::splat(3.0), false));
+        one.divide(2.0);
+        assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, false));
+        assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
+    }
+
+    #[test]
+    fn beside_the_dark_a_change_is_relative_to_the_floor() {
+        let sample =
+            |radiance: f64, change: f64| Sample { change, ..Sample::of(DVec3::splat(radiance), true) };
+        assert!(is_certain(&sample(1e-6, 0.9e-4 * RELATIVE_LIMIT), 1e-4));
+        assert!(!is_certain(&sample(1e-6, 1.1e-4 * RELATIVE_LIMIT), 1e-4));
+        assert!(is_certain(&sample(1.0, 0.9 * RELATIVE_LIMIT), 1e-4));
+    }
 }

@@ -109,6 +109,7 @@ fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
     scene.mesh.positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);
     assert_eq!((found.hits, found.certain[2 * 9 + 4]), (0, false));
+    assert!(found.hits_range[0] == 0 && found.hits_range[1] > 0, "{:?}", found.hits_range);
 }
 
 #[test]
@@ -173,4 +174,35 @@ fn the_papers_scenes_are_certain_almost_everywhere() {
         let uncertain = found.certain.iter().filter(|certain| !**certain).count();
         assert!(uncertain <= 160, "{}: {uncertain} uncertain pixels", scene.name);
     }
+}
+
+#[test]
+fn a_pixel_is_uncertain_where_a_level_silhouette_passes_through_its_centre() {
+    let mut scene = fixtures::single_triangle();
+    scene.mesh.positions = vec![vec3(-9.0, 0.0, -2.0), vec3(9.0, 0.0, -2.0), vec3(0.0, 9.0, -2.0)];
+    let found = reference(&scene, [8, 5], Culling::None);
+    assert!(found.certain[16..24].iter().all(|certain| !certain), "{:?}", found.certain);
+}
+
+#[test]
+fn a_light_behind_a_surface_gives_nothing() {
+    let mut scene = fixtures::single_triangle();
+    scene.lights[0].position = vec3(0.0, 0.0, -3.0);
+    assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
+}
+
+#[test]
+fn what_is_nearer_than_the_bias_casts_no_shadow() {
+    // A light behind, towards which the normals point, and a second triangle before it.
+    let lit = |gap: f32| {
+        let mut scene = fixtures::single_triangle();
+        scene.mesh.normals.fill(Vec3::NEG_Z);
+        scene.lights[0].position = vec3(0.0, 0.0, -4.0);
+        scene.shadow_bias = 1e-2;
+        let mut behind = scene.mesh.clone();
+        behind.positions.iter_mut().for_each(|corner| corner.z -= gap);
+        scene.mesh.append(behind);
+        pixel(&scene, [1, 1], [0, 0]) != Vec3::ZERO
+    };
+    assert_eq!((lit(5e-3), lit(2e-2)), (true, false));
 }

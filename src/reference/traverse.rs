@@ -70,3 +70,26 @@ impl<R: Real> Finder<R> for Exhaustive<R> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// Shows hits at one distance, the last triangle first.
+    struct Backwards;
+
+    impl Finder<f64> for Backwards {
+        fn visit(&self, _: &Ray<f64>, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
+            for triangle in [5, 3, 4] {
+                visitor(Hit { t: 1.0, weights: [1.0, 0.0, 0.0], triangle });
+            }
+        }
+    }
+
+    #[test]
+    fn of_equally_near_hits_the_first_of_the_mesh_counts() {
+        let ray = Ray { origin: DVec3::ZERO, direction: DVec3::Z, near: 0.0, far: f64::INFINITY };
+        assert_eq!(Backwards.closest(&ray).map(|hit| hit.triangle), Some(3));
+    }
+}

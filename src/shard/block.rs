@@ -202,4 +202,20 @@ mod tests {
         assert!(blocks.len() <= 2, "a piece of one point would measure two: {blocks:?}");
         assert!(cut(&[], 4).is_empty());
     }
+
+    #[test]
+    fn a_point_goes_where_most_of_it_lies_and_a_borrowed_control_costs() {
+        let group = &groups(&[vec![3.0, 4.0, 3.0]])[0];
+        let found = pieces(group, 5.0);
+        let points: Vec<_> = found.iter().map(|(_, block)| block.points.clone()).collect();
+        assert_eq!(points, [vec![0], vec![1, 2]]);
+        // The control, of 3, is the first piece's own.
+        assert_eq!(found.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
+    }
+
+    #[test]
+    fn a_little_more_than_a_share_is_not_cut() {
+        let group = &groups(&[vec![1.0; 4]])[0];
+        assert_eq!((pieces(group, 3.7).len(), pieces(group, 3.5).len()), (1, 2));
+    }
 }

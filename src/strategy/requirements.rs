@@ -255,4 +255,6 @@ pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
 }
 
 #[cfg(test)]
+mod exact;
+#[cfg(test)]
 mod tests;

@@ -227,4 +227,34 @@ mod tests {
             assert!(tile.contradiction().is_some(), "{axis}={value}");
         }
     }
+
+    #[test]
+    fn values_that_contradict_each_other_are_refused_with_the_reason() {
+        let reason = |base: &str, values: &[(&str, &str)]| {
+            let mut strategy =
+                preset(base).map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
+            for (axis, value) in values {
+                strategy.set(axis, value).unwrap_or_else(|error| panic!("{error}"));
+            }
+            strategy.contradiction().unwrap_or_default()
+        };
+        let exact = [("intersector", "watertight"), ("math", "fast")];
+        assert!(reason("deferred", &exact).contains("needs exact signs"), "{}", reason("deferred", &exact));
+        assert_eq!(reason("deferred", &exact[..1]), "");
+        let eager = [("shading", "eager"), ("passes", "separate")];
+        assert!(reason("private", &eager).contains("passes must be fused"), "{}", reason("private", &eager));
+    }
+
+    #[test]
+    fn tables_are_for_triangles_that_are_read_where_the_host_put_them() {
+        for value in ["constant", "local", "split-vertices", "split-normals"] {
+            let mut once =
+                preset("deferred").map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
+            once.records = Records::Once;
+            assert_eq!(once.contradiction(), None);
+            once.set("triangles", value).unwrap_or_else(|error| panic!("{error}"));
+            let reason = once.contradiction().unwrap_or_default();
+            assert!(reason.contains("records = once is a table"), "{value}: {reason}");
+        }
+    }
 }

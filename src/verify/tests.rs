@@ -162,3 +162,60 @@ fn an_image_of_another_size_is_wrong() {
     let verdict = judge(&Radiance::new(50, 80), &reference);
     assert!(!verdict.ok && verdict.reason.unwrap_or_default().contains("50 x 80"));
 }
+
+#[test]
+fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
+    let reference = judged();
+    let off_by = |part: f32| {
+        let mut image = reference.radiance.clone();
+        image.pixels[0] = image.pixels[0].map(|channel| channel * (1.0 + part));
+        judge(&image, &reference)
+    };
+    assert!(off_by(0.0009).ok && off_by(-0.0009).ok);
+    assert_eq!((off_by(0.0011).wrong_pixels, off_by(-0.0011).wrong_pixels), (1, 1));
+}
+
+/// A steep curve shows as eight steps of 256 what is a thousandth of the floor: brighter or darker, that is wrong.
+#[test]
+fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
+    let display = Display { exposure: 1.0, gamma: 4.0 };
+    let mut reference = judged();
+    reference.certain.fill(true);
+    reference.doubts.clear();
+    reference.floor = 1e-3;
+    for [found, expected] in [[1e-6, 0.0], [0.0, 1e-6]] {
+        reference.radiance.pixels[0] = [expected; 3];
+        let mut image = reference.radiance.clone();
+        image.pixels[0] = [found; 3];
+        assert!(verify(&image, None, &reference, Display::default()).ok);
+        let verdict = verify(&image, None, &reference, display);
+        assert!(verdict.wrong_pixels == 1 && verdict.max_difference < RELATIVE_LIMIT * 1.01, "{verdict:?}");
+    }
+}
+
+#[test]
+fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
+    let mut reference = judged();
+    reference.certain.fill(true);
+    reference.doubts.clear();
+    reference.floor = 1e-3;
+    reference.radiance.pixels[..2].fill([0.0; 3]);
+    let mut image = reference.radiance.clone();
+    // Shown alike, nearly a thousandth off; and hardly off, shown as something else.
+    reference.radiance.pixels[0] = [0.5; 3];
+    image.pixels[0] = [0.5 * 1.0009; 3];
+    image.pixels[1] = [5e-7; 3];
+    let verdict = verify(&image, None, &reference, Display { exposure: 1.0, gamma: 4.0 });
+    assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
+}
+
+#[test]
+fn a_doubtful_pixel_may_be_too_dark() {
+    let mut reference = judged();
+    let count = unexplained_limit(80 * 50) + 1;
+    doubt_first(&mut reference, count);
+    reference.doubts.iter_mut().for_each(|doubt| doubt.low = [0.3; 3]);
+    let mut image = reference.radiance.clone();
+    image.pixels[..count].fill([0.2; 3]);
+    assert_eq!(judge(&image, &reference).unexplained_pixels, count);
+}

@@ -63,4 +63,19 @@ mod tests {
         assert!((found.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{found:?}");
         assert!((found.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{found:?}");
     }
+
+    #[test]
+    fn the_mean_of_intervals_is_as_sure_as_its_parts_together() {
+        let one = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
+        let found = Interval::mean(&[one; 4]).unwrap();
+        // Of four independent errors the mean's is half of each.
+        assert!((found.middle.ln() - 2.0).abs() < 1e-12 && (found.error - 0.05).abs() < 1e-12, "{found:?}");
+        assert!(Interval::mean(&[]).is_none());
+    }
+
+    #[test]
+    fn what_is_surely_exceeded_lies_below_the_middle() {
+        let one = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
+        assert!((one.surely_above(RISK) - one.low).abs() < 1e-12 && one.surely_above(1e-4) < one.low);
+    }
 }

@@ -151,3 +151,18 @@ fn another_anchor_tells_nothing() {
     assert!(comparison.pairs.iter().all(|pair| !matches!(pair.change, Some((_, Against::Anchor)))));
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
+
+#[test]
+fn from_tenfold_on_a_change_is_said_as_a_factor() {
+    let changed = |ms: f64| {
+        let kernels = |own: f64| {
+            [("naive", own), ("wide", 1.0), ("bvh", 2.0), ("tile", 1.0)]
+                .map(|(name, ms)| timed("a", name, ms))
+                .to_vec()
+        };
+        let comparison = of(&folder("old", kernels(10.0)), &folder("new", kernels(ms)));
+        let pair = comparison.pairs.iter().find(|pair| pair.before.name == "naive");
+        pair.map(Pair::change).unwrap_or_default()
+    };
+    assert_eq!((changed(200.0), changed(0.5)), ("20.0× as long".to_owned(), "20.0× as fast".to_owned()));
+}

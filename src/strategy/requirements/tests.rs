@@ -6,7 +6,7 @@ use crate::device::LaneOperations;
 use proptest::prelude::*;
 use proptest::strategy::Strategy as _;
 
-const PAPER_DEVICE: DeviceLimits = DeviceLimits {
+pub(super) const PAPER_DEVICE: DeviceLimits = DeviceLimits {
     local_bytes: 48 << 10,
     constant_bytes: 64 << 10,
     global_bytes: 1 << 30,
@@ -19,7 +19,7 @@ const PAPER_DEVICE: DeviceLimits = DeviceLimits {
     lane_operations: LaneOperations::Barriers,
 };
 
-fn workload(triangles: usize, local: u32) -> Workload {
+pub(super) fn workload(triangles: usize, local: u32) -> Workload {
     Workload {
         triangles,
         positions: triangles,

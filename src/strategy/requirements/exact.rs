@@ -1,0 +1,121 @@
+//! What is needed to the byte, and limits that are just reached.
+
+use super::super::preset;
+use super::tests::{PAPER_DEVICE, workload};
+use super::*;
+use crate::device::LaneOperations;
+
+fn of(name: &str) -> Strategy {
+    preset(name).unwrap().strategy
+}
+
+fn with(name: &str, axis: &str, value: &str) -> Strategy {
+    let mut strategy = of(name);
+    strategy.set(axis, value).unwrap();
+    strategy
+}
+
+fn refusal(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> String {
+    Requirements::check(strategy, workload, limits).map_or_else(|refused| refused.reason, |_| String::new())
+}
+
+#[test]
+fn a_tile_keeps_33_words_of_each_ray() {
+    let bytes = |name, local_size| {
+        let tile = with(name, "tile", "8x8");
+        Requirements::of(&tile, &Workload { local_size, ..workload(1, 1) }).private_bytes
+    };
+    assert_eq!(bytes("tile", [2, 3]), 33 * 4 * 64 * 2 * 3);
+    assert_eq!(bytes("tile-group", [32, 2]), 33 * 4 * 64 * 2, "32 work-items share a tile");
+}
+
+#[test]
+fn private_vectors_count_where_they_live_across_barriers() {
+    let bytes = |name| Requirements::of(&of(name), &workload(1, 4)).private_bytes;
+    assert_eq!(bytes("private"), 0);
+    assert_eq!(bytes("tiled"), 108 * 16);
+}
+
+#[test]
+fn what_a_heap_takes_is_held_to_global_memory() {
+    let (strategy, w) = (of("naive"), workload(1, 8));
+    let needs = Requirements::of(&strategy, &w);
+    assert_eq!(needs.scratch_bytes, 108 * 800 * 504);
+    let limits = DeviceLimits { global_bytes: needs.global_bytes + needs.scratch_bytes, ..PAPER_DEVICE };
+    assert_eq!(refusal(&strategy, &w, &limits), "");
+    let less = DeviceLimits { global_bytes: limits.global_bytes - 1, ..limits };
+    assert!(refusal(&strategy, &w, &less).starts_with("global memory: "));
+}
+
+#[test]
+fn what_a_shared_tile_hands_on_is_counted() {
+    let bytes = |side: u32| {
+        let w = Workload { image_size: [side, side], local_size: [32, 1], ..workload(1, 1) };
+        Requirements::of(&of("tile-group"), &w).global_bytes
+    };
+    // Image, nearest triangle, an entry of the queue, the word of its lights.
+    assert_eq!(bytes(200) - bytes(100), (16 + 4 + 8 + 4) * 30_000);
+}
+
+#[test]
+fn nodes_are_about_as_many_as_half_full_leaves_need() {
+    let nodes = |leaf| node_bytes(&with("tile", "leaf_size", leaf), &workload(10_000, 1)).1;
+    let children = of("tile").node_width.children() as u64;
+    assert_eq!(nodes("32"), 30_000 / (16 * (children - 1)) + 1);
+    assert_eq!(nodes("4"), 30_000 / (4 * (children - 1)) + 1);
+}
+
+#[test]
+fn planes_are_kept_for_the_eye_and_each_light() {
+    let bytes = |lights| {
+        Requirements::of(&of("wide-common-origin"), &Workload { lights, ..workload(1000, 1) }).global_bytes
+    };
+    assert_eq!(bytes(3) - bytes(0), 3 * 48 * 1000);
+    assert_eq!(bytes(0) - Requirements::of(&of("wide"), &workload(1000, 1)).global_bytes, 48 * 1000);
+}
+
+#[test]
+fn each_side_of_a_work_group_has_its_own_limit() {
+    let limits = DeviceLimits { work_group_size: 64, work_item_sizes: [64, 8, 1], ..PAPER_DEVICE };
+    let reason = |local_size| refusal(&of("deferred"), &Workload { local_size, ..workload(1, 1) }, &limits);
+    assert_eq!((reason([64, 1]), reason([8, 8])), (String::new(), String::new()));
+    assert_eq!(reason([1, 16]), "work-group: 1 x 16 work-items > the device's 64 x 8");
+    assert_eq!(reason([13, 5]), "work-group: 13 x 5 = 65 work-items > the device's 64");
+}
+
+#[test]
+fn indices_of_16_bits_reach_65536_entries() {
+    let strategy = with("deferred", "layout", "indexed16");
+    let limits = DeviceLimits { global_bytes: 1 << 40, allocation_bytes: 1 << 40, ..PAPER_DEVICE };
+    let entries = |positions, normals, materials| {
+        let w = Workload { positions, normals, materials, ..workload(1000, 8) };
+        refusal(&strategy, &w, &limits)
+    };
+    assert_eq!(entries(65_536, 65_536, 65_536), "");
+    for reason in [entries(65_537, 1, 1), entries(1, 65_537, 1), entries(1, 1, 65_537)] {
+        assert_eq!(reason, "16-bit indices: 65537 entries > 65536");
+    }
+}
+
+#[test]
+fn trees_alone_are_held_to_what_their_words_can_name() {
+    let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };
+    let many = workload(WideBvh::MAX_INDEX + 1, 8);
+    assert_eq!(refusal(&of("deferred"), &many, &limits), "");
+    assert_eq!(refusal(&of("bvh"), &workload(WideBvh::MAX_INDEX, 8), &limits), "");
+}
+
+#[test]
+fn a_sum_that_is_its_limit_fits() {
+    let mut sum = Sum::default();
+    sum.add("rows", &[(48, " B"), (10, "")]);
+    assert!(sum.within("memory", 480).is_ok() && sum.each_within("memory", 480).is_ok());
+    assert_eq!(sum.within("memory", 479).unwrap_err().reason, "memory: rows 48 B x 10 = 480 B > 479 B");
+}
+
+#[test]
+fn more_than_32_work_items_across_share_no_tile() {
+    let limits = DeviceLimits { lane_operations: LaneOperations::Ptx, ..PAPER_DEVICE };
+    let w = Workload { local_size: [64, 1], stack_size: 8, ..workload(1, 1) };
+    assert!(refusal(&of("tile-group"), &w, &limits).contains("32 work-items across"));
+}

@@ -1,0 +1,71 @@
+//! The table of broken Rust (`tests/mutants/host.toml`) and the sources agree, so that it cannot rot; `make mutants` runs it.
+
+use crate::binary::repository;
+use serde::Deserialize;
+use std::path::Path;
+
+/// A row of the table.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Mutant {
+    file: String,
+    from: String,
+    to: String,
+    test: String,
+    #[serde(default)]
+    apart: bool,
+    reason: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Table {
+    mutant: Vec<Mutant>,
+}
+
+fn mutants() -> Vec<Mutant> {
+    let text = std::fs::read_to_string(repository("tests/mutants/host.toml")).expect("the table");
+    toml::from_str::<Table>(&text).expect("rows").mutant
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_default()
+}
+
+/// Whether a module of the library has such a test: `measure::modes::tests::a_timers_steps_are_no_modes`.
+fn is_there(test: &str) -> bool {
+    let Some((module, name)) = test.rsplit_once("::") else { return false };
+    let module = format!("src/{}", module.replace("::", "/"));
+    let outer = module.trim_end_matches("/tests").to_owned();
+    let files = [format!("{module}.rs"), format!("{outer}.rs"), format!("{outer}/mod.rs")];
+    files.iter().any(|file| read(&repository(file)).contains(&format!("fn {name}(")))
+}
+
+#[test]
+fn every_row_stands_once_in_its_file_and_names_a_test() {
+    let all = mutants();
+    assert!(all.len() >= 240, "{}", all.len());
+    for Mutant { file, from, to, test, .. } in &all {
+        let found = read(&repository(file)).matches(from.as_str()).count();
+        assert_eq!(found, 1, "{file}: {from:?} has to be there once; carry the row over or replace it");
+        assert!(from != to && is_there(test), "{file}: {from:?}: there is no test {test}");
+    }
+}
+
+#[test]
+fn few_rows_are_excused_or_take_a_build_of_their_own() {
+    let all = mutants();
+    let excused: Vec<&String> = all.iter().filter_map(|row| row.reason.as_ref()).collect();
+    assert!(excused.iter().all(|reason| reason.len() > 20), "a reason says why: {excused:?}");
+    assert!(20 * excused.len() <= all.len(), "{} excused", excused.len());
+    let apart = all.iter().filter(|row| row.apart).count();
+    assert!(5 * apart <= all.len(), "{apart} builds take too long");
+}
+
+#[test]
+fn every_measured_part_is_broken() {
+    let all = mutants();
+    for part in ["measure", "strategy", "record", "verify", "accel", "reference", "report", "shard"] {
+        let count = all.iter().filter(|row| row.file.starts_with(&format!("src/{part}/"))).count();
+        assert!(count >= 8, "src/{part}: {count} rows");
+    }
+}
