@@ -49,6 +49,7 @@ mod session;
 mod shards;
 mod split;
 mod supervisor;
+mod textures;
 mod torture;
 mod trees;
 mod turns;

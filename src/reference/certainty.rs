@@ -24,7 +24,7 @@ const AT_LIGHT: f64 = 1e-6;
 
 /// A pixel's radiance, and what becomes of it when the question changes a little.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct Found {
     /// Through the pixel's centre.
     pub radiance: DVec3,
     /// Whether the ray hits.
@@ -40,9 +40,9 @@ pub struct Sample {
 /// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, with half and twice the shadow
 /// bias, with surfaces at lights in their way and not, and as rounding may have it where light grazes. Where two surfaces
 /// coincide either is right, so those behind are asked too.
-pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Sample {
+pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Found {
     let (ray, hit) = caster.look(x, y);
-    let mut sample = Sample::of(caster.radiance(&ray, hit.as_ref(), bias), hit.is_some());
+    let mut sample = Found::of(caster.radiance(&ray, hit.as_ref(), bias), hit.is_some());
     for [x, y] in nudges(frame, [x, y]) {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
@@ -84,11 +84,11 @@ pub fn quick_sample(
     frame: &PixelFrame,
     bias: f64,
     [x, y]: [f64; 2],
-) -> Option<Sample> {
+) -> Option<Found> {
     let ray = caster.ray(x, y);
     let beam = Beam::new(ray.origin, ray.direction, 1.1 * NUDGES_RADIANS[0]);
     let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
-        return Some(Sample::of(caster.radiance(&ray, None, bias), false));
+        return Some(Found::of(caster.radiance(&ray, None, bias), false));
     };
     let mesh = &caster.scene().mesh;
     let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -112,7 +112,7 @@ pub fn quick_sample(
         let radiance = caster.shaded(ray, Some(hit), &|sight| shadows.reaches(sight.light));
         (!shadows.unsure.get()).then_some(radiance)
     };
-    let mut sample = Sample::of(radiance(&(ray, hit))?, true);
+    let mut sample = Found::of(radiance(&(ray, hit))?, true);
     for other in &nudged {
         sample.consider(radiance(other)?);
     }
@@ -168,7 +168,7 @@ impl<'a> Shadows<'a> {
     }
 }
 
-impl Sample {
+impl Found {
     fn of(radiance: DVec3, hit: bool) -> Self {
         Self { radiance, hit, turns: false, change: 0.0, range: [radiance; 2] }
     }
@@ -208,7 +208,7 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = [f64; 2]
 }
 
 /// Whether a change is too small to matter beside a pixel's own brightness, or beside `floor` where it is darker.
-pub fn is_certain(sample: &Sample, floor: f64) -> bool {
+pub fn is_certain(sample: &Found, floor: f64) -> bool {
     let brightness = sample.radiance.abs().max_element();
     sample.radiance.is_finite() && sample.change < RELATIVE_LIMIT * brightness.max(floor)
 }

@@ -20,6 +20,7 @@ pub(super) struct SceneWire {
     pub light: Option<Vec<LightWire>>,
     pub background: Option<BackgroundWire>,
     pub two_sided: Option<bool>,
+    pub textures: Option<bool>,
     pub crease: Option<Number<Crease>>,
     pub shadow_bias: Option<Number<NonNegative>>,
     #[serde(default)]
@@ -75,6 +76,7 @@ pub(super) struct MaterialWire {
 pub(super) struct LightWire {
     pub position: Spanned<Vector>,
     pub power: Spanned<Triple<Power>>,
+    pub radius: Option<Number<NonNegative>>,
 }
 
 #[derive(Default, serde::Deserialize)]
