@@ -11,6 +11,8 @@ pub enum Kind {
     Toml,
     /// An MTL file.
     Materials,
+    /// A picture that a mesh takes colours from.
+    Texture,
     /// What `raycl peak` wrote of a device.
     Peaks,
     /// A file of `--cl-dir`.
@@ -27,9 +29,10 @@ pub enum Kind {
 
 /// How many MiB of a file are read at most, by what it is read as; `None`: as memory allows. `docs/scenes.md` and
 /// `docs/reliability.md` say the same.
-const LIMITS_MIB: [(Kind, &str, Option<u64>); 8] = [
+const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
+    (Kind::Texture, "a texture", Some(256)),
     (Kind::Peaks, "a device's figures", Some(16)),
     (Kind::Kernel, "a kernel file", Some(1)),
     (Kind::Mesh, "a mesh", None),

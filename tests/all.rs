@@ -55,6 +55,7 @@ mod settings;
 mod shards;
 mod split;
 mod supervisor;
+mod textures;
 mod torture;
 mod trees;
 mod turns;

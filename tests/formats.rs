@@ -115,12 +115,12 @@ fn what_a_mesh_asks_for_is_noted_in_text_json_and_a_run() {
     let config = CONFIG.replace("other", "scene.toml");
     let files = [
         ("mesh.obj", &*mesh),
-        ("m.mtl", "newmtl a\nmap_Kd a.png\n"),
+        ("m.mtl", "newmtl a\nmap_Ks a.png\n"),
         ("scene.toml", scene),
         ("c.toml", &config),
     ];
     let place = Place::with(&files);
-    let (device, textures) = (device(), "mesh.obj: 1 material asks for textures (map_Kd)");
+    let (device, textures) = (device(), "mesh.obj: 1 material asks for textures (map_Ks)");
     let render = ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &device];
     let text = place.output(&render);
     has(&text, &[&format!("note      {textures}"), "1 statement asks for lines (l)"]);

@@ -17,6 +17,9 @@
 #ifndef TRIANGLES
 #error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
 #endif
+#ifndef TEXTURES
+#error "TEXTURES: 0 or 1: whether triangles have textures"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -31,6 +34,11 @@
 #include "cast/triangles/{triangles}.cl"
 #include "cast/staging.cl"
 #include "common/rows.cl"
+#if TEXTURES
+#include "common/textures.cl"
+#else
+#define TEXTURED(surface, textures, triangle, w1, w2) surface
+#endif
 #include "cast/layout/{layout}.cl"
 #include "cast/intersect/{intersector}.cl"
 #if TREE
@@ -79,6 +87,14 @@
 #define BIND_TREE(scene)
 #endif
 
+#if TEXTURES
+#define BIND_TEXTURES(scene)            \
+    scene.textures.rows = texture_rows; \
+    scene.textures.words = texture_words;
+#else
+#define BIND_TEXTURES(scene)
+#endif
+
 #define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
 #define BIND_SCENE(scene)            \
     BIND_GEOMETRY(scene.geometry)    \
@@ -88,6 +104,7 @@
     BIND_PREPARED(scene)             \
     BIND_RECORDS(scene)              \
     BIND_TREE(scene)                 \
+    BIND_TEXTURES(scene)             \
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
 

@@ -14,6 +14,9 @@ typedef struct {
 #if TREE
     Tree tree;
 #endif
+#if TEXTURES
+    Textures textures;
+#endif
 #if STREAM_TILES
     __local ROW_UNIT *tile;
 #endif

@@ -9,6 +9,9 @@
 #ifndef WATERTIGHT
 #error "WATERTIGHT: 0 or 1: whether intersector = watertight"
 #endif
+#ifndef TEXTURES
+#error "TEXTURES: 0 or 1: whether triangles have textures"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -19,3 +22,8 @@
 #include "common/camera.cl"
 #include "common/hit.cl"
 #include "common/rows.cl"
+#if TEXTURES
+#include "common/textures.cl"
+#else
+#define TEXTURED(surface, textures, triangle, w1, w2) surface
+#endif

@@ -21,11 +21,19 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
     tree.tree.nodes = nodes;    \
     tree.tree.leaves = leaves;  \
     tree.surfaces = surfaces;
+#if TEXTURES
+#define BIND_TEXTURES(lighting)            \
+    lighting.textures.rows = texture_rows; \
+    lighting.textures.words = texture_words;
+#else
+#define BIND_TEXTURES(lighting)
+#endif
 #define BIND_LIGHTING(lighting)         \
     lighting.lights = lights;           \
     lighting.light_count = light_count; \
     lighting.bias = bias;               \
-    lighting.materials = materials;
+    lighting.materials = materials;     \
+    BIND_TEXTURES(lighting)
 #define TREE_AND_LIGHTING     \
     SurfaceTree tree;         \
     BIND_SURFACE_TREE(tree)   \

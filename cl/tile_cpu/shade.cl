@@ -26,6 +26,9 @@ typedef struct {
     int light_count;
     float bias;
     const __global float *materials;
+#if TEXTURES
+    Textures textures;
+#endif
 } Lighting;
 
 Surface one_material(const __global float *material) {
@@ -80,7 +83,8 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, var
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
     shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
     shaded->to_eye = negate(ray.direction);
-    shaded->surface = gather_materials(lighting, corner[7], hits);
+    shaded->surface = TEXTURED(gather_materials(lighting, corner[7], hits), &lighting->textures,
+                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2);
 }
 
 // Turns a vector of hits into rays from a light to them, their slice, and the radiance that arrives if nothing is in

@@ -68,14 +68,30 @@ INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface 
     return sum;
 }
 
+// What shading takes where triangles have textures; the comma is theirs.
+#if TEXTURES
+#define TEXTURE_PARAMETERS const __global float4 *texture_rows, const __global uint *texture_words,
+#define TEXTURE_ARGUMENTS texture_rows, texture_words,
+#else
+#define TEXTURE_PARAMETERS
+#define TEXTURE_ARGUMENTS
+#endif
+
 // Adds to a pixel the radiance from those of a round's lights that reach it: a bit each in `reached`.
-INLINED void shade_pixel(const Tree *tree, const __global float4 *surfaces, const __global float *materials,
-                         CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint reached, float4 *sum) {
+INLINED void shade_pixel(TEXTURE_PARAMETERS const Tree *tree, const __global float4 *surfaces,
+                         const __global float *materials, CAMERA_PARAMETERS, Pixel pixel, int place,
+                         const __global float *lights, uint reached, float4 *sum) {
     const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
     Meeting meeting = meet(tree, surfaces, from_eye, place);
     meeting.normal = normalize_or_zero(meeting.normal);
     Surface surface;
     load_material(materials + MATERIAL_FLOATS * meeting.material, &surface);
+#if TEXTURES
+    Textures textures;
+    textures.rows = texture_rows;
+    textures.words = texture_words;
+    surface = TEXTURED(surface, &textures, meeting.triangle, meeting.w1, meeting.w2);
+#endif
     const Vec3 received = arriving(lights, reached, &surface, meeting, negate(from_eye.direction));
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
@@ -102,7 +118,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
                 // Lights that were known to reach it, and those just found.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
                 float4 sum = first_light ? image[entry.x] : dark;
-                shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
+                shade_pixel(TEXTURE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
                             reached, &sum);
                 image[entry.x] = sum;
             }
@@ -126,7 +142,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
             if (first_light && pixel.inside) sum = image[at];
             if (reached[ray])
-                shade_pixel(&tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
+                shade_pixel(TEXTURE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
                             reached[ray] & ~SOME_LEFT_OVER, &sum);
             // Pixels that wait for the queue are stored by the groups that empty it.
             if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;

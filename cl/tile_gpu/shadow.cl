@@ -26,6 +26,10 @@
 typedef struct {
     Vec3 point, normal;
     int material;
+#if TEXTURES
+    int triangle;
+    float w1, w2; // the weights of its second and third corner
+#endif
 } Meeting;
 
 INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray, int place) {
@@ -42,6 +46,11 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     meeting.point = along(ray.origin, hit.t, ray.direction);
     meeting.normal = along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2);
     meeting.material = as_int(b.w);
+#if TEXTURES
+    meeting.triangle = as_int(a.w);
+    meeting.w1 = hit.w1;
+    meeting.w2 = hit.w2;
+#endif
     return meeting;
 }
 

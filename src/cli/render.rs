@@ -89,7 +89,7 @@ pub struct Args {
     look: Look,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges; takes as many frames' time (Blackman-Harris filter, 1.5 pixels wide)
+    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; takes as many frames' time (Blackman-Harris filter, 1.5 pixels wide)
     #[arg(long, default_value_t = 1, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
     /// Cast the frame this many times and report medians
@@ -160,7 +160,7 @@ fn render(args: &Args) -> Result<()> {
     let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", upload_ms)];
     timeline.ends_with("buffers", &parts);
     let shown = shown(args, &scene, &target);
-    let cast = cast(args, &device, &prepared, (&scene.camera, shown), &mut timeline)?;
+    let cast = cast(args, &device, &prepared, (&scene, shown), &mut timeline)?;
     save_picture(&cast.image, scene.display, &target)?;
     if let (Picture::Radiance(image), false) = (&cast.image, layer_targets.is_empty()) {
         let found = layers(&scene, &object_starts, [args.width, args.height], strategy.culling)?;
@@ -195,7 +195,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(dirty_program()).chain(keeping).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, args.samples)).chain(keeping).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -227,6 +227,22 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
         super::end_at_once();
     }
     Ok(())
+}
+
+/// What is said beside what the scene's file gives reason for.
+fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
+    hard(scene, samples).into_iter().chain(dirty_program())
+}
+
+/// What is said where soft lights are seen as points.
+fn hard(scene: &Scene, samples: u32) -> Option<String> {
+    let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
+    let told = || {
+        let (lights, are) =
+            if soft == 1 { ("1 light has", "a point") } else { ("several lights have", "points") };
+        format!("{lights} a radius: with one sample per pixel seen as {are}; --samples 16 shows soft shadows")
+    };
+    (samples == 1 && soft > 0).then(told)
 }
 
 const KEEPING: &str =

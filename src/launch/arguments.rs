@@ -1,7 +1,7 @@
 //! Arguments of kernels, bound by the names that the manifest's parameters have.
 
 use super::LaunchError;
-use crate::manifest;
+use crate::manifest::{self, Fact};
 use crate::strategy::Strategy;
 use ocl::builders::KernelBuilder;
 use ocl::prm::{Float4, Int2, Uint2};
@@ -88,6 +88,9 @@ impl<'a> Argument<'a> {
     }
 }
 
+/// An argument that a scene with textures has.
+pub(super) const TEXTURE_ROWS: &str = "texture_rows";
+
 /// Arguments by their parameters' names. Kernels take those they have a parameter for.
 #[derive(Clone, Default)]
 pub(super) struct Arguments<'a>(Vec<(&'static str, Argument<'a>)>);
@@ -107,7 +110,9 @@ impl<'a> Arguments<'a> {
         strategy: &Strategy,
         builder: &mut KernelBuilder<'a>,
     ) -> Result<(), LaunchError> {
-        for parameter in kernel.parameters(|fact| strategy.holds(fact)) {
+        let textured = self.0.iter().any(|(name, _)| *name == TEXTURE_ROWS);
+        let holds = |fact| if fact == Fact::Textured { textured } else { strategy.holds(fact) };
+        for parameter in kernel.parameters(holds) {
             let found = self.0.iter().rev().find(|(name, _)| *name == parameter.name);
             let argument =
                 found.map(|(_, argument)| argument).filter(|argument| argument.fits(parameter.of_type));

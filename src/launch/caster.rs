@@ -8,13 +8,14 @@ use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
 use super::rounds::Rounds;
+use super::scene::move_lights;
 use super::setup::{Setup, Working, camera_arguments, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
-use crate::scene::{Camera, Display};
+use crate::scene::{Camera, Display, Sample};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use image::RgbImage;
 use ocl::prm::Float4;
@@ -28,6 +29,7 @@ pub struct Caster {
     steps: Steps,
     image: Buffer<Float4>,
     working: Working,
+    lights: Buffer<f32>,
     size: [u32; 2],
     records_ms: Option<f64>,
     _bytes: FrameBytes,
@@ -66,7 +68,8 @@ impl Caster {
             }
         };
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
-        Ok(Self { queue: queue.clone(), steps, image, working, size, records_ms, _bytes: bytes })
+        let (queue, lights) = (queue.clone(), uploaded.lights.clone());
+        Ok(Self { queue, steps, image, working, lights, size, records_ms, _bytes: bytes })
     }
 
     /// Device time of preparing records of triangles, where there are any: once, and part of no frame.
@@ -103,12 +106,13 @@ impl Caster {
     pub fn cast_samples(
         &self,
         camera: &Camera,
-        samples: &[[f32; 2]],
+        samples: &[Sample],
     ) -> Result<(Radiance, usize, FrameTimes), LaunchError> {
         let mut sum = Radiance::new(self.size[0], self.size[1]);
         let (mut hits, mut times) = (0, FrameTimes::default());
-        for shift in samples {
-            self.look_from(&Camera { shift: *shift, ..*camera })?;
+        for Sample { offset, lights } in samples {
+            self.look_from(&Camera { shift: *offset, ..*camera })?;
+            lights.iter().try_for_each(|lights| move_lights(&self.queue, &self.lights, lights))?;
             times = times.and(&self.cast()?);
             let (image, hit) = self.read()?;
             hits = hit;

@@ -25,6 +25,7 @@ mod shared;
 mod shared_scene;
 mod split;
 mod steps;
+mod textures;
 mod tree;
 
 pub use ask::preprocess_for;

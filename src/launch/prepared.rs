@@ -3,6 +3,7 @@
 use super::band::Band;
 use super::held::Frames;
 use super::refused::Refused;
+use super::scene::move_lights;
 use super::setup::Setup;
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::program::{BuiltProgram, MadeKernel, ProgramSpec};
@@ -57,7 +58,7 @@ impl Prepared {
 
     /// Puts the scene's lights elsewhere from the next frame on; there are as many as the scene has.
     pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
-        self.uploaded.move_lights(&self.queue, lights)
+        move_lights(&self.queue, &self.uploaded.lights, lights)
     }
 
     /// What the compiler made of a frame's kernels, by its log and its binary (PTX, or empty).

@@ -2,8 +2,9 @@
 
 use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_with};
+use super::textures::{DeviceTextures, word_count};
 use super::{LaunchError, Queue};
-use crate::manifest::SOUP_FLOATS;
+use crate::manifest::{LIGHT_FLOATS, SOUP_FLOATS};
 use crate::scene::{Light, Mesh, Scene, Triangle};
 use crate::strategy::{Strategy, Workload};
 use ocl::Buffer;
@@ -49,6 +50,7 @@ pub(super) struct DeviceScene {
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,
     pub(super) triangle_count: usize,
+    pub(super) textures: Option<DeviceTextures>,
     /// How long making and uploading the buffers took.
     pub upload_ms: f64,
 }
@@ -65,24 +67,26 @@ impl DeviceScene {
             Some(_) => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
         };
         let lights = upload(queue, &light_floats(&scene.lights))?;
+        let textures = DeviceTextures::upload(queue, &mesh.textures)?;
         queue.commands.finish()?;
         Ok(Self {
             geometry,
             lights,
             light_count: scene.lights.len(),
             triangle_count: mesh.triangles.len(),
+            textures,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         })
     }
+}
 
-    /// Replaces the lights by as many others.
-    pub fn move_lights(&self, queue: &Queue, lights: &[Light]) -> Result<(), LaunchError> {
-        let known = lights.iter().take(self.light_count).copied().collect::<Vec<_>>();
-        if !known.is_empty() {
-            self.lights.write(&light_floats(&known)).queue(&queue.commands).enq()?;
-        }
-        Ok(())
+/// Replaces lights on a device by others, of which those count that there is room for.
+pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light]) -> Result<(), LaunchError> {
+    let known = &lights[..lights.len().min(buffer.len() / LIGHT_FLOATS)];
+    if !known.is_empty() {
+        buffer.write(&light_floats(known)).queue(&queue.commands).enq()?;
     }
+    Ok(())
 }
 
 /// A position and a power each.
@@ -99,6 +103,7 @@ impl Workload {
             normals: scene.mesh.normals.len(),
             materials: scene.mesh.materials.len(),
             lights: scene.lights.len(),
+            texture_words: word_count(&scene.mesh.textures),
             stack_size: 0,
             image_size,
             local_size,

@@ -1,6 +1,6 @@
 //! What a frame is cast with, and the arguments that follow from it.
 
-use super::arguments::Arguments;
+use super::arguments::{Arguments, TEXTURE_ROWS};
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, Queue};
 use crate::program::BuiltProgram;
@@ -74,6 +74,10 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("prepared_row", triangles)
         .with("lights", &scene.lights)
         .with("light_count", scene.light_count as i32);
+    let arguments = match &scene.textures {
+        Some(textures) => arguments.with(TEXTURE_ROWS, &textures.rows).with("texture_words", &textures.words),
+        None => arguments,
+    };
     let Some(tree) = tree else { return arguments };
     let arguments = arguments.with("nodes", &tree.nodes).with("leaves", &tree.leaves);
     let Some(surfaces) = &tree.surfaces else { return arguments };

@@ -13,6 +13,8 @@ pub const WORKING_VECTORS: usize = 9;
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
 /// Floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
+/// Words that tell of a texture before its texels.
+pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// Work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;
 /// Triangles of a tile where triangles are streamed through `__local` memory.

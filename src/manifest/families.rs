@@ -1,6 +1,6 @@
 //! The table.
 
-use super::Fact::{self, Always, Indexed, Planes, Soup, Tiled, Tree};
+use super::Fact::{self, Always, Indexed, Planes, Soup, Textured, Tiled, Tree};
 use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
@@ -15,7 +15,7 @@ pub static EXHAUSTIVE: Family = Family {
     label: "traversal = exhaustive",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, SIGN_DEFINES, CAST_DEFINES],
+    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, CAST_DEFINES],
     rules: &[
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
@@ -30,7 +30,7 @@ pub static BVH: Family = Family {
     label: "traversal = bvh",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
+    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
     rules: &[
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
@@ -51,7 +51,11 @@ pub static RASTER: Family = Family {
     kernels: &[
         kernel("raster_depth", Primary, &[GEOMETRY, CAMERA, SIZE, DEPTH]),
         kernel("raster_nearest", Resolve, &[GEOMETRY, CAMERA, SIZE, DEPTH_TO_NEAREST]),
-        SHADE_NEAREST,
+        kernel(
+            "shade_nearest",
+            Shade,
+            &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
+        ),
     ],
     defines: &[COMMON_DEFINES, CAST_DEFINES],
     rules: &[
@@ -80,11 +84,15 @@ pub static TILE_CPU: Family = Family {
     label: "traversal = tile with vectors of rays (width = 16)",
     entry: "tile_cpu/entry.cl",
     kernels: &[
-        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, IMAGE]),
+        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, CAMERA, SIZE, IMAGE]),
         kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, TILE_NEAREST_OUT]),
-        kernel("tile_shade", Shade, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN]),
+        kernel(
+            "tile_shade",
+            Shade,
+            &[LIGHTS, TREE, SURFACES, TEXTURES, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
+        ),
     ],
-    defines: &[COMMON_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, VECTOR_DEFINES],
+    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, VECTOR_DEFINES],
     rules: &[
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -133,6 +141,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                TEXTURES,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -143,7 +152,7 @@ pub static TILE_GPU: Family = Family {
             ],
         ),
     ],
-    defines: &[COMMON_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, GROUP_DEFINES],
+    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, GROUP_DEFINES],
     rules: &[
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -171,20 +180,27 @@ const CAST_KERNELS: &[Kernel] = &[
         when: Planes,
         parameters: &[GEOMETRY, LIGHTS_ONLY, CAMERA, PREPARED_OUT],
     },
-    kernel("cast_frame", Frame, &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, WORKING]),
+    kernel(
+        "cast_frame",
+        Frame,
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, CAMERA, SIZE, IMAGE, WORKING],
+    ),
     kernel(
         "cast_primary",
         Primary,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, NEAREST_OUT, WORKING],
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, CAMERA, SIZE, NEAREST_OUT, WORKING],
     ),
-    SHADE_NEAREST,
-    kernel("cast_rays", Rays, &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, RAYS, NEAREST_OUT, WORKING]),
+    kernel(
+        "shade_nearest",
+        Shade,
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
+    ),
+    kernel(
+        "cast_rays",
+        Rays,
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, RAYS, NEAREST_OUT, WORKING],
+    ),
 ];
-const SHADE_NEAREST: Kernel = kernel(
-    "shade_nearest",
-    Shade,
-    &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
-);
 
 type Defines = &'static [(Fact, &'static str)];
 
@@ -200,6 +216,13 @@ const COMMON_DEFINES: Defines = &[
     (Always, "LIGHT_FLOATS"),
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
+    (Always, "TEXTURES"),
+];
+const TEXTURE_DEFINES: Defines = &[
+    (Textured, "TEXTURE_HEAD_WORDS"),
+    (Textured, "WRAP_REPEAT"),
+    (Textured, "WRAP_CLAMP"),
+    (Textured, "WRAP_MIRROR"),
 ];
 /// For tests that need exact signs.
 const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];

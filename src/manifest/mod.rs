@@ -13,7 +13,8 @@ mod parameters;
 mod tests;
 
 pub use constants::{
-    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES, WORKING_VECTORS,
+    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
+    WORKING_VECTORS,
 };
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
@@ -39,6 +40,8 @@ pub enum Fact {
     Scratch,
     /// Working vectors lie in a pool with an allocator.
     Heap,
+    /// Triangles of the scene have textures: a fact of what is cast, not of the strategy.
+    Textured,
 }
 
 /// What a kernel is for in a frame.
@@ -149,6 +152,12 @@ impl Family {
     /// Its first kernel for something, if it has one.
     pub fn kernel(&self, role: Role) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.role == role)
+    }
+
+    /// Whether it colours triangles by textures.
+    pub fn takes_textures(&self) -> bool {
+        let parameters = self.kernels.iter().flat_map(|kernel| kernel.parameters.iter().copied().flatten());
+        parameters.into_iter().any(|parameter| parameter.when == Fact::Textured)
     }
 
     /// Its kernel of this name.

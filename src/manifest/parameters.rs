@@ -1,7 +1,7 @@
 //! The parameters of kernels, in the groups that kernels share.
 
 use super::Fact;
-use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soup, Tree};
+use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soup, Textured, Tree};
 
 /// A parameter of a kernel: an argument is bound to it by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +48,9 @@ pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leav
 /// What tiles shade with.
 pub const SURFACES: &[Parameter] =
     &[p(Always, QUADS, "surfaces"), p(Always, FLOATS, "materials"), p(Always, "const int", "material_count")];
+/// Where triangles' corners lie in textures, and all textures.
+pub const TEXTURES: &[Parameter] =
+    &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
 /// What is prepared for the eye and a round's lights, and the triangles of a row of it.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];

@@ -30,7 +30,12 @@ pub(super) fn spec(strategy: &Strategy) -> ProgramSpec {
 }
 
 pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
-    let workload = Workload { local_size: [32, 1], ..Workload::CUBE };
+    spec_for(sources, strategy, 0)
+}
+
+/// The same for a scene with so many words of textures.
+fn spec_for(sources: &Sources, strategy: &Strategy, texture_words: usize) -> ProgramSpec {
+    let workload = Workload { local_size: [32, 1], texture_words, ..Workload::CUBE };
     let builtins =
         Builtins { reduce: true, prefetch: false, lanes: LaneOperations::Barriers, opencl_3: true };
     ProgramSpec::new(sources, strategy, &workload, builtins).unwrap_or_else(|error| panic!("{error}"))
@@ -77,7 +82,8 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
     for family in FAMILIES {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
-        let texts: Vec<_> = members.iter().map(spec).collect();
+        let textured = |strategy: &Strategy| spec_for(&Sources::Embedded, strategy, 1);
+        let texts: Vec<_> = members.iter().map(spec).chain(members.iter().map(textured)).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
             let given = |spec: &ProgramSpec| spec.options.contains(&option);
@@ -101,6 +107,8 @@ fn every_file_belongs_to_a_family_or_to_what_measures_a_device() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
+    // In programs of scenes with textures.
+    named.insert("common/textures.cl".to_owned());
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
 }
@@ -119,6 +127,18 @@ fn a_program_holds_no_file_of_another_family() {
             assert!(own.iter().any(|folder| file.starts_with(folder)), "{strategy}: {file}");
         }
     }
+}
+
+#[test]
+fn textures_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
+    let file = "common/textures.cl".to_owned();
+    for strategy in strategies() {
+        assert!(!spec(&strategy).files.contains(&file), "{strategy}");
+        let of_textures = spec_for(&Sources::Embedded, &strategy, 1).files.contains(&file);
+        assert_eq!(of_textures, strategy.family().takes_textures(), "{strategy}");
+    }
+    let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes_textures()).map(|f| f.name).collect();
+    assert_eq!(without, ["raster"]);
 }
 
 #[test]

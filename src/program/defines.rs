@@ -3,9 +3,10 @@
 use crate::accel::{PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
 use crate::manifest::{
-    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES, WORKING_VECTORS,
+    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
+    WORKING_VECTORS,
 };
-use crate::scene::Material;
+use crate::scene::{Material, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
 
 /// The value of a define; none where there is no such define.
@@ -56,6 +57,7 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "NORMALS" => if_staged(workload.normals),
         "MATERIALS" => if_staged(workload.materials),
         "STACK_SIZE" => workload.stack_size as u64,
+        "TEXTURES" => u64::from(workload.is_textured() && strategy.family().takes_textures()),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
     })
@@ -77,6 +79,10 @@ fn constant(name: &str) -> Option<u64> {
         "LIGHT_FLOATS" => LIGHT_FLOATS as u64,
         "MATERIAL_FLOATS" => Material::FLOATS as u64,
         "SOUP_STRIDE" => SOUP_FLOATS as u64,
+        "TEXTURE_HEAD_WORDS" => TEXTURE_HEAD_WORDS as u64,
+        "WRAP_REPEAT" => Wrap::Repeat as u64,
+        "WRAP_CLAMP" => Wrap::Clamp as u64,
+        "WRAP_MIRROR" => Wrap::Mirror as u64,
         "WORKING_VECTORS" => WORKING_VECTORS as u64,
         "TILE_TRIANGLES" => TILE_TRIANGLES,
         "GROUP_LANES" => u64::from(GROUP_LANES),

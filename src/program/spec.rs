@@ -28,7 +28,7 @@ impl ProgramSpec {
         workload: &Workload,
         builtins: Builtins,
     ) -> Result<Self> {
-        let names = strategy.family().defines(|fact| strategy.holds(fact));
+        let names = strategy.family().defines(|fact| strategy.holds_of(fact, workload));
         let value = |name| {
             let value = value_of(name, strategy, workload, builtins);
             value
@@ -40,7 +40,7 @@ impl ProgramSpec {
             sources,
             strategy,
             defines: &defines,
-            text: parameter_lists(strategy),
+            text: parameter_lists(strategy, workload),
             files: Vec::new(),
             chain: Chain::default(),
         };
@@ -68,9 +68,9 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
 }
 
 /// The parameters of the camera and of every kernel, by the manifest.
-fn parameter_lists(strategy: &Strategy) -> String {
+fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
     let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
-    let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds(fact)));
+    let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload)));
     let head = "#line 1 \"the manifest's parameters\"\n".to_owned();
     [head, parameter_macro("CAMERA", CAMERA.iter())].into_iter().chain(lists).collect()
 }

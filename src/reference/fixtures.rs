@@ -68,7 +68,7 @@ fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
     Scene {
         name: name.into(),
         mesh,
-        lights: vec![Light { position: light, power: Vec3::splat(10.0) }],
+        lights: vec![Light { position: light, power: Vec3::splat(10.0), radius: 0.0 }],
         camera: Camera::PAPER,
         background: PAPER_BACKGROUND,
         shadow_bias: 1e-4,

@@ -14,6 +14,7 @@ pub mod layers;
 pub mod ray;
 pub mod real;
 pub mod shade;
+pub mod texture;
 pub mod traverse;
 pub mod tree;
 
@@ -24,10 +25,10 @@ pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
 pub use fingerprint::fingerprint;
 
 use crate::image::{Radiance, dark_floor};
-use crate::scene::{Display, Scene};
+use crate::scene::{Display, Sample, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
-use certainty::{Sample, is_certain, is_nearly_certain, quick_sample, sample};
+use certainty::{Found, is_certain, is_nearly_certain, quick_sample, sample};
 use rand::SeedableRng as _;
 use rand::seq::index::sample as sample_indices;
 use rand_chacha::ChaCha8Rng;
@@ -81,31 +82,32 @@ pub struct Doubt {
 
 /// Casts `scene` at `size = [width, height]` in double precision, on all cores.
 pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
-    reference_of(scene, size, culling, &all_pixels(size), &[[0.0; 2]])
+    reference_of(scene, size, culling, &all_pixels(size), &[Sample::CENTRE])
 }
 
-/// The same for some pixels alone, by the mean of several samples of each, at these offsets in pixels from its centre: certain
-/// where all are. The other pixels are black and uncertain, and nothing is judged by them.
+/// The same for some pixels alone, by the mean of several samples of each: certain where all are. The other pixels are black
+/// and uncertain, and nothing is judged by them.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
     culling: Culling,
     pixels: &[usize],
-    offsets: &[[f32; 2]],
+    of_pixel: &[Sample],
 ) -> Reference {
     let tree = Arc::new(Tree::new(&scene.mesh, culling));
     let mut scene = scene.clone();
-    let mut at = |shift: &[f32; 2]| {
-        scene.camera.shift = *shift;
+    let mut at = |sample: &Sample| {
+        scene.camera.shift = sample.offset;
+        sample.lights.iter().for_each(|lights| scene.lights.clone_from(lights));
         samples(&scene, &tree, size, pixels)
     };
-    let mut each = offsets.iter();
+    let mut each = of_pixel.iter();
     let mut all = each.next().map(&mut at).unwrap_or_default();
-    for offset in each {
-        all.iter_mut().zip(at(offset)).for_each(|(sum, sample)| sum.add(&sample));
+    for sample in each {
+        all.iter_mut().zip(at(sample)).for_each(|(sum, found)| sum.add(&found));
     }
-    if offsets.len() > 1 {
-        all.iter_mut().for_each(|sum| sum.divide(offsets.len() as f64));
+    if of_pixel.len() > 1 {
+        all.iter_mut().for_each(|sum| sum.divide(of_pixel.len() as f64));
     }
     judged(&all, size, pixels, scene.display)
 }
@@ -128,7 +130,7 @@ fn count(size: [u32; 2]) -> usize {
 }
 
 /// What samples of some pixels say of an image.
-fn judged(samples: &[Sample], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
+fn judged(samples: &[Found], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
     let mut radiance = Radiance::new(size[0], size[1]);
     for (&pixel, sample) in pixels.iter().zip(samples) {
         radiance.pixels[pixel] = sample.radiance.as_vec3().to_array();
@@ -149,7 +151,7 @@ fn judged(samples: &[Sample], size: [u32; 2], pixels: &[usize], display: Display
 }
 
 /// What the reference makes of these pixels, in their order.
-fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) -> Vec<Sample> {
+fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) -> Vec<Found> {
     let caster = if scene.mesh.triangles.len() > EXHAUSTIVE_TRIANGLES {
         Caster::new(scene, size, Arc::clone(tree))
     } else {

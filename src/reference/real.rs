@@ -32,6 +32,10 @@ pub trait Real:
     fn max(self, other: Self) -> Self;
     /// The square root.
     fn sqrt(self) -> Self;
+    /// The largest whole number that is no larger.
+    fn floor(self) -> Self;
+    /// The whole number nearest to zero from here, of 32 bits.
+    fn to_i32(self) -> i32;
     /// This to the power of `exponent`.
     fn powf(self, exponent: Self) -> Self;
 }
@@ -84,6 +88,12 @@ macro_rules! real {
             }
             fn sqrt(self) -> Self {
                 $real::sqrt(self)
+            }
+            fn floor(self) -> Self {
+                $real::floor(self)
+            }
+            fn to_i32(self) -> i32 {
+                self as i32
             }
             fn powf(self, exponent: Self) -> Self {
                 $real::powf(self, exponent)

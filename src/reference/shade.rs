@@ -4,6 +4,7 @@
 use super::intersect::Hit;
 use super::ray::Ray;
 use super::real::{Real, Vector};
+use super::texture::texture_colour;
 use crate::scene::{Light, Material, MaterialKind, Scene};
 
 /// A light as a point of a surface sees it.
@@ -27,6 +28,9 @@ pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 pub fn shade<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>, reaches: Reaches<'_, R>) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
+    let own = R::Vector::of(material.lambertian);
+    let colour = texture_colour::<R>(&scene.mesh, hit.triangle, hit.weights);
+    let lambertian = colour.map_or(own, |colour| own * colour);
     let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
     let [w0, w1, w2] = hit.weights;
     let normal = (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero();
@@ -40,7 +44,7 @@ pub fn shade<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>, reaches: Reache
         }
         let falloff = R::from(4.0) * R::PI * distance * distance;
         let irradiance = R::Vector::of(light.power) * (cosine / falloff);
-        sum + irradiance * reflectance::<R>(material, w_i, w_o, normal)
+        sum + irradiance * reflectance::<R>((material, lambertian), w_i, w_o, normal)
     })
 }
 
@@ -50,9 +54,14 @@ pub(super) fn towards<R: Real>(light: &Light, point: R::Vector) -> (R::Vector, R
     (off.normalize_or_zero(), off.dot(off).sqrt())
 }
 
-/// How much of the light from `w_i` a surface sends towards `w_o`, a steradian.
-fn reflectance<R: Real>(material: &Material, w_i: R::Vector, w_o: R::Vector, normal: R::Vector) -> R::Vector {
-    let lambertian = R::Vector::of(material.lambertian) * (R::ONE / R::PI);
+/// How much of the light from `w_i` a surface of this k_L sends towards `w_o`, a steradian.
+fn reflectance<R: Real>(
+    (material, lambertian): (&Material, R::Vector),
+    w_i: R::Vector,
+    w_o: R::Vector,
+    normal: R::Vector,
+) -> R::Vector {
+    let lambertian = lambertian * (R::ONE / R::PI);
     match material.kind {
         MaterialKind::Lambertian => lambertian,
         MaterialKind::BlinnPhong => {

@@ -6,7 +6,7 @@ use super::document::Document;
 use super::files::{self, FileLight};
 use super::validate::{Brightness, check_camera, check_light, check_positions};
 use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire};
-use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, framing, normals};
+use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, framing, normals};
 use crate::error::{Error, Result};
 use framing::{Ball, View};
 use glam::{DVec3, Vec3};
@@ -22,6 +22,9 @@ pub(super) fn assemble(
     notes: &mut Vec<String>,
 ) -> Result<(Scene, Orbit, Vec<u32>)> {
     let Joined { mut mesh, seen, starts } = join(document, &wire, notes)?;
+    if wire.textures == Some(false) {
+        mesh.textures = Textures::default();
+    }
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
     let ball = around.filter(|_| framed);
@@ -147,7 +150,8 @@ fn default_bias(mesh: &Mesh) -> f32 {
 
 fn light(wire: &LightWire) -> Light {
     let (position, power) = (wire.position.get_ref().0, wire.power.get_ref().0);
-    Light { position: Vec3::from_array(position), power: Vec3::from_array(power) }
+    let radius = wire.radius.map_or(0.0, |radius| radius.0);
+    Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius }
 }
 
 /// What a bare mesh's file says of how it is seen.

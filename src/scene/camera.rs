@@ -1,9 +1,5 @@
 //! From where a scene is seen, and which ray belongs to which pixel.
 
-mod samples;
-
-pub use samples::pixel_offsets;
-
 use glam::{DVec3, Vec3};
 
 /// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis;

@@ -1,6 +1,6 @@
 //! Indexed triangles, as OBJ has them: one set of positions, one of normals.
 
-use super::Material;
+use super::{Material, Textures};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -29,6 +29,8 @@ pub struct Mesh {
     pub triangles: Vec<Triangle>,
     /// The materials the triangles name.
     pub materials: Vec<Material>,
+    /// Pictures that triangles take their colour from, too.
+    pub textures: Textures,
 }
 
 impl Mesh {
@@ -74,6 +76,7 @@ impl Mesh {
         let position = self.positions.len() as u32;
         let normal = self.normals.len() as u32;
         let material = self.materials.len() as u32;
+        self.textures.append(self.triangles.len(), other.textures, other.triangles.len());
         self.triangles.extend(other.triangles.into_iter().map(|t| Triangle {
             positions: t.positions.map(|i| i + position),
             normals: t.normals.map(|i| i + normal),

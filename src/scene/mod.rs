@@ -17,18 +17,22 @@ mod normals;
 mod obj;
 mod orbit;
 mod overrides;
+mod samples;
 mod schema;
 mod shapes;
+mod texture;
 mod transform;
 mod validate;
 mod wire;
 
-pub use camera::{Camera, PixelFrame, pixel_offsets};
+pub use camera::{Camera, PixelFrame};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};
 pub use orbit::Orbit;
+pub use samples::{Sample, pixel_samples};
 pub use shapes::{Shape, generate};
+pub use texture::{Mapped, Texture, Textures, Wrap, linear_values};
 pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
@@ -38,13 +42,15 @@ pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light at a point.
+/// A light: a point, or with several samples of each pixel a ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// Where it is, in the scene's units.
     pub position: Vec3,
     /// Its power in red, green and blue.
     pub power: Vec3,
+    /// Of the ball, in the scene's units; 0 for a point.
+    pub radius: f32,
 }
 
 /// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
@@ -121,6 +127,16 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
+        // Of a scene without textures and soft lights nothing is hashed, so that it keeps the hash that records have.
+        for texture in &mesh.textures.list {
+            let [across, down] = texture.wrap.map(|wrap| wrap as u32);
+            hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
+            hash_words(&mut hasher, texture.texels.iter().copied());
+        }
+        if self.lights.iter().any(|light| light.radius > 0.0) {
+            hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
+        }
+        hash_words(&mut hasher, mesh.textures.mapped.iter().flat_map(|row| row.to_words()));
         hasher.finalize().to_hex()[..16].to_string()
     }
 }

@@ -139,7 +139,13 @@ mod tests {
     fn triangle(positions: [Vec3; 3], normals: Vec<Vec3>, indices: [u32; 3]) -> Mesh {
         let triangle = Triangle { positions: [0, 1, 2], normals: indices, material: 0 };
         let materials = vec![Material::default()];
-        Mesh { positions: positions.to_vec(), normals, triangles: vec![triangle], materials }
+        Mesh {
+            positions: positions.to_vec(),
+            normals,
+            triangles: vec![triangle],
+            materials,
+            ..Mesh::default()
+        }
     }
 
     #[test]

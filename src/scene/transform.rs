@@ -45,6 +45,7 @@ impl Transform {
                 triangle.positions.swap(1, 2);
                 triangle.normals.swap(1, 2);
             });
+            mesh.textures.mirror();
         }
     }
 }

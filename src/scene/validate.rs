@@ -2,7 +2,7 @@
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
-use super::{Camera, Light, Material, Scene};
+use super::{Camera, Light, Mapped, Material, Scene, Texture, Textures};
 use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -80,12 +80,15 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
 }
 
 pub(super) fn check_light(light: &Light) -> Result<()> {
-    let (at, power) = (light.position, light.power);
+    let (at, power, radius) = (light.position, light.power, light.radius);
     require(in_range(at), || {
         format!("a light is at {at}; expected coordinates within +-{MAX_COORDINATE:e}")
     })?;
     let valid = power.is_finite() && power.min_element() >= 0.0 && power.max_element() <= MAX_POWER;
-    require(valid, || format!("a light's power is {power}; expected values from 0 to {MAX_POWER:e}"))
+    require(valid, || format!("a light's power is {power}; expected values from 0 to {MAX_POWER:e}"))?;
+    require((0.0..=MAX_COORDINATE).contains(&radius), || {
+        format!("a light's radius is {radius}; expected a length from 0 to {MAX_COORDINATE:e}")
+    })
 }
 
 /// How bright a scene's lights make its surfaces at most.
@@ -111,7 +114,7 @@ impl Brightness {
     /// Refuses a light whose products, those of `cl/cast/shade.cl`, leave single precision where it is nearest to a surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
-        let nearest = outside.max(self.nearest);
+        let nearest = (outside - light.radius).max(self.nearest);
         let spread = 1.0 / (4.0 * std::f64::consts::PI * f64::from(nearest).powi(2));
         let incoming = spread * f64::from(light.power.max_element());
         let sum = incoming * self.reflectance * self.lights as f64;
@@ -156,7 +159,27 @@ fn check_mesh(mesh: &Mesh) -> Result<()> {
             && t.normals.iter().all(|&i| (i as usize) < normals)
             && (t.material as usize) < materials
     });
-    require(bounded, || "a triangle names a vertex, normal or material that does not exist".to_owned())
+    require(bounded, || "a triangle names a vertex, normal or material that does not exist".to_owned())?;
+    check_textures(mesh)
+}
+
+fn check_textures(mesh: &Mesh) -> Result<()> {
+    let Textures { list, mapped } = &mesh.textures;
+    let whole = |texture: &Texture| {
+        let [width, height] = texture.size.map(u64::from);
+        width > 0 && height > 0 && width * height == texture.texels.len() as u64
+    };
+    require(list.iter().all(whole), || "a texture has not as many texels as its size says".to_owned())?;
+    require(mapped.is_empty() || mapped.len() == mesh.triangles.len(), || {
+        format!("{} triangles are mapped to textures, of {}", mapped.len(), mesh.triangles.len())
+    })?;
+    let valid = |row: &Mapped| {
+        row.corners.as_flattened().iter().all(|value| value.is_finite())
+            && row.texture.is_none_or(|number| (number as usize) < list.len())
+    };
+    require(mapped.iter().all(valid), || {
+        "a triangle's texture does not exist, or its coordinates are not finite".to_owned()
+    })
 }
 
 /// Refuses a mesh beyond the coordinates that products of them allow.

@@ -31,6 +31,8 @@ pub(super) struct SceneWire {
     pub background: Option<BackgroundWire>,
     /// Turn the normals of triangles whose back is to the camera, so that they are lit as fronts [default: false].
     pub two_sided: Option<bool>,
+    /// Colour textures of meshes; false leaves them out [default: true].
+    pub textures: Option<bool>,
     /// Degrees: edges of meshes without normals stay sharp where their faces meet at more [default: smooth everywhere].
     pub crease: Option<Number<Crease>>,
     /// The distance from its surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box].
@@ -141,6 +143,8 @@ pub(super) struct LightWire {
     /// Its power: one number is white, three are red, green and blue.
     #[schemars(with = "Triple<Power>")]
     pub power: Spanned<Triple<Power>>,
+    /// The radius of the ball that it is, with several samples of each pixel [default: 0, a point].
+    pub radius: Option<Number<NonNegative>>,
 }
 
 /// How radiance becomes colours of 8 bits: 255 * clamp(exposure * L, 0, 1)^(1 / gamma).

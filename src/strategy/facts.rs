@@ -1,6 +1,8 @@
 //! What the host asks of values that are files: their headers answer.
 
-use super::{Intersector, Layout, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width};
+use super::{
+    Intersector, Layout, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width, Workload,
+};
 use crate::manifest::{BVH, EXHAUSTIVE, Fact, Family, RASTER, TILE_CPU, TILE_GPU};
 
 /// Where working vectors live.
@@ -141,6 +143,15 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
+            Fact::Textured => false,
+        }
+    }
+
+    /// The same of it and of what it casts.
+    pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
+        match fact {
+            Fact::Textured => workload.is_textured(),
+            of_strategy => self.holds(of_strategy),
         }
     }
 }

@@ -5,7 +5,7 @@ use super::sum::Sum;
 use super::{Infeasible, Strategy, Workload};
 use crate::accel::Bvh;
 use crate::memory::Available;
-use crate::scene::Mesh;
+use crate::scene::{Mapped, Mesh};
 
 /// The program, its libraries and a driver: 93 MB with PoCL 3.1 and its kernels cached, 239 MB where LLVM 15 compiles
 /// them (one triangle, 64 x 40 pixels; 2026-11-20).
@@ -32,6 +32,13 @@ impl HostNeeds {
         let mut kept = Sum::default();
         kept.add("program and driver", &[(PROGRAM_BYTES, " B")]);
         kept.add("mesh", &[(mesh_bytes(w), " B")]);
+        if w.is_textured() {
+            kept.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
+            kept.add(
+                "places in textures",
+                &[(Mapped::FLOATS as u64 * 4, " B"), (w.triangles as u64, " triangles")],
+            );
+        }
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
@@ -97,6 +104,7 @@ mod tests {
             normals: triangles / 2,
             materials: 1,
             lights: 1,
+            texture_words: 0,
             stack_size: 0,
             image_size: [side, side],
             local_size: [1, 1],

@@ -2,7 +2,7 @@
 
 mod fits;
 
-use fits::{groups, indices, shape};
+use fits::{groups, indices, shape, textures};
 
 use super::infeasible::Infeasible;
 use super::sum::Sum;
@@ -11,7 +11,7 @@ use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
 use crate::accel::WideBvh;
 use crate::device::DeviceLimits;
 use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
-use crate::scene::Material;
+use crate::scene::{Mapped, Material};
 
 /// A triangle of the soup. Its corners, or its normals: 9 floats. Its material.
 const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
@@ -20,6 +20,8 @@ const CORNERS_BYTES: u64 = 9 * 4;
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
+/// Where a triangle's corners lie in its texture.
+const TEXTURE_ROW_BYTES: u64 = Mapped::FLOATS as u64 * 4;
 
 /// A ray of a tile: direction, nearness, place, the direction's reciprocals, what the watertight test has of it; and while
 /// it is shaded the surface it hit, what arrives and the sum so far.
@@ -80,6 +82,7 @@ impl Requirements {
     ) -> Result<Self, Infeasible> {
         shape(workload, limits)?;
         groups(strategy, workload, limits)?;
+        textures(strategy, workload)?;
         indices(strategy, workload)?;
         local(strategy, workload).within("__local memory", limits.local_bytes)?;
         constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;
@@ -216,6 +219,10 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     }
     if strategy.traversal == Traversal::Tile {
         sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    }
+    if w.is_textured() {
+        sum.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
+        sum.add("places in textures", &[(TEXTURE_ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
     sum
 }

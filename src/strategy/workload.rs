@@ -16,6 +16,8 @@ pub struct Workload {
     pub materials: usize,
     /// Lights in the scene.
     pub lights: usize,
+    /// Words of all textures of the scene, 0 where it has none.
+    pub texture_words: usize,
     /// Entries of a traversal's stack; 0 where there is no tree, or none is built yet.
     pub stack_size: usize,
     /// Pixels across and down.
@@ -32,10 +34,16 @@ impl Workload {
         normals: 6,
         materials: 1,
         lights: 1,
+        texture_words: 0,
         stack_size: 32,
         image_size: [64, 64],
         local_size: [8, 8],
     };
+
+    /// Whether triangles have textures.
+    pub fn is_textured(&self) -> bool {
+        self.texture_words > 0
+    }
 
     /// Work-items across and down: one per block of pixels or 32 per tile, whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {

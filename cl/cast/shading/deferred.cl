@@ -10,6 +10,7 @@ void after_closest_hit(Working *working, const Scene *scene, const Nearest *near
     const Hit hit = meet_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
                                 working_get(working, RAY_DIRECTION));
     working_set(working, WEIGHTS, vec3(1.0f - hit.w1 - hit.w2, hit.w1, hit.w2));
-    const Surface surface = gather_surfaces(&scene->geometry, nearest->triangle);
+    const Surface surface = TEXTURED(gather_surfaces(&scene->geometry, nearest->triangle), &scene->textures,
+                                     nearest->triangle, hit.w1, hit.w2);
     shade(working, scene, &surface, hit.t, hits);
 }

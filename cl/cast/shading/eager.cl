@@ -10,7 +10,8 @@ void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit
     working_set(working, WEIGHTS, select3(nearer, weights, working_get(working, WEIGHTS)));
     Lanes column[FLOATS_OF_SURFACE];
     for (int lane = 0; lane < WIDTH; lane++) gather_surface(&scene->geometry, triangle, lane, column);
-    const Surface surface = surface_of(column);
+    const Surface surface = TEXTURED(surface_of(column), &scene->textures,
+                                     SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT)), hit->w1, hit->w2);
     // A nearer hit, found later, overwrites this result: its shadow rays were cast for nothing.
     shade(working, scene, &surface, hit->t, nearer);
 }

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::image::Radiance;
 use crate::launch::{FrameTimes, Prepared, Refused};
 use crate::measure::Summary;
-use crate::scene::{Camera, Display, pixel_offsets};
+use crate::scene::{Display, Scene, pixel_samples};
 use image::RgbImage;
 
 /// An image as it is saved.
@@ -38,7 +38,7 @@ pub fn cast(
     args: &Args,
     device: &Device,
     prepared: &Prepared,
-    (camera, shown): (&Camera, Option<Display>),
+    (scene, shown): (&Scene, Option<Display>),
     timeline: &mut Timeline,
 ) -> Result<Cast> {
     let refused = |refused: Refused| refused.into_error(&device.info.name);
@@ -47,15 +47,15 @@ pub fn cast(
     timeline.ends_with("buffers", &[("records", records_ms)]);
     // A picture alone disturbs, but it is no measurement: it never waits.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let offsets = pixel_offsets(args.samples);
+    let samples = pixel_samples(&scene.lights, args.samples);
     let mut summed = None;
     let mut frame = || -> Result<FrameTimes> {
         let launched = Refused::at("the launch");
-        if offsets.len() == 1 {
+        if samples.len() == 1 {
             return caster.cast().map_err(launched).map_err(refused);
         }
         let (image, hits, times) =
-            caster.cast_samples(camera, &offsets).map_err(launched).map_err(refused)?;
+            caster.cast_samples(&scene.camera, &samples).map_err(launched).map_err(refused)?;
         summed = Some((image, hits));
         Ok(times)
     };

@@ -23,6 +23,8 @@ struct Remembered {
     axes: Vec<(String, String)>,
     local_size: [u32; 2],
     stack_size: usize,
+    #[serde(default)]
+    texture_words: usize,
 }
 
 /// The cache, where nobody edits kernels.
@@ -33,13 +35,13 @@ pub fn cache(args: &Args) -> Cache {
 /// The program to compile for it; none if nothing is known.
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let known = last_time(cache, args, device).or_else(|| by_file(args, device));
-    let (strategy, local_size, stack_size) = known?;
+    let (strategy, known) = known?;
     // The program contains the number of staged triangles, which is not known yet.
     if strategy.triangles.are_staged() {
         return None;
     }
     let image_size = [args.width, args.height];
-    let workload = Workload { stack_size, image_size, local_size, ..Workload::default() };
+    let workload = Workload { image_size, ..known };
     ProgramSpec::new(sources, &strategy, &workload, device.builtins()).ok()
 }
 
@@ -47,7 +49,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let now = Remembered { axes, local_size: workload.local_size, stack_size: workload.stack_size };
+    let Workload { local_size, stack_size, texture_words, .. } = *workload;
+    let now = Remembered { axes, local_size, stack_size, texture_words };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -59,22 +62,22 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
     serde_json::from_slice(&cache.get(KIND, &key(args, device)?)?).ok()
 }
 
-fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, [u32; 2], usize)> {
-    let Remembered { axes, local_size, stack_size } = remembered(cache, args, device)?;
+fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
+    let Remembered { axes, local_size, stack_size, texture_words } = remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
-    Some((strategy, local_size, stack_size))
+    Some((strategy, Workload { local_size, stack_size, texture_words, ..Workload::default() }))
 }
 
 /// The strategy for a bare mesh of this size.
-fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, [u32; 2], usize)> {
+fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.scene.extension()? != "obj" {
         return None;
     }
     let triangles = args.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
     let (strategy, local_size) = strategy(args, device, triangles as usize).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
-    Some((strategy, local_size, stack_size))
+    Some((strategy, Workload { local_size, stack_size, ..Workload::default() }))
 }
 
 /// The scene's file as it is, and all arguments that choose a program.

@@ -4,7 +4,7 @@ use super::report::Verified;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::reference::{all_pixels, reference_of, some_pixels};
-use crate::scene::{Scene, pixel_offsets};
+use crate::scene::{Scene, pixel_samples};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
@@ -35,7 +35,8 @@ pub(super) fn check(
         Some(some) => some_pixels(size, some as usize),
         None => all_pixels(size),
     };
-    let expected = reference_of(scene, size, strategy.culling, &pixels, &pixel_offsets(samples));
+    let expected =
+        reference_of(scene, size, strategy.culling, &pixels, &pixel_samples(&scene.lights, samples));
     let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {

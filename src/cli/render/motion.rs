@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
 use crate::launch::{Caster, Prepared, Refused};
 use crate::program::Sources;
-use crate::scene::{Loaded, Orbit, Scene, pixel_offsets};
+use crate::scene::{Loaded, Orbit, Scene, pixel_samples};
 use crate::shard::Asked;
 use crate::strategy::Strategy;
 use frames::{Frames, Numbered};
@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> Result<()> {
             scene: &scene,
             orbit,
             count,
-            offsets: pixel_offsets(args.samples),
+            samples: args.samples,
         };
         let casting = Instant::now();
         frame_ms = shown.cast_into(sink, &missing)?;
@@ -210,8 +210,8 @@ struct Shown<'a> {
     scene: &'a Scene,
     orbit: Orbit,
     count: u32,
-    /// Of the samples of a pixel.
-    offsets: Vec<[f32; 2]>,
+    /// Of each pixel.
+    samples: u32,
 }
 
 /// A frame on its way to its file.
@@ -259,8 +259,8 @@ impl Shown<'_> {
         if lights != self.scene.lights || self.orbit.with_lights {
             self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
-        let (image, _, times) =
-            caster.cast_samples(&camera, &self.offsets).map_err(Refused::at("the launch"))?;
+        let samples = pixel_samples(&lights, self.samples);
+        let (image, _, times) = caster.cast_samples(&camera, &samples).map_err(Refused::at("the launch"))?;
         Ok((image, times.frame_ms))
     }
 }

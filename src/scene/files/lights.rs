@@ -70,7 +70,8 @@ pub(in crate::scene) fn of_file(
     let factor = if total > 0.0 { power / (distance * distance) / total } else { 0.0 };
     let light = |(position, power): (DVec3, DVec3)| {
         let power = (power * factor).as_vec3();
-        Light { position: position.as_vec3(), power: if power.is_finite() { power } else { Vec3::ZERO } }
+        let power = if power.is_finite() { power } else { Vec3::ZERO };
+        Light { position: position.as_vec3(), power, radius: 0.0 }
     };
     placed.into_iter().map(light).collect()
 }

@@ -4,6 +4,7 @@ mod colours;
 mod gltf;
 mod lights;
 mod origin;
+mod pictures;
 mod ply;
 mod stl;
 
@@ -19,6 +20,7 @@ use std::path::Path;
 pub(in crate::scene) use colours::{linear, note as colours_note, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::origin_of;
+pub(in crate::scene) use pictures::Pictures;
 
 /// A mesh's bytes, its points and its triangles, the last two twice for a moment, take about this many times the file's
 /// length (measured of OBJ: 3.2 for dragons of 202,520 and 810,080 triangles, 2026-11-20).

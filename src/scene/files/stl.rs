@@ -31,7 +31,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     };
     let (positions, triangles) = joined(&corners);
     let (positions, origin) = settle(name, &positions)?;
-    let mesh = Mesh { positions, triangles, normals: Vec::new(), materials: vec![Material::default()] };
+    let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 

@@ -91,7 +91,7 @@ mod tests {
         let halves = squares.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
         let triangle = |positions| Triangle { positions, normals: [MISSING; 3], material: 0 };
         let materials = vec![Material::default()];
-        Mesh { positions, normals: Vec::new(), triangles: halves.map(triangle).collect(), materials }
+        Mesh { positions, triangles: halves.map(triangle).collect(), materials, ..Mesh::default() }
     }
 
     #[test]

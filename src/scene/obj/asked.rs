@@ -13,6 +13,7 @@ const TOLD_NAMES: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::scene) enum Wish {
     Texture,
+    TextureOption,
     Transparency,
     Emission,
     Reflection,
@@ -37,7 +38,8 @@ impl Wish {
     /// What is asked for, and what is done in its place.
     fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "each material has one colour"),
+            Self::Texture => ("textures", "only a material's colour has one"),
+            Self::TextureOption => ("options of textures", "they are passed over"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Emission => ("emitted light", "only lights of the scene shine"),
             Self::Reflection => ("mirror reflections", "surfaces show lights only"),

@@ -15,14 +15,17 @@ use std::collections::{BTreeSet, HashMap};
 pub(super) struct Start<'a> {
     pub positions: usize,
     pub normals: usize,
+    pub coordinates: usize,
     material: &'a str,
 }
 
-/// The starts of all pieces and, last, of what would follow the file.
-pub(super) fn starts(points: &[PointChunk]) -> Vec<Start<'_>> {
+/// The starts of all pieces and, last, of what would follow the file; `coordinates` are those of textures, of each piece or
+/// of none.
+pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
-    for chunk in points {
+    for (number, chunk) in points.iter().enumerate() {
+        start.coordinates += coordinates.get(number).map_or(0, Vec::len);
         start.positions += chunk.positions.len();
         start.normals += chunk.normals.len();
         start.material = chunk.last_material.as_deref().unwrap_or(start.material);
@@ -37,12 +40,16 @@ pub(super) struct FaceContext<'a> {
     pub total: Start<'a>,
     /// Material indices; 0 is the default.
     pub materials: &'a HashMap<String, u32>,
+    /// Whether texture coordinates were read.
+    pub mapped: bool,
 }
 
 /// A piece's triangles; absent normals are [`MISSING`].
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
+    /// The numbers of each triangle's texture coordinates, [`MISSING`] where there is none; nothing where none were read.
+    pub places: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
     /// Where the first face with normals at some corners only is.
     partial_normals: Option<usize>,
@@ -83,6 +90,7 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
         match keyword(line) {
             (b"v", _) => seen.positions += 1,
             (b"vn", _) => seen.normals += 1,
+            (b"vt", _) => seen.coordinates += 1,
             (b"usemtl", rest) => material = faces.material(context, &words(rest)),
             (b"f", rest) => {
                 let read = read_corners(context, &seen, rest, &mut corners);
@@ -96,8 +104,8 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
     Ok(faces)
 }
 
-/// One corner of a face: a position and, if it has one, a normal.
-type Corner = (u32, u32);
+/// One corner of a face: a position and, if it has them, a normal and a texture coordinate.
+type Corner = (u32, u32, u32);
 
 /// In a [`Corner`]: a normal is named that the file lacks.
 const LOST: u32 = MISSING - 1;
@@ -141,6 +149,9 @@ impl FaceChunk {
             let [a, b, c] = [corners[a], corners[b], corners[c]];
             let normals = if complete { [a.1, b.1, c.1] } else { [MISSING; 3] };
             self.triangles.push(Triangle { positions: [a.0, b.0, c.0], normals, material });
+            if context.mapped {
+                self.places.push([a.2, b.2, c.2]);
+            }
         };
         if corners.len() == 3 {
             push([0, 1, 2]);
@@ -173,16 +184,20 @@ fn read_corners(
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
     // A plain number, as in most meshes without normals.
     if let Some(position) = plain_index(token, context.total.positions) {
-        return Ok((position, MISSING));
+        return Ok((position, MISSING, MISSING));
     }
     let mut parts = token.split(|&byte| byte == b'/');
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
-    // Texture coordinates are not used, so theirs need only be a number.
     let texture = parts.next().unwrap_or_default();
-    if !texture.is_empty() && integer(texture).is_none() {
-        return Err(not_an_index(texture, token));
-    }
+    // One that the file lacks is as good as none: the triangle is counted with those that have none.
+    let coordinate = match integer(texture) {
+        None if texture.is_empty() => MISSING,
+        None => return Err(not_an_index(texture, token)),
+        Some(_) if !context.mapped => MISSING,
+        Some(_) => resolve(texture, token, "texture coordinate", seen.coordinates, context.total.coordinates)
+            .unwrap_or(MISSING),
+    };
     let normal = match parts.next().unwrap_or_default() {
         [] => MISSING,
         part => normal(context, seen, part, token)?,
@@ -190,7 +205,7 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     if parts.next().is_some() {
         return Err(format!("{} has too many slashes; expected vertex/texture/normal", quoted(token)));
     }
-    Ok((position, normal))
+    Ok((position, normal, coordinate))
 }
 
 /// A normal's number, or [`LOST`] where the file has no such normal; 0 and what is no number are mistakes.

@@ -16,6 +16,7 @@ mod notes;
 mod points;
 mod polygon;
 mod text;
+mod textures;
 mod wishes;
 
 use super::files::{MeshFile, colours_note, origin_of, paint};
@@ -26,12 +27,14 @@ use glam::{DVec3, Vec3};
 use points::PointChunk;
 use rayon::prelude::*;
 use text::{Chunk, Mistake, Source};
+use textures::Places;
 
 pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
 pub(in crate::scene) use notes::of_materials as note_materials;
 pub(in crate::scene) use polygon::triangulate;
 pub(in crate::scene) use text::{decimal, quoted};
+pub(in crate::scene) use textures::unmapped;
 
 /// What reading a mesh may touch and tell.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +56,11 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
 
-    let starts = faces::starts(&points);
+    let coordinates = match materials.maps.iter().any(Option::is_some) {
+        true => read_coordinates(&source, &chunks)?,
+        false => Vec::new(),
+    };
+    let starts = faces::starts(&points, &coordinates);
     let total = starts[points.len()];
     if total.positions.max(total.normals) >= i32::MAX as usize {
         return Err(Error::input(format!("{name}: more vertices than 32-bit indices can name"))
@@ -67,7 +74,8 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
         mesh.normals.extend_from_slice(&chunk.normals);
     }
 
-    let context = FaceContext { positions: &mesh.positions, total, materials: &materials.by_name };
+    let mapped = !coordinates.is_empty();
+    let context = FaceContext { positions: &mesh.positions, total, materials: &materials.by_name, mapped };
     let read = chunks.par_iter().zip(&starts).map(|(chunk, start)| faces::read(&context, chunk, start));
     let faces: Vec<FaceChunk> = in_order(&source, read.collect())?;
     mesh.triangles = concatenate(&faces);
@@ -83,6 +91,11 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     faces::note_unknown_materials(&faces, quotes, &mut notes);
     notes::of_statements(&points, &mesh, quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
+    if mapped {
+        let corners = faces.iter().flat_map(|chunk| chunk.places.iter().copied()).collect();
+        let places = Places { coordinates: coordinates.concat(), corners };
+        textures::apply(&mut mesh, &materials.maps, &places, reach, &mut notes);
+    }
     paint_vertices(&mut mesh, &points, &mut notes);
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
@@ -117,6 +130,11 @@ fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, DV
         DVec3::ZERO => Ok((points, DVec3::ZERO)),
         origin => Ok((read(origin)?, origin)),
     }
+}
+
+/// The texture coordinates of each piece, which only materials with textures need.
+fn read_coordinates(source: &Source, chunks: &[Chunk]) -> Result<Vec<Vec<[f32; 2]>>> {
+    in_order(source, chunks.par_iter().map(points::texture_coordinates).collect())
 }
 
 /// The chunks' results, or the mistake that comes first in the file.

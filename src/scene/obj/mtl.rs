@@ -3,6 +3,7 @@
 use super::Permitted;
 use super::asked::Asked;
 use super::text::{Mistake, Source, keyword, number, quoted, tokens, words};
+use super::textures::ColourMap;
 use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
@@ -17,6 +18,8 @@ pub(super) struct Materials {
     pub list: Vec<Material>,
     /// What each asks for and raycl does not do.
     pub asked: Vec<Asked>,
+    /// The picture that each takes its colour from, too.
+    pub maps: Vec<Option<ColourMap>>,
     pub by_name: HashMap<String, u32>,
 }
 
@@ -35,8 +38,12 @@ pub(super) fn load_all<'a>(
     libraries: impl Iterator<Item = &'a String>,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
-    let mut materials =
-        Materials { list: vec![Material::default()], asked: vec![Asked::default()], by_name: HashMap::new() };
+    let mut materials = Materials {
+        list: vec![Material::default()],
+        asked: vec![Asked::default()],
+        maps: vec![None],
+        by_name: HashMap::new(),
+    };
     for library in libraries {
         for name in reach.file_names(library) {
             match reach.open(name) {
@@ -104,8 +111,11 @@ impl Materials {
         let checked = check(&text).map_err(|mistake| source.error(mistake))?;
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
-        for (material, Extras { mut asked, model }) in list.iter().zip(checked.extras) {
+        for (material, Extras { mut asked, model, map }) in list.iter().zip(checked.extras) {
             self.by_name.insert(material.name.clone(), self.list.len() as u32);
+            let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
+            let at = |offset| format!("{name}:{}", source.line(offset));
+            self.maps.push(map.map(|(offset, map)| map.told(at(offset), alone)));
             let material = convert(material);
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
@@ -130,12 +140,17 @@ struct Extras {
     asked: Asked,
     /// What `illum` says.
     model: Option<Vec<u8>>,
+    /// What `map_Kd` says, and where.
+    map: Option<(usize, ColourMap)>,
 }
 
 impl Extras {
-    fn read(&mut self, keyword: &[u8], rest: &[u8]) {
+    fn read(&mut self, offset: usize, keyword: &[u8], rest: &[u8]) {
         match keyword {
             b"illum" => self.model = tokens(rest).next().map(<[u8]>::to_vec),
+            _ if keyword.eq_ignore_ascii_case(b"map_Kd") => {
+                self.map = ColourMap::of_line(rest, &mut self.asked).map(|map| (offset, map));
+            }
             _ => wishes::of_material(&mut self.asked, keyword, rest),
         }
     }
@@ -162,7 +177,9 @@ fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
                     let value = value(b"Ns", token).map_err(|message| Mistake::new(offset, message))?;
                     plain.push_str(&format!("Ns {value}\n"));
                 }
-                (name, rest) => extras.iter_mut().last().into_iter().for_each(|last| last.read(name, rest)),
+                (name, rest) => {
+                    extras.iter_mut().last().into_iter().for_each(|last| last.read(offset, name, rest))
+                }
             }
         }
     }

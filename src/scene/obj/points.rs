@@ -72,6 +72,21 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
     Ok(points)
 }
 
+/// The texture coordinates of a piece: two numbers each, of which the second may be absent, and a third is passed over.
+pub(super) fn texture_coordinates(chunk: &Chunk) -> Result<Vec<[f32; 2]>, Mistake> {
+    let lines = chunk.lines().map(|(offset, line)| (offset, keyword(line)));
+    let coordinates = lines.filter(|(_, (word, _))| *word == b"vt").map(|(offset, (_, rest))| {
+        let mut tokens = tokens(rest);
+        let mut next = |usual: Option<&'static [u8]>| {
+            let token = tokens.next().or(usual).unwrap_or_default();
+            let wrong = "in a texture coordinate (vt); expected a finite decimal number";
+            number(token).ok_or_else(|| Mistake::new(offset, format!("{} {wrong}", quoted(token))))
+        };
+        Ok::<_, Mistake>([next(None)?, next(Some(b"0"))?])
+    });
+    coordinates.collect()
+}
+
 /// A group's number; none is as good as `off`.
 fn smoothing_group(rest: &[u8]) -> String {
     match tokens(rest).next() {

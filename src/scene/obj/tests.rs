@@ -156,8 +156,8 @@ fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
 #[test]
 fn what_a_material_asks_for_is_told_by_name_and_count() {
     let cases = [
-        ("map_Kd -s 2 2 2 a.png", "1 material asks for textures (map_Kd)"),
-        ("map_Kd a.png\nbump b.png\nnorm c.png", "asks for textures (bump 1, map_Kd 1, norm 1)"),
+        ("map_Ks -s 2 2 2 a.png", "1 material asks for textures (map_Ks)"),
+        ("map_Ka a.png\nbump b.png\nnorm c.png", "asks for textures (bump 1, map_Ka 1, norm 1)"),
         ("d 0.5", "asks for transparency (d)"),
         ("d -halo 0.5", "asks for transparency (d)"),
         ("Tr 0.1", "asks for transparency (Tr)"),
@@ -190,10 +190,10 @@ fn what_a_material_has_and_needs_not_be_done_is_not_told() {
 
 #[test]
 fn materials_that_ask_for_the_same_are_counted() {
-    let mtl: String = (0..3).map(|i| format!("newmtl m{i}\nmap_Kd {i}.png\nmap_Kd {i}.png\n")).collect();
+    let mtl: String = (0..3).map(|i| format!("newmtl m{i}\nmap_Ks {i}.png\nmap_Ks {i}.png\n")).collect();
     let notes = notes_of("usemtl m0\nf 1 2 3\nusemtl m1\nf 1 2 3\nusemtl m2", &mtl);
     assert_eq!(notes.len(), 1);
-    assert!(notes[0].starts_with("3 materials ask for textures (map_Kd), which"), "{notes:?}");
+    assert!(notes[0].starts_with("3 materials ask for textures (map_Ks), which"), "{notes:?}");
 }
 
 #[test]

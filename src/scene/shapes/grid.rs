@@ -93,5 +93,5 @@ fn mesh(
     vertices.map(narrow).unzip_into_vecs(&mut positions, &mut normals);
     let triangles =
         triangles.map(|corners| Triangle { positions: corners, normals: corners, material: 0 }).collect();
-    Mesh { positions, normals, triangles, materials: vec![Material::default()] }
+    Mesh { positions, normals, triangles, materials: vec![Material::default()], ..Mesh::default() }
 }

@@ -15,6 +15,7 @@ fn flat<const N: usize>(positions: &[Vec3], faces: [([u32; 3], Vec3); N]) -> Mes
         triangles: triangles.collect(),
         normals: faces.iter().map(|(_, normal)| *normal).collect(),
         materials: vec![Material::default()],
+        ..Mesh::default()
     }
 }
 

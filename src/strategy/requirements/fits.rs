@@ -56,3 +56,14 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     }
     Ok(())
 }
+
+/// Whether a family colours triangles by textures where the scene has some.
+pub fn textures(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
+    let family = strategy.family();
+    if !workload.is_textured() || family.takes_textures() {
+        return Ok(());
+    }
+    let label = family.label;
+    let reason = format!("{label} has no textures, which the scene has: textures = false leaves them out");
+    Err(Infeasible { reason })
+}

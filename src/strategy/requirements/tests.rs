@@ -26,6 +26,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         normals: triangles,
         materials: 2,
         lights: 1,
+        texture_words: 0,
         stack_size: 0,
         image_size: [800, 500],
         local_size: [local, local],
@@ -179,13 +180,14 @@ fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
 }
 
 fn workloads() -> impl proptest::strategy::Strategy<Value = Workload> {
-    let counts = [(); 5].map(|()| magnitudes(64));
+    let counts = [(); 6].map(|()| magnitudes(64));
     // Far more pixels than raycl takes, and no more than a product of sizes in `usize` holds.
     let side = |bits| magnitudes(bits).prop_map(|side| (side as u32).max(1));
     (counts, [side(30), side(30)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
-        let [triangles, positions, normals, materials, lights] = counts.map(|count| count as usize >> 1);
-        let stack_size = 0;
-        Workload { triangles, positions, normals, materials, lights, stack_size, image_size, local_size }
+        let counts = counts.map(|count| count as usize >> 1);
+        let [triangles, positions, normals, materials, lights, texture_words] = counts;
+        let counts = Workload { triangles, positions, normals, materials, lights, ..Workload::default() };
+        Workload { texture_words, image_size, local_size, ..counts }
     })
 }
 
@@ -279,6 +281,7 @@ proptest! {
             normals: less.normals.max(more.normals),
             materials: less.materials.max(more.materials),
             lights: less.lights.max(more.lights),
+            texture_words: less.texture_words.max(more.texture_words),
             image_size: [0, 1].map(|side| less.image_size[side].max(more.image_size[side])),
             local_size: less.local_size,
             ..more

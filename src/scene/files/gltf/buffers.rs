@@ -37,8 +37,8 @@ fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) ->
     let Some(uri) = &buffer.uri else {
         return binary.ok_or_else(|| "it has no uri, and the file no binary part".to_owned());
     };
-    if let Some(data) = uri.strip_prefix("data:") {
-        return decoded(data).map(Cow::Owned);
+    if uri.starts_with("data:") {
+        return decoded(uri).map(Cow::Owned);
     }
     if uri.contains("://") {
         return Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())));
@@ -50,8 +50,8 @@ fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) ->
     bytes.map(Cow::Owned).map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
 }
 
-/// What follows `data:`: a type that does not matter, `;base64,` and the bytes.
-fn decoded(data: &str) -> Found<Vec<u8>> {
+/// The bytes of a `data:` uri: a type that does not matter, `;base64,` and what follows.
+pub(super) fn decoded(data: &str) -> Found<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("a data: uri without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, either);
@@ -59,7 +59,7 @@ fn decoded(data: &str) -> Found<Vec<u8>> {
 }
 
 /// A name in which `%20` stands for a space; what is no such escape stays.
-fn unescaped(uri: &str) -> String {
+pub(super) fn unescaped(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let Some((&first, after)) = rest.split_first() {

@@ -39,7 +39,7 @@ fn others(wire: &Wire) -> impl Iterator<Item = (&String, &serde_json::Value)> {
     others.into_iter().flatten()
 }
 
-fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json::Value> {
+pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json::Value> {
     others(wire).find(|(key, _)| *key == name).map(|(_, value)| value)
 }
 
@@ -48,7 +48,6 @@ fn asked(wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;
     let textures = [
-        ("baseColorTexture", pbr.base_color_texture.is_some()),
         ("metallicRoughnessTexture", pbr.metallic_roughness_texture.is_some()),
         ("normalTexture", wire.normal_texture.is_some()),
         ("occlusionTexture", wire.occlusion_texture.is_some()),

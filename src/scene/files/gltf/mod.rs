@@ -6,14 +6,16 @@ mod buffers;
 mod materials;
 mod nodes;
 mod primitives;
+mod textures;
 
-use super::{MeshFile, mistake};
+use super::{MeshFile, Pictures, mistake};
 use crate::error::{Error, Result};
 use crate::scene::obj::{self, Reach, quoted};
 use gltf::binary::Glb;
 use gltf::json::Root;
 use nodes::Walk;
 use std::borrow::Cow;
+use textures::Files;
 
 /// What goes wrong inside of a file, in words.
 type Found<T> = std::result::Result<T, String>;
@@ -31,9 +33,12 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     refuse_required(name, &root)?;
     let buffers = buffers::load(&root, reach, binary).map_err(|what| mistake(name, what))?;
     let materials = materials::read(&root);
-    let walk = Walk::of(&root, &buffers).map_err(|what| mistake(name, what))?;
-    let mut file = walk.settled(name, materials.list, &mut |mesh, notes| {
-        obj::note_materials(&materials.asked, mesh, reach.permitted.quotes, notes);
+    let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
+    let maps = Files { root: &root, buffers: &buffers, reach }.colour_maps(&mut pictures, &mut notes);
+    let walk = Walk::of(&root, &buffers, &maps).map_err(|what| mistake(name, what))?;
+    let mut file = walk.settled(name, (materials.list, pictures.list), &mut |mesh, all| {
+        all.append(&mut notes);
+        obj::note_materials(&materials.asked, mesh, reach.permitted.quotes, all);
     })?;
     file.notes.extend(animations(&root));
     file.notes.extend(passed_over(&root));

@@ -2,14 +2,16 @@
 
 use super::accessors::Numbers;
 use super::primitives::{Part, Shape};
+use super::textures::ColourMap;
 use super::{Found, MeshFile};
 use crate::error::Result;
-use crate::scene::Camera;
 use crate::scene::files::{FileLight, colours, origin};
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
+use crate::scene::obj::unmapped;
 use crate::scene::shapes::MAX_TRIANGLES;
+use crate::scene::{Camera, Mapped, Texture, Textures};
 use crate::words::counted;
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::camera::Type;
@@ -30,6 +32,10 @@ pub(super) struct Walk<'a> {
     /// Vertices that have a colour of their own.
     coloured: usize,
     triangles: Vec<Triangle>,
+    /// Each material's, in the file's order.
+    maps: &'a [Option<ColourMap>],
+    /// One a triangle, where any material has a texture.
+    mapped: Vec<Mapped>,
     /// The first triangle of each node that has a mesh.
     starts: Vec<u32>,
     /// Each camera and where it stands.
@@ -46,11 +52,12 @@ struct LeftOut {
     skins: usize,
     targets: usize,
     lines_and_points: usize,
+    unmapped: usize,
 }
 
 impl<'a> Walk<'a> {
     /// Walks the file's scene, or, where it has none, all nodes that are no other's child.
-    pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>]) -> Found<Self> {
+    pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>], maps: &'a [Option<ColourMap>]) -> Found<Self> {
         let mut walk = Self {
             numbers: Numbers { root, buffers },
             visited: vec![false; root.nodes.len()],
@@ -59,6 +66,8 @@ impl<'a> Walk<'a> {
             colours: Vec::new(),
             coloured: 0,
             triangles: Vec::new(),
+            maps,
+            mapped: Vec::new(),
             starts: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
@@ -99,8 +108,10 @@ impl<'a> Walk<'a> {
             for primitive in &mesh.primitives {
                 self.left_out.targets +=
                     usize::from(primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()));
-                match Part::read(&self.numbers, primitive)? {
-                    Shape::Triangles(part) => self.add(part, place)?,
+                let map =
+                    primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
+                match Part::read(&self.numbers, primitive, map.map(|map| map.set))? {
+                    Shape::Triangles(part) => self.add(part, map, place)?,
                     Shape::Other => self.left_out.lines_and_points += 1,
                 }
             }
@@ -109,7 +120,7 @@ impl<'a> Walk<'a> {
         self.add_light(node, place)
     }
 
-    fn add(&mut self, part: Part, place: DMat4) -> Found<()> {
+    fn add(&mut self, part: Part, map: Option<ColourMap>, place: DMat4) -> Found<()> {
         let first = self.positions.len() as u32;
         let first_normal = self.normals.len() as u32;
         if self.triangles.len() + part.triangles.len() > MAX_TRIANGLES as usize {
@@ -130,7 +141,22 @@ impl<'a> Walk<'a> {
                 if part.normals.is_empty() { [MISSING; 3] } else { corners.map(|i| i + first_normal) };
             Triangle { positions: corners.map(|i| i + first), normals, material: part.material }
         }));
+        if self.maps.iter().any(Option::is_some) {
+            self.add_places(&part, map, mirrored);
+        }
         Ok(())
+    }
+
+    /// Where the triangles of a part, whose corners are turned around where it is mirrored, lie in their texture.
+    fn add_places(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
+        let map = map.filter(|_| !part.coordinates.is_empty()).ok_or(map.is_some());
+        self.left_out.unmapped +=
+            if map.is_err_and(|has_texture| has_texture) { part.triangles.len() } else { 0 };
+        self.mapped.extend(part.triangles.iter().map(|corners| {
+            let Ok(map) = map else { return Mapped::NONE };
+            let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
+            map.place(if mirrored { [a, c, b] } else { [a, b, c] })
+        }));
     }
 
     /// A camera looks along its own -z.
@@ -187,17 +213,20 @@ impl<'a> Walk<'a> {
     pub fn settled(
         self,
         name: &str,
-        materials: Vec<Material>,
+        (materials, pictures): (Vec<Material>, Vec<Texture>),
         note_materials: &mut dyn FnMut(&Mesh, &mut Vec<String>),
     ) -> Result<MeshFile> {
         let (positions, origin) = origin::settle(name, &self.positions)?;
-        let mut mesh = Mesh { positions, normals: self.normals, triangles: self.triangles, materials };
+        let textures = Textures::of(pictures, self.mapped);
+        let mut mesh =
+            Mesh { positions, normals: self.normals, triangles: self.triangles, materials, textures };
         let mut notes = Vec::new();
         note_materials(&mesh, &mut notes);
         if self.coloured > 0 {
             colours::paint(&mut mesh, &self.colours);
             notes.push(colours::note(self.coloured));
         }
+        notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());
         notes.extend(
             (self.cameras.len() > 1).then(|| format!("of {} cameras, the first is used", self.cameras.len())),

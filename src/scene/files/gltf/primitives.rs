@@ -15,6 +15,8 @@ pub(super) struct Part {
     pub normals: Vec<DVec3>,
     /// Linear, one a position, or none.
     pub colours: Vec<Vec3>,
+    /// Where the material's texture lies, one a position, or none.
+    pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
     /// 0 where the part names none; the file's are from 1.
     pub material: u32,
@@ -28,7 +30,8 @@ pub(super) enum Shape {
 }
 
 impl Part {
-    pub fn read(numbers: &Numbers<'_>, primitive: &Primitive) -> Found<Shape> {
+    /// `set` is that of the texture coordinates that its material's texture wants.
+    pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Found<Shape> {
         let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
             primitive.mode
         else {
@@ -46,7 +49,17 @@ impl Part {
             .map(|index| colours(numbers, index))
             .transpose()?
             .unwrap_or_default();
-        for (what, count) in [("normals", normals.len()), ("colours", colours.len())] {
+        let coordinates = set
+            .and_then(|set| attribute(Semantic::TexCoords(set)))
+            .map(|index| coordinates(numbers, index))
+            .transpose()?
+            .unwrap_or_default();
+        let counts = [
+            ("normals", normals.len()),
+            ("colours", colours.len()),
+            ("texture coordinates", coordinates.len()),
+        ];
+        for (what, count) in counts {
             if count != 0 && count != positions.len() {
                 return Err(format!("{count} {what} for {} positions", positions.len()));
             }
@@ -58,14 +71,15 @@ impl Part {
                 .then(|| index.value() as u32 + 1)
                 .ok_or_else(|| format!("material {} does not exist", index.value()))
         })?;
-        let part = Self { triangles: triangles(mode, &indices), positions, normals, colours, material };
+        let triangles = triangles(mode, &indices);
+        let part = Self { triangles, positions, normals, colours, coordinates, material };
         Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
     /// Every triangle with corners of its own: without normals a mesh has flat faces (glTF 2.0, 3.7.2.1).
     fn flat(self) -> Self {
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
-        let mut colours = Vec::new();
+        let (mut colours, mut coordinates) = (Vec::new(), Vec::new());
         for corners in &self.triangles {
             let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
             positions.extend([a, b, c]);
@@ -73,9 +87,22 @@ impl Part {
             if !self.colours.is_empty() {
                 colours.extend(corners.map(|corner| self.colours[corner as usize]));
             }
+            if !self.coordinates.is_empty() {
+                coordinates.extend(corners.map(|corner| self.coordinates[corner as usize]));
+            }
         }
         let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        Self { positions, normals, colours, triangles, material: self.material }
+        Self { positions, normals, colours, coordinates, triangles, material: self.material }
+    }
+}
+
+/// Texture coordinates, from the upper left corner.
+fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Found<Vec<[f32; 2]>> {
+    let coordinates = numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32));
+    let coordinates: Vec<[f32; 2]> = coordinates.collect();
+    match coordinates.as_flattened().iter().all(|value| value.is_finite()) {
+        true => Ok(coordinates),
+        false => Err("texture coordinates that are not finite".to_owned()),
     }
 }
 

@@ -120,7 +120,7 @@ fn materials_cameras_and_lights() {
     assert_eq!(file.lights.len(), 1);
     let notes = file.notes.join("\n");
     for part in [
-        "textures (baseColorTexture)",
+        "texture 0 does not exist: its material's own colour is used",
         "alphaMode BLEND",
         "metal (metallicFactor)",
         "KHR_materials_clearcoat",

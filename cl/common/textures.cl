@@ -1,0 +1,85 @@
+// Colours of triangles from pictures. All pictures of a scene lie in one buffer, with no OpenCL images, so that one source runs
+// on every device and everywhere to the same bits. src/reference/texture.rs has the same in f64.
+
+#ifndef TEXTURE_HEAD_WORDS
+#error "TEXTURE_HEAD_WORDS: words that tell of a texture before its texels"
+#endif
+#if !defined(WRAP_REPEAT) || !defined(WRAP_CLAMP) || !defined(WRAP_MIRROR)
+#error "WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR: numbers of what a texture is beyond its edges"
+#endif
+
+// The buffer, in words, as src/launch/textures.rs writes it:
+//
+//     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
+//
+// The floats are the linear light of each 8-bit value (sRGB). A head is a texture's first texel, its width, its height, and how
+// it wraps beyond its edges: u in the lowest 8 bits, v in the next. A texel has red in the lowest 8 bits, then green and blue.
+#define CHANNEL_VALUES 256
+
+typedef struct {
+    const __global float4 *rows; // two per triangle: u and v of its corners, then the texture's number, or -1
+    const __global uint *words;
+} Textures;
+
+// A place along an axis of a texture, from 0 to 1.
+float place_in_texture(float place, uint wrap) {
+    if (wrap == WRAP_CLAMP) return clamp(place, 0.0f, 1.0f);
+    if (wrap == WRAP_REPEAT) return place - floor(place);
+    const float twice = place - 2.0f * floor(0.5f * place);
+    return min(twice, 2.0f - twice);
+}
+
+// The number of a texel along an axis, where the filter may ask for one beyond the edge.
+int texel_in_texture(int texel, int size, uint wrap) {
+    if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
+    // Whatever the coordinates are, no texel outside is read.
+    return clamp(texel, 0, size - 1);
+}
+
+Uniform3 texel_colour(const __global uint *words, uint at) {
+    const uint texel = words[at];
+    return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
+}
+
+// The colour of a triangle's texture at its point of these weights: four texels, mixed in linear light. White without one.
+Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2) {
+    const float4 ab = textures->rows[2 * (size_t)triangle], c = textures->rows[2 * (size_t)triangle + 1];
+    const int number = as_int(c.z);
+    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
+    const __global uint *head = textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
+    const int width = (int)head[1], height = (int)head[2];
+    const uint across = head[3] & 255, down = head[3] >> 8;
+    // Texels' centres lie at half-integers, as pixels' do.
+    const float w0 = 1.0f - w1 - w2;
+    const float x = place_in_texture(w0 * ab.x + w1 * ab.z + w2 * c.x, across) * (float)width - 0.5f;
+    const float y = place_in_texture(w0 * ab.y + w1 * ab.w + w2 * c.y, down) * (float)height - 0.5f;
+    const float left = floor(x), top = floor(y);
+    const int x0 = texel_in_texture((int)left, width, across), x1 = texel_in_texture((int)left + 1, width, across);
+    const uint row0 = head[0] + (uint)(texel_in_texture((int)top, height, down) * width);
+    const uint row1 = head[0] + (uint)(texel_in_texture((int)top + 1, height, down) * width);
+    const Uniform3 a = texel_colour(textures->words, row0 + x0), b = texel_colour(textures->words, row0 + x1);
+    const Uniform3 d = texel_colour(textures->words, row1 + x0), e = texel_colour(textures->words, row1 + x1);
+    const float to_right = x - left, to_bottom = y - top;
+    const float ka = (1.0f - to_right) * (1.0f - to_bottom), kb = to_right * (1.0f - to_bottom);
+    const float kd = (1.0f - to_right) * to_bottom, ke = to_right * to_bottom;
+    return uniform3(ka * a.x + kb * b.x + kd * d.x + ke * e.x, ka * a.y + kb * b.y + kd * d.y + ke * e.y,
+                    ka * a.z + kb * b.z + kd * d.z + ke * e.z);
+}
+
+// A surface whose colour is multiplied by that of each lane's triangle; lanes whose triangle is NO_HIT keep theirs.
+Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2) {
+    IntLanes id;
+    Lanes second, third, red, green, blue;
+    id.all = triangle;
+    second.all = w1, third.all = w2;
+    red.all = green.all = blue.all = (varying)(1.0f);
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (id.each[lane] == NO_HIT) continue;
+        const Uniform3 colour = texture_colour(textures, id.each[lane], second.each[lane], third.each[lane]);
+        red.each[lane] = colour.x, green.each[lane] = colour.y, blue.each[lane] = colour.z;
+    }
+    surface.lambertian = multiply(surface.lambertian, vec3(red.all, green.all, blue.all));
+    return surface;
+}
+
+#define TEXTURED(surface, textures, triangle, w1, w2) textured(surface, textures, triangle, w1, w2)

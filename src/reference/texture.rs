@@ -1,0 +1,99 @@
+//! Colours of triangles from pictures: the twin of `cl/common/textures.cl`.
+
+use super::real::{Real, Vector};
+use crate::scene::{Mesh, Texture, Wrap, linear_values};
+use glam::Vec3;
+use std::sync::LazyLock;
+
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
+
+/// The colour of a triangle's texture at its point of these weights: four texels, mixed in linear light. None without one.
+pub fn texture_colour<R: Real>(mesh: &Mesh, triangle: u32, weights: [R; 3]) -> Option<R::Vector> {
+    let row = mesh.textures.mapped.get(triangle as usize)?;
+    let texture = &mesh.textures.list[row.texture? as usize];
+    let place = |axis: usize| {
+        let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
+        let place = weights[0] * a + weights[1] * b + weights[2] * c;
+        // Texels' centres lie at half-integers, as pixels' do.
+        within(place, texture.wrap[axis]) * R::of(texture.size[axis].into()) - R::from(0.5)
+    };
+    let (x, y) = (place(0), place(1));
+    let (left, top) = (x.floor(), y.floor());
+    let at = |column: i32, row: i32| texel::<R>(texture, left.to_i32() + column, top.to_i32() + row);
+    let mix = |a: R::Vector, b: R::Vector, part: R| a * (R::ONE - part) + b * part;
+    let (upper, lower) = (mix(at(0, 0), at(1, 0), x - left), mix(at(0, 1), at(1, 1), x - left));
+    Some(mix(upper, lower, y - top))
+}
+
+/// A place along an axis, from 0 to 1.
+fn within<R: Real>(place: R, wrap: Wrap) -> R {
+    match wrap {
+        Wrap::Repeat => place - place.floor(),
+        Wrap::Clamp => least(place.max(R::ZERO), R::ONE),
+        Wrap::Mirror => {
+            let two = R::from(2.0);
+            let twice = place - two * (place * R::from(0.5)).floor();
+            least(twice, two - twice)
+        }
+    }
+}
+
+fn least<R: Real>(a: R, b: R) -> R {
+    if a < b { a } else { b }
+}
+
+fn texel<R: Real>(texture: &Texture, column: i32, row: i32) -> R::Vector {
+    let [width, height] = texture.size;
+    let [x, y] = [(column, 0), (row, 1)].map(|(number, axis)| {
+        let size = texture.size[axis] as i32;
+        let number = match texture.wrap[axis] {
+            Wrap::Repeat => number.rem_euclid(size),
+            Wrap::Clamp | Wrap::Mirror => number,
+        };
+        number.clamp(0, size - 1) as u32
+    });
+    debug_assert!(x < width && y < height);
+    let texel = texture.texels[y as usize * width as usize + x as usize];
+    let [red, green, blue, _] = texel.to_le_bytes().map(|value| LINEAR[usize::from(value)]);
+    R::Vector::of(Vec3::new(red, green, blue))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Mapped, Textures};
+    use glam::DVec3;
+
+    /// Two texels, black and white, side by side.
+    fn colour_at(u: f32, wrap: Wrap) -> f64 {
+        let texture = Texture { size: [2, 1], wrap: [wrap; 2], texels: vec![0, 0xff_ffff].into() };
+        let mapped = vec![Mapped { corners: [[u, 0.3]; 3], texture: Some(0) }];
+        let mesh = Mesh { textures: Textures { list: vec![texture], mapped }, ..Mesh::default() };
+        let colour = texture_colour::<f64>(&mesh, 0, [0.25, 0.25, 0.5]).unwrap_or(DVec3::NAN);
+        assert!(colour.x == colour.y && colour.y == colour.z);
+        colour.x
+    }
+
+    #[test]
+    fn texels_are_mixed_in_linear_light_and_go_on_as_they_are_asked_to() {
+        for (u, wrap, expected) in [
+            (0.25, Wrap::Clamp, 0.0),
+            (0.5, Wrap::Clamp, 0.5),
+            (0.625, Wrap::Clamp, 0.75),
+            (0.75, Wrap::Clamp, 1.0),
+            (3.0, Wrap::Clamp, 1.0),
+            (-9.0, Wrap::Clamp, 0.0),
+            (0.0, Wrap::Repeat, 0.5),
+            (0.875, Wrap::Repeat, 0.75),
+            (1.25, Wrap::Repeat, 0.0),
+            (-0.25, Wrap::Repeat, 1.0),
+            (0.0, Wrap::Mirror, 0.0),
+            (1.0, Wrap::Mirror, 1.0),
+            (1.25, Wrap::Mirror, 1.0),
+            (1.75, Wrap::Mirror, 0.0),
+            (-0.5, Wrap::Mirror, 0.5),
+        ] {
+            assert!((colour_at(u, wrap) - expected).abs() < 1e-12, "{u} {wrap:?}: {}", colour_at(u, wrap));
+        }
+    }
+}

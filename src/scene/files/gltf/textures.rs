@@ -1,0 +1,143 @@
+//! Base colours from pictures: in the file, beside it, or as base64.
+
+use super::Found;
+use super::buffers::{decoded, unescaped};
+use crate::scene::files::Pictures;
+use crate::scene::obj::{Reach, quoted};
+use crate::scene::{Mapped, Wrap};
+use glam::{Affine2, Vec2};
+use gltf::json::material::Material as Wire;
+use gltf::json::texture::{Info, Texture, WrappingMode};
+use gltf::json::validation::Checked;
+use gltf::json::{Index, Root, image::Image};
+use std::borrow::Cow;
+
+/// The picture that a material takes its colour from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ColourMap {
+    /// Its texture's number.
+    texture: u32,
+    wrap: [Wrap; 2],
+    /// Which of a primitive's texture coordinates.
+    pub set: u32,
+    /// What is done to them first.
+    transform: Affine2,
+}
+
+impl ColourMap {
+    /// A triangle of this material.
+    pub fn place(&self, corners: [[f32; 2]; 3]) -> Mapped {
+        let placed = |corner| self.transform.transform_point2(Vec2::from_array(corner)).to_array();
+        Mapped::new(corners.map(placed), self.texture, self.wrap)
+    }
+}
+
+/// What pictures are read from.
+#[derive(Clone, Copy)]
+pub(super) struct Files<'a> {
+    pub root: &'a Root,
+    pub buffers: &'a [Cow<'a, [u8]>],
+    pub reach: Reach<'a>,
+}
+
+impl Files<'_> {
+    /// A colour map for every material that names one, in the file's order; what cannot be read is noted.
+    pub fn colour_maps(self, pictures: &mut Pictures, notes: &mut Vec<String>) -> Vec<Option<ColourMap>> {
+        let map = |wire: &Wire| {
+            let info = colour_texture(wire)?;
+            let number = info.index.value();
+            self.map(&info, pictures)
+                .map_err(|why| {
+                    // What is wrong may quote the file.
+                    let why = if self.reach.permitted.quotes {
+                        format!(" {why}")
+                    } else {
+                        " cannot be read".to_owned()
+                    };
+                    let note = format!("texture {number}{why}: its material's own colour is used");
+                    notes.extend((!notes.contains(&note)).then_some(note));
+                })
+                .ok()
+        };
+        self.root.materials.iter().map(map).collect()
+    }
+
+    fn map(self, info: &Info, pictures: &mut Pictures) -> Found<ColourMap> {
+        let texture = self.root.get(info.index).ok_or("does not exist")?;
+        let wrap = self.wrap(texture);
+        let image = self.root.get(texture.source);
+        let image = image.ok_or("has no picture of a format that raycl reads")?;
+        let (transform, set) = transform(info);
+        if !transform.is_finite() {
+            return Err("has a transform that is not finite".to_owned());
+        }
+        let number = self.picture(texture.source, image, wrap, pictures)?;
+        Ok(ColourMap { texture: number, wrap, set: set.unwrap_or(info.tex_coord), transform })
+    }
+
+    fn wrap(self, texture: &Texture) -> [Wrap; 2] {
+        let sampler = texture.sampler.and_then(|sampler| self.root.get(sampler));
+        let of = |mode| match mode {
+            Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+            Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+            _ => Wrap::Repeat,
+        };
+        sampler.map_or([Wrap::Repeat; 2], |sampler| [of(sampler.wrap_s), of(sampler.wrap_t)])
+    }
+
+    fn picture(
+        self,
+        index: Index<Image>,
+        image: &Image,
+        wrap: [Wrap; 2],
+        pictures: &mut Pictures,
+    ) -> Found<u32> {
+        let key = index.value().to_string();
+        match (&image.uri, image.buffer_view) {
+            (Some(uri), _) if uri.starts_with("data:") => pictures.bytes(&key, &decoded(uri)?, wrap),
+            (Some(uri), _) if uri.contains("://") => {
+                Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())))
+            }
+            (Some(uri), _) => {
+                let name = unescaped(uri);
+                pictures
+                    .file(self.reach, &name, wrap)
+                    .map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
+            }
+            (None, Some(view)) => {
+                let view = self.root.get(view).ok_or("has a buffer view that does not exist")?;
+                let buffer =
+                    self.buffers.get(view.buffer.value()).ok_or("has a buffer that does not exist")?;
+                let start = view.byte_offset.unwrap_or_default().0;
+                let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
+                let bytes = &buffer[start.min(end) as usize..end as usize];
+                pictures.bytes(&key, bytes, wrap)
+            }
+            (None, None) => Err("has neither a file nor bytes".to_owned()),
+        }
+    }
+}
+
+/// Which texture a material's colour has; that of the older model is `diffuseTexture`.
+fn colour_texture(wire: &Wire) -> Option<Info> {
+    let older = super::materials::extension(wire, "KHR_materials_pbrSpecularGlossiness");
+    match older {
+        Some(older) => serde_json::from_value(older.get("diffuseTexture")?.clone()).ok(),
+        None => wire.pbr_metallic_roughness.base_color_texture.clone(),
+    }
+}
+
+/// What KHR_texture_transform does to coordinates, and which it means, if it says so.
+fn transform(info: &Info) -> (Affine2, Option<u32>) {
+    let named =
+        info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+    let Some(named) = named else { return (Affine2::IDENTITY, None) };
+    let pair = |key: &str, usual: f32| {
+        let value = |at: usize| named[key][at].as_f64().map_or(usual, |value| value as f32);
+        Vec2::new(value(0), value(1))
+    };
+    let rotation = named["rotation"].as_f64().unwrap_or(0.0) as f32;
+    // Counter-clockwise where v grows upwards; here it grows downwards.
+    let transform = Affine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
+    (transform, named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok()))
+}

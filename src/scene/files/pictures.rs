@@ -1,0 +1,149 @@
+//! Textures of meshes, from pictures in files.
+
+use crate::memory::Available;
+use crate::reader::{self, Kind};
+use crate::scene::obj::Reach;
+use crate::scene::{Texture, Wrap};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Texels across or down that a picture may have.
+const MOST_ACROSS: u32 = 1 << 14;
+/// Texels that all pictures of a mesh may have: 1 GiB.
+const MOST_TEXELS: usize = 1 << 28;
+/// What decoding a picture may take: texels of 16 bits a channel.
+const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
+/// Told apart by their first bytes; TGA has none of its own, and is told by its ending.
+const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
+
+/// What goes wrong with a picture, in words that follow its name.
+type Found<T> = std::result::Result<T, String>;
+
+/// A picture's texels.
+type Decoded = ([u32; 2], Arc<[u32]>);
+
+/// The textures of a mesh, each picture decoded once.
+#[derive(Default)]
+pub(in crate::scene) struct Pictures {
+    pub list: Vec<Texture>,
+    files: HashMap<PathBuf, Found<Decoded>>,
+    known: HashMap<(PathBuf, [Wrap; 2]), u32>,
+    texels: usize,
+}
+
+impl Pictures {
+    /// The number of the texture that a file in reach makes.
+    pub fn file(&mut self, reach: Reach<'_>, name: &str, wrap: [Wrap; 2]) -> Found<u32> {
+        let path = reach.locate(name)?;
+        if let Some(number) = self.known.get(&(path.clone(), wrap)) {
+            return Ok(*number);
+        }
+        let read = || -> Found<Decoded> {
+            let bytes =
+                reader::bytes(&path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
+            decoded(&bytes, ImageFormat::from_path(&path).ok())
+        };
+        let picture = self.files.entry(path.clone()).or_insert_with(read).clone()?;
+        let number = self.add(picture, wrap)?;
+        self.known.insert((path, wrap), number);
+        Ok(number)
+    }
+
+    /// The number of the texture that a picture's bytes make; `key` tells it from other pictures of the file.
+    pub fn bytes(&mut self, key: &str, bytes: &[u8], wrap: [Wrap; 2]) -> Found<u32> {
+        // No path that was resolved is relative.
+        let key = (Path::new("in the file").join(key), wrap);
+        if let Some(number) = self.known.get(&key) {
+            return Ok(*number);
+        }
+        let number = self.add(decoded(bytes, None)?, wrap)?;
+        self.known.insert(key, number);
+        Ok(number)
+    }
+
+    fn add(&mut self, (size, texels): Decoded, wrap: [Wrap; 2]) -> Found<u32> {
+        self.texels += texels.len();
+        if self.texels > MOST_TEXELS {
+            self.texels -= texels.len();
+            return Err(format!("is too much: all textures have at most {MOST_TEXELS} texels"));
+        }
+        self.list.push(Texture { size, wrap, texels });
+        Ok(self.list.len() as u32 - 1)
+    }
+}
+
+/// The texels of a picture.
+fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Found<Decoded> {
+    let ending = ending.filter(|format| *format == ImageFormat::Tga);
+    let format = image::guess_format(bytes).ok().or(ending);
+    let format = format.filter(|format| FORMATS.contains(format));
+    let format = format.ok_or("is no PNG, JPEG, BMP or TGA")?;
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
+    let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
+    let (width, height) = size;
+    if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
+        return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} each way"));
+    }
+    // Twice: as decoded, and as kept.
+    let needed = 8 * u64::from(width) * u64::from(height);
+    let sum = format!("8 B x {width} x {height} texels");
+    Available::read()
+        .hold(2 * needed, "decoding it", &sum)
+        .map_err(|error| format!("is too large ({error})"))?;
+    let mut limits = Limits::no_limits();
+    limits.max_image_width = Some(MOST_ACROSS);
+    limits.max_image_height = Some(MOST_ACROSS);
+    limits.max_alloc = Some(DECODING_BYTES);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(damaged)?;
+    Ok(([width, height], words(&picture)))
+}
+
+fn words(picture: &DynamicImage) -> Arc<[u32]> {
+    picture.to_rgba8().pixels().map(|pixel| u32::from_le_bytes(pixel.0)).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::obj::Permitted;
+
+    fn png(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let picture =
+            image::RgbaImage::from_fn(width, height, |x, y| image::Rgba([x as u8, y as u8, 7, 255]));
+        picture.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn a_picture_is_decoded_once_however_often_it_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.png"), png(3, 2)).unwrap();
+        let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+        let mut pictures = Pictures::default();
+        let [repeat, clamp] = [Wrap::Repeat, Wrap::Clamp].map(|wrap| [wrap; 2]);
+        assert_eq!(pictures.file(reach, "a.png", repeat), Ok(0));
+        assert_eq!(pictures.file(reach, "./a.png", repeat), Ok(0));
+        assert_eq!(pictures.file(reach, "a.png", clamp), Ok(1));
+        assert_eq!(pictures.list[0].size, [3, 2]);
+        assert_eq!(pictures.list[0].texels[4], 0xff07_0101);
+        assert!(Arc::ptr_eq(&pictures.list[0].texels, &pictures.list[1].texels));
+    }
+
+    #[test]
+    fn what_is_no_picture_or_too_large_is_refused() {
+        assert!(decoded(b"nothing", None).unwrap_err().contains("no PNG"));
+        assert!(decoded(&png(2, 2)[..20], None).unwrap_err().contains("cannot be decoded"));
+        let mut huge = png(2, 2);
+        // The header's width.
+        huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
+        assert!(decoded(&huge, None).is_err());
+        assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("no PNG"));
+    }
+}

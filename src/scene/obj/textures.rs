@@ -1,0 +1,193 @@
+//! Colours from pictures: what `map_Kd` of a material asks for, and where triangles lie in them.
+
+use super::asked::{Asked, Wish};
+use super::mtl::Reach;
+use super::text::{number, quoted, tokens, words};
+use crate::scene::files::Pictures;
+use crate::scene::normals::MISSING;
+use crate::scene::{Mapped, Mesh, Textures, Wrap};
+use crate::words::counted;
+use glam::Vec3;
+
+/// Options of a map that take one word, and are passed over.
+const OF_ONE_WORD: [&[u8]; 9] =
+    [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
+
+/// What a material's `map_Kd` asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ColourMap {
+    /// The picture's file.
+    pub name: String,
+    /// What messages call the line that names it.
+    at: String,
+    /// Whether the material has no colour of its own, or black, which would hide the picture.
+    alone: bool,
+    scale: [f32; 2],
+    offset: [f32; 2],
+    wrap: Wrap,
+}
+
+impl ColourMap {
+    /// That of a line, without its keyword; none where it names no file. Options that are not done are counted.
+    pub fn of_line(rest: &[u8], asked: &mut Asked) -> Option<Self> {
+        let mut map = Self {
+            name: String::new(),
+            at: String::new(),
+            alone: false,
+            scale: [1.0; 2],
+            offset: [0.0; 2],
+            wrap: Wrap::Repeat,
+        };
+        let all: Vec<&[u8]> = tokens(rest).collect();
+        let mut at = 0;
+        while let Some(option) = all.get(at).filter(|token| token.starts_with(b"-") && token.len() > 1) {
+            at += 1;
+            let numbers: Vec<f32> = all[at..].iter().take(3).map_while(|token| number(token)).collect();
+            match *option {
+                b"-s" => map.scale = pair(&numbers, 1.0),
+                b"-o" => map.offset = pair(&numbers, 0.0),
+                b"-clamp" if all.get(at) == Some(&&b"on"[..]) => map.wrap = Wrap::Clamp,
+                b"-clamp" => {}
+                other => asked.add(Wish::TextureOption, &[b"map_Kd ", other].concat()),
+            }
+            at += match *option {
+                b"-s" | b"-o" | b"-t" => numbers.len(),
+                b"-mm" => 2,
+                b"-clamp" => 1,
+                other => usize::from(OF_ONE_WORD.contains(&other)),
+            };
+        }
+        let (first, last) = (all.get(at)?, all.last()?);
+        // A name may have spaces.
+        let from = first.as_ptr() as usize - rest.as_ptr() as usize;
+        let to = last.as_ptr() as usize - rest.as_ptr() as usize + last.len();
+        map.name = words(&rest[from..to]);
+        Some(map)
+    }
+
+    /// The same with what messages call its line, and whether its material has no colour of its own.
+    pub fn told(self, at: String, alone: bool) -> Self {
+        Self { at, alone, ..self }
+    }
+
+    /// The number of its texture: of its file, or, where that is not there, of one of its name beside the mesh, since files
+    /// name places on their makers' disks.
+    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures) -> Result<u32, String> {
+        let wrap = [self.wrap; 2];
+        pictures.file(reach, &self.name, wrap).or_else(|why| {
+            let beside = self.name.rsplit(['/', '\\']).next().unwrap_or_default();
+            let elsewhere = beside != self.name && reach.locate(beside).is_ok();
+            if elsewhere { pictures.file(reach, beside, wrap) } else { Err(why) }
+        })
+    }
+
+    /// A corner's place in the picture, whose rows are counted from its top: OBJ counts from the bottom.
+    fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
+    }
+}
+
+/// The first two numbers; one that is absent is usual.
+fn pair(numbers: &[f32], usual: f32) -> [f32; 2] {
+    [0, 1].map(|axis| numbers.get(axis).copied().unwrap_or(usual))
+}
+
+/// What faces say of textures.
+pub(super) struct Places {
+    /// `vt` of the whole file.
+    pub coordinates: Vec<[f32; 2]>,
+    /// The numbers of each triangle's in it.
+    pub corners: Vec<[u32; 3]>,
+}
+
+/// Gives the triangles of a mesh their textures: those of materials that some triangle has.
+pub(super) fn apply(
+    mesh: &mut Mesh,
+    maps: &[Option<ColourMap>],
+    places: &Places,
+    reach: Reach<'_>,
+    notes: &mut Vec<String>,
+) {
+    let mut used = vec![false; maps.len()];
+    mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
+    let mut pictures = Pictures::default();
+    let mut numbers = vec![None; maps.len()];
+    for (material, map) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
+        let Some(map) = map else { continue };
+        match map.load(reach, &mut pictures) {
+            Ok(number) => {
+                numbers[material] = Some((map, number));
+                if map.alone {
+                    mesh.materials[material].lambertian = Vec3::ONE;
+                }
+            }
+            Err(why) => {
+                let name = if reach.permitted.quotes {
+                    format!(" {}", quoted(map.name.as_bytes()))
+                } else {
+                    String::new()
+                };
+                let note = format!("{}: texture{name} {why}: its material's own colour is used", map.at);
+                notes.extend((!notes.contains(&note)).then_some(note));
+            }
+        }
+    }
+    let mut without = 0;
+    let rows = mesh.triangles.iter().zip(&places.corners).map(|(triangle, corners)| {
+        let Some((map, number)) = numbers[triangle.material as usize] else { return Mapped::NONE };
+        if corners.contains(&MISSING) {
+            without += 1;
+            return Mapped::NONE;
+        }
+        let corners = corners.map(|corner| map.place(places.coordinates[corner as usize]));
+        Mapped::new(corners, number, [map.wrap; 2])
+    });
+    let rows = rows.collect();
+    mesh.textures = Textures::of(pictures.list, rows);
+    if without > 0 {
+        notes.push(unmapped(without));
+    }
+}
+
+/// What is said of triangles that lie nowhere in their texture.
+pub(in crate::scene) fn unmapped(count: usize) -> String {
+    let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
+    format!(
+        "{} {have} a texture and no texture coordinates: {their} own colour is used",
+        counted(count, "triangle")
+    )
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    fn map(rest: &str) -> Option<(String, [f32; 2], [f32; 2], Wrap)> {
+        let map = ColourMap::of_line(rest.as_bytes(), &mut Asked::default())?;
+        Some((map.name, map.scale, map.offset, map.wrap))
+    }
+
+    #[test]
+    fn options_come_before_a_name_with_spaces() {
+        let usual = |name: &str| Some((name.to_owned(), [1.0; 2], [0.0; 2], Wrap::Repeat));
+        assert_eq!(map(" a b.png # c"), usual("a b.png"));
+        assert_eq!(map(" -blendu off -mm 0 1 a.png"), usual("a.png"));
+        assert_eq!(
+            map(" -s 2 3 4 -o 0.5 -clamp on 1.png"),
+            Some(("1.png".to_owned(), [2.0, 3.0], [0.5, 0.0], Wrap::Clamp))
+        );
+        assert_eq!(map(" # none"), None);
+        assert_eq!(map(" -s 1 1 1"), None);
+        let mut asked = Asked::default();
+        ColourMap::of_line(b" -bm 2 -clamp off a.png", &mut asked).unwrap();
+        let notes: Vec<_> = asked.notes("material", true).collect();
+        assert!(notes[0].contains("options of textures (map_Kd -bm)"), "{notes:?}");
+    }
+
+    #[test]
+    fn rows_are_counted_from_the_top() {
+        let map = ColourMap::of_line(b" -s 2 2 -o 0 0.25 a.png", &mut Asked::default()).unwrap();
+        assert_eq!(map.place([0.5, 0.125]), [1.0, 0.5]);
+    }
+}

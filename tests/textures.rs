@@ -1,0 +1,204 @@
+//! Colours from pictures, on every family that takes them.
+
+use crate::binary::{Place, device, has};
+use image::{ImageFormat, Rgb, RgbImage};
+
+/// Two quads of one material: a wall that the picture is on once, a floor that it is on nine times and turned.
+const ROOM: &str = "mtllib room.mtl
+v -1 -1 -3
+v 1 -1 -3
+v 1 1 -3
+v -1 1 -3
+v -2 -1 -1
+v 2 -1 -1
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+vt 3 3
+vt 0 3
+usemtl picture
+f 1/1 2/2 3/3 4/4
+usemtl tiles
+f 5/1 6/6 2/5 1/2
+";
+const SCENE: &str = "[camera]
+position = [0, 0, -0.5]
+[[light]]
+position = [0.5, 1.5, 0]
+power = 20
+[[light]]
+position = [-1, 0.5, 0]
+power = [5, 2, 1]
+[[object]]
+mesh = \"room.obj\"
+";
+
+/// Eight by four texels of smooth colours; the first row is red, the first column green.
+fn picture() -> RgbImage {
+    RgbImage::from_fn(8, 4, |x, y| match (x, y) {
+        (_, 0) => Rgb([250, 40, 30]),
+        (0, _) => Rgb([20, 220, 60]),
+        _ => Rgb([200 - 10 * x as u8, 150 + 10 * y as u8, 240 - 15 * x as u8]),
+    })
+}
+
+fn room(mtl: &str) -> Place {
+    let place = Place::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
+    picture().save(place.path("a picture.png")).expect("a picture");
+    place
+}
+
+const MTL: &str = "newmtl picture
+Kd 0.9 0.8 0.7
+Ks 0.3 0.3 0.3
+Ns 40
+map_Kd a picture.png
+newmtl tiles
+Kd 0 0 0
+map_Kd -s 1 1 1 -o 0.1 0.2 C:\\pictures\\a picture.png
+";
+
+fn render(place: &Place, options: &[&str]) -> (RgbImage, String) {
+    let device = device();
+    let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
+    let said = place.output(&[&usual, &["-o", "out.png", "--force"][..], options].concat());
+    (image::open(place.path("out.png")).expect("a picture").to_rgb8(), said)
+}
+
+/// Whether some channel does by more than a rounding.
+fn differ(a: &RgbImage, b: &RgbImage) -> bool {
+    a.iter().zip(b.iter()).any(|(a, b)| a.abs_diff(*b) > 1)
+}
+
+#[test]
+fn every_family_that_takes_textures_agrees_with_the_reference() {
+    let place = room(MTL);
+    let (expected, said) = render(&place, &[]);
+    assert!(!said.contains("texture"), "{said}");
+    let shown = expected.pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
+    assert!(shown > 300, "{shown} colours");
+    for strategy in [
+        "naive",
+        "deferred,layout=indexed16,passes=separate",
+        "deferred,layout=indexed32,triangles=constant",
+        "tiled-common-origin",
+        "wide-common-origin",
+        "bvh",
+        "bvh-packet,passes=separate",
+        "tile",
+        "tile,passes=separate,intersector=watertight",
+        "tile-group",
+        "tile-group-watertight",
+    ] {
+        let (found, _) = render(&place, &["--verify", "--strategy", strategy]);
+        assert!(!differ(&found, &expected), "{strategy}");
+    }
+    render(&place, &["--verify", "--samples", "4", "--strategy", "tile"]);
+}
+
+#[test]
+fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
+    let place = room(MTL);
+    let device = device();
+    let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
+    has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
+    let (plain, _) = render(&place, &["--set", "textures=false", "--strategy", "raster", "--verify"]);
+    assert_eq!(plain, render(&place, &["--set", "textures=false"]).0);
+    // Without its texture the floor is black.
+    assert_eq!(plain[(36, 40)].0, [0; 3]);
+    assert_ne!(render(&place, &[]).0[(36, 40)].0, [0; 3]);
+}
+
+#[test]
+fn rows_of_a_picture_are_where_they_belong() {
+    let place = room(MTL);
+    let (found, _) = render(&place, &[]);
+    // The wall spans x from 22 to 50 and y from 8 to 37: the picture's first row is at its top.
+    let channel = |x: u32, y: u32, channel: usize| i32::from(found[(x, y)].0[channel]);
+    assert!(channel(36, 11, 0) > channel(36, 11, 1) + 60, "{:?}", found[(36, 11)]);
+    assert!(channel(23, 22, 1) > channel(23, 22, 0) + 20, "{:?}", found[(23, 22)]);
+}
+
+#[test]
+fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its_colour() {
+    let mtl = "newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd none.png\nmap_Ks shine.png\nnewmtl tiles\nKd 0.5 0.5 0.5\nmap_Kd ../up.png\n";
+    let place = room(mtl);
+    let (found, said) = render(&place, &["--verify"]);
+    has(&said, &["room.mtl:3: texture `none.png` cannot be read", "own colour is used"]);
+    has(&said, &["room.mtl:7: texture `../up.png`"]);
+    has(&said, &["1 material asks for textures (map_Ks), which raycl does not do"]);
+    assert_eq!(found, render(&place, &["--set", "textures=false"]).0);
+    std::fs::write(place.path("none.png"), "no picture").expect("a file");
+    has(&render(&place, &[]).1, &["texture `none.png` is no PNG, JPEG, BMP or TGA"]);
+    // A face without texture coordinates, and one whose coordinate the file lacks.
+    std::fs::write(place.path("room.mtl"), MTL).expect("a file");
+    std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
+        .expect("a file");
+    has(&render(&place, &["--verify"]).1, &["2 triangles have a texture and no texture coordinates"]);
+    std::fs::write(place.path("room.obj"), ROOM.replace("vt 1 0", "vt 1 nan")).expect("a file");
+    has(&place.mistake(&["render", "scene.toml"], 2), &["room.obj:9", "`nan` in a texture coordinate"]);
+}
+
+/// A glTF of one quad, its picture as base64, its sampler as given.
+fn gltf(sampler: &str, transform: &str) -> String {
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
+    let floats = [
+        [-1.0_f32, -1.0, -3.0],
+        [1.0, -1.0, -3.0],
+        [1.0, 1.0, -3.0],
+        [-1.0, 1.0, -3.0], // positions
+        [-0.5, 1.5, 1.5],
+        [1.5, 1.5, -0.5],
+        [-0.5, -0.5, 0.0], // four pairs of coordinates, and a number
+    ];
+    let mut bytes: Vec<u8> = floats.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+    bytes.truncate(48 + 32);
+    bytes.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|index| index.to_le_bytes()));
+    let mut png = std::io::Cursor::new(Vec::new());
+    picture().write_to(&mut png, ImageFormat::Png).expect("bytes in memory");
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}], "samplers": [{sampler}],
+"images": [{{"uri": "data:image/png;base64,{}"}}], "textures": [{{"source": 0, "sampler": 0}}],
+"materials": [{{"pbrMetallicRoughness": {{"metallicFactor": 0, "baseColorFactor": [0.9, 0.8, 0.7, 1],
+"baseColorTexture": {{"index": 0{transform}}}}}}}],
+"meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "TEXCOORD_0": 1}}, "indices": 2, "material": 0}}]}}],
+"buffers": [{{"byteLength": 92, "uri": "data:;base64,{}"}}],
+"bufferViews": [{{"buffer": 0, "byteLength": 48}}, {{"buffer": 0, "byteOffset": 48, "byteLength": 32}}, {{"buffer": 0, "byteOffset": 80, "byteLength": 12}}],
+"accessors": [{{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"}},
+{{"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"}},
+{{"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"}}]}}"#,
+        STANDARD.encode(png.into_inner()),
+        STANDARD.encode(&bytes)
+    )
+}
+
+#[test]
+fn samplers_of_gltf_repeat_clamp_and_mirror() {
+    let place = room(MTL);
+    std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
+    let of = |sampler: &str, transform: &str| {
+        std::fs::write(place.path("quad.gltf"), gltf(sampler, transform)).expect("a file");
+        let (found, said) = render(&place, &["--verify"]);
+        assert!(!said.contains("texture"), "{said}");
+        found
+    };
+    let repeat = of("{}", "");
+    let clamp = of(r#"{"wrapS": 33071, "wrapT": 33071}"#, "");
+    let mirror = of(r#"{"wrapS": 33648, "wrapT": 33648}"#, "");
+    assert!(repeat != clamp && clamp != mirror && repeat != mirror);
+    // Beyond the upper left corner, a clamped picture has that corner's colour: red.
+    let corner = clamp[(24, 11)].0;
+    assert!(corner[0] > corner[1] && corner[0] > corner[2], "{corner:?}");
+    let moved = r#", "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [2, 2]}}"#;
+    assert_ne!(of("{}", moved), repeat);
+    // The same coordinates as an OBJ's, whose rows are counted from the bottom.
+    let obj = "mtllib quad.mtl\nv -1 -1 -3\nv 1 -1 -3\nv 1 1 -3\nv -1 1 -3\nvt -0.5 -0.5\nvt 1.5 -0.5\nvt 1.5 1.5\nvt -0.5 1.5\n\
+               usemtl picture\nf 1/1 2/2 3/3 4/4\n";
+    std::fs::write(place.path("quad.obj"), obj).expect("a file");
+    let mtl = "newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd a picture.png\n";
+    std::fs::write(place.path("quad.mtl"), mtl).expect("a file");
+    std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.obj")).expect("a file");
+    assert!(!differ(&render(&place, &[]).0, &repeat));
+}
