@@ -40,7 +40,7 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     let hard = picture(&place, &["--samples", "1", "--verify"]);
     let point = ["--samples", "16", "--set", "light.0.radius=0"];
     let sharp = picture(&place, &[&point[..], &["--verify"]].concat());
-    for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh"] {
+    for strategy in ["naive", "wide-common-origin", "tile", "bvh"] {
         let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify"]);
         // Half-shadows lie on the ground around the square's shadow, and nowhere else.
         let differing =

@@ -88,8 +88,6 @@ fn every_family_that_takes_textures_agrees_with_the_reference() {
         "bvh-packet,passes=separate",
         "tile",
         "tile,passes=separate,intersector=watertight",
-        "tile-group",
-        "tile-group-watertight",
     ] {
         let (found, _) = render(&place, &["--verify", "--strategy", strategy]);
         assert!(!differ(&found, &expected), "{strategy}");
