@@ -61,6 +61,7 @@ lint: setup ## check format, lints and documentation, as CI does
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --locked
 
 licences: ## check licences, bans and sources of all crates by deny.toml, without cargo-deny (Python 3.11)
+	@.ci/setup --licences
 	@.ci/licences
 
 figures: build ## make the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
