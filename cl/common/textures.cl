@@ -24,9 +24,11 @@ typedef struct {
 // A place along an axis of a texture, from 0 to 1.
 float place_in_texture(float place, uint wrap) {
     if (wrap == WRAP_CLAMP) return clamp(place, 0.0f, 1.0f);
-    if (wrap == WRAP_REPEAT) return place - floor(place);
-    const float twice = place - 2.0f * floor(0.5f * place);
-    return min(twice, 2.0f - twice);
+    if (wrap == WRAP_MIRROR) {
+        const float twice = place - 2.0f * floor(0.5f * place);
+        return min(twice, 2.0f - twice);
+    }
+    return place - floor(place);
 }
 
 // The number of a texel along an axis, where the filter may ask for one beyond the edge.

@@ -137,7 +137,10 @@ mod tests {
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
                 for (value, _) in info.values().into_iter().filter(|_| !chooses) {
                     let of_family = bases().filter(|base| std::ptr::eq(base.family(), family));
+                    // A test may be one of the paper's guards alone.
+                    let guards = |base| [base, Strategy { epsilons: Epsilons::Paper, ..base }];
                     let reasons: Vec<_> = of_family
+                        .flat_map(guards)
                         .map(|mut strategy| {
                             strategy.set(info.name, value).unwrap_or_else(|error| panic!("{error}"));
                             strategy.contradiction()
