@@ -138,3 +138,14 @@ fn an_archive_holds_the_binary_its_pages_and_its_completions() {
     );
     assert!(!names.contains("b3sum"), "{names}");
 }
+
+/// Checking the fuzz targets takes half a minute where it shares what lints have compiled, and five minutes where it does not.
+#[test]
+fn the_fuzz_targets_are_compiled_as_the_crate_is() {
+    let profile = |path: &str| {
+        let text = read_to_string(repository(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let manifest: toml::Table = text.parse().unwrap_or_else(|error| panic!("{path}: {error}"));
+        manifest["profile"]["dev"].clone()
+    };
+    assert_eq!(profile("tests/fuzz/Cargo.toml"), profile("Cargo.toml"));
+}

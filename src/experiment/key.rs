@@ -9,7 +9,7 @@ pub struct KeyParts<'a> {
     pub device: &'a str,
     /// Compute units, cores allowed and the driver's variables; for a baseline cores allowed and threads.
     pub state: &'a str,
-    /// [`LimitOverrides`](crate::config::LimitOverrides), as displayed.
+    /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), as displayed.
     pub emulate: &'a str,
     /// The axes spelled out, or [`Baseline::strategy`](crate::config::Baseline::strategy).
     pub strategy: &'a str,
