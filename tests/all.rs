@@ -9,6 +9,7 @@ mod common;
 mod bad_input;
 mod book;
 mod commands;
+mod compiled;
 #[cfg(unix)]
 mod device_lock;
 mod edits;
@@ -29,7 +30,6 @@ mod kernel;
 mod kernels;
 mod launches;
 mod layers;
-mod made;
 mod meshes;
 mod motion;
 mod mutants;

@@ -3,7 +3,7 @@
 use crate::common::mock::{Act, CONFIG, GROUPS, Mock, POINTS, Scene, count, execute, folder, once, point_of};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use raycl::experiment::{Refusal, Reply, Request, Spawner, Wait, Worker};
+use raycl::experiment::{PointFailure, Reply, Request, Spawner, Wait, Worker};
 use raycl::record::Outcome;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
@@ -71,9 +71,10 @@ fn a_refused_frame_costs_its_point_only() {
         }
         fn wait(&mut self, limit: Duration) -> Wait {
             match self.0.wait(limit) {
-                Wait::Reply(_) if self.1 => {
-                    Wait::Reply(Reply::Refused(Refusal::new(Outcome::LaunchFailed, "CL_OUT_OF_RESOURCES")))
-                }
+                Wait::Reply(_) if self.1 => Wait::Reply(Reply::Refused(PointFailure::new(
+                    Outcome::LaunchFailed,
+                    "CL_OUT_OF_RESOURCES",
+                ))),
                 wait => wait,
             }
         }

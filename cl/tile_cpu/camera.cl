@@ -62,7 +62,7 @@ uint make_camera_rays(Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;
         // Nothing hit yet: a nearest hit at infinity. Lanes outside the image are done before they begin.
-        bundle->nearness[vector] = SELECT(pixels.inside, (varying)(LEAST_NEARNESS), (varying)(FAR));
+        bundle->inv_t[vector] = SELECT(pixels.inside, (varying)(LEAST_INV_T), (varying)(FAR));
         bundle->place[vector] = (varying_int)(NO_HIT);
         prepare_rays(bundle, vector, pixels.inside);
         inside |= ANY(pixels.inside) ? 1u << vector : 0;

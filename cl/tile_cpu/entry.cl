@@ -53,7 +53,7 @@ typedef struct {
     float too_near; // hits at the nearest t that is seen have this 1 / t
     float longest;  // of the directions, the largest component
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
-    varying nearness[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
+    varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
     varying_int place[VECTORS]; // the nearest triangle so far, in leaf order
     uint scattered;             // vectors of shadow rays whose directions lie far apart, a bit each
     varying per[3][VECTORS];    // the reciprocals of their directions

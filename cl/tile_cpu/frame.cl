@@ -7,7 +7,7 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
     // First the intervals alone, which cost far less than 512 rays.
     bundle->longest = slice_camera(eye, corner, step_x, step_y, image_size, &slices);
     bundle->origin = LOAD3((const float *)&eye);
-    bundle->too_near = 1.0f / max(eye.w, LEAST_NEARNESS);
+    bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
     const Cone cone = finish_slices(&slices);
     Boxes boxes;
     // A tile of background ends here, before any ray is made.

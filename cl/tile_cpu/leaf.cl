@@ -7,7 +7,7 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);
-        done |= ANY(bundle->nearness[vector] < FAR) ? 0 : 1u << vector;
+        done |= ANY(bundle->inv_t[vector] < FAR) ? 0 : 1u << vector;
     }
     return done;
 }

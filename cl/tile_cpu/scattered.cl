@@ -59,7 +59,7 @@ uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors
             entry = max(entry, min(a, b));
             leave = min(leave, max(a, b));
         }
-        met |= ANY((entry <= leave * OUTWARDS) & (bundle->nearness[vector] < FAR)) ? 1u << vector : 0;
+        met |= ANY((entry <= leave * OUTWARDS) & (bundle->inv_t[vector] < FAR)) ? 1u << vector : 0;
     }
     return met;
 }

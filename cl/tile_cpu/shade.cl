@@ -109,7 +109,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
     // It ends at t = 1, less the bias.
-    bundle->nearness[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
+    bundle->inv_t[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
     bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
@@ -217,7 +217,7 @@ void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lightin
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
             // A shadow ray that hit something was set to FAR; the others bring their light.
-            sum[vector] = select3(bundle->nearness[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
+            sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }
     for (int vector = 0; vector < VECTORS; vector++)

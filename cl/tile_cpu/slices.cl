@@ -5,7 +5,7 @@
 // Directions with smaller components count as zeros.
 #define NO_DIRECTION 1e-20f
 // The least 1 / t, so that t is finite.
-#define LEAST_NEARNESS 1e-37f
+#define LEAST_INV_T 1e-37f
 
 // The reciprocals of directions lie from low to high; where the directions' sign changes they are mixed, and lie below
 // low and above high.
@@ -156,7 +156,7 @@ void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
         // The least 1 / t of a vector belongs to the ray that may still hit the furthest triangle.
-        const float reach = 1.0f / max(least_lane(bundle->nearness[vector]), LEAST_NEARNESS);
+        const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
             // A lane indexed at run time: a selection keeps the slices in registers, an address would not.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];

@@ -5,8 +5,8 @@ use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
 use crate::output::{Choice, OutFolder};
-use crate::program::made::is_ptx;
-use crate::program::{CACHE_DISABLE, Kept, MadeKernel, Sources};
+use crate::program::compiled::is_ptx;
+use crate::program::{CACHE_DISABLE, CompiledKernel, Kept, Sources};
 use crate::scene::load_scene;
 use crate::strategy::Strategy;
 use serde::Serialize;
@@ -51,14 +51,14 @@ pub struct Args {
 
 /// The compiled program of a strategy.
 #[derive(Debug, Serialize)]
-struct Made {
+struct Compilation {
     device: String,
     strategy: String,
     local_size: [u32; 2],
     program_hash: String,
     build_ms: f64,
     binary_is_ptx: bool,
-    kernels: Vec<MadeKernel>,
+    kernels: Vec<CompiledKernel>,
 }
 
 /// The image's size decides nothing that is compiled.
@@ -121,7 +121,7 @@ fn compile(
     device: &Device,
     session: &mut Session,
     strategy: &Strategy,
-) -> Result<(Made, Files)> {
+) -> Result<(Compilation, Files)> {
     let refused = |refused: Refused| refused.into_error(&device.info.name);
     let prepared = session.prepare(strategy, IMAGE_SIZE, args.local_size).map_err(refused)?;
     let caster = prepared.caster().map_err(refused)?;
@@ -130,7 +130,7 @@ fn compile(
     let kernels = prepared.made(&caster, &log, &ptx);
     let binary = if args.out.is_some() { program.binary() } else { Vec::new() };
     let binary_is_ptx = !ptx.is_empty() || is_ptx(&binary);
-    let made = Made {
+    let made = Compilation {
         device: device.info.label.clone(),
         strategy: strategy.to_string(),
         local_size: args.local_size,
@@ -149,7 +149,7 @@ fn compile(
 }
 
 /// Writes a strategy's folder.
-fn keep(out: &mut OutFolder, folder: &str, made: &Made, mut files: Files) -> Result<()> {
+fn keep(out: &mut OutFolder, folder: &str, made: &Compilation, mut files: Files) -> Result<()> {
     let text = serde_json::to_string_pretty(made).map_err(|error| Error::fault(error.to_string()))?;
     files.push(("made.json", format!("{text}\n").into_bytes()));
     let named = |(name, bytes)| (format!("{folder}/{name}"), bytes);
@@ -162,7 +162,7 @@ fn folder_name(strategy: &str) -> String {
     strategy.chars().map(kept).collect()
 }
 
-fn text_of(name: &str, made: &Made) -> String {
+fn text_of(name: &str, made: &Compilation) -> String {
     let header =
         ["kernel", "registers", "spills B", "__local B", "largest group", "occupancy", "memory instructions"];
     let mut table = super::table(&header, 1);
@@ -175,7 +175,7 @@ fn text_of(name: &str, made: &Made) -> String {
             kernel.group_local_bytes().to_string(),
             number(kernel.work_group_size),
             kernel.occupancy.map_or("-".to_owned(), |part| format!("{:.0}%", 100.0 * part)),
-            kernel.census.as_ref().map_or("not PTX".to_owned(), |census| census.to_string()),
+            kernel.instruction_counts.as_ref().map_or("not PTX".to_owned(), |counts| counts.to_string()),
         ]);
     }
     let [x, y] = made.local_size;

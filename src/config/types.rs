@@ -104,7 +104,7 @@ impl NamedStrategy {
 pub enum Baseline {
     /// One core, single precision: the serial baseline the paper promised.
     Serial,
-    /// One core, double precision: the oracle that images are compared with.
+    /// One core, double precision: the reference that images are compared with.
     SerialF64,
     /// All cores, single precision.
     Parallel,

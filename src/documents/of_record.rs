@@ -95,8 +95,8 @@ pub fn figure(record: &Record, name: &str) -> Told {
 
 /// How many instructions of a kind its main kernel has.
 fn instructions(record: &Record, name: &str) -> Option<u32> {
-    let census = record.main_kernel()?.census.as_ref()?;
-    Some(census.instructions.get(name).copied().unwrap_or(0))
+    let counts = record.main_kernel()?.instruction_counts.as_ref()?;
+    Some(counts.instructions.get(name).copied().unwrap_or(0))
 }
 
 fn nothing(record: &Record) -> Told {

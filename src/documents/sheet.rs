@@ -112,11 +112,11 @@ pub struct Sheet {
     /// Phrases with numbers that no record holds: the paper's, options, versions, arithmetic. The longest first.
     pub facts: Vec<String>,
     blocks: BTreeMap<String, Block>,
-    made: RefCell<HashMap<String, Made>>,
+    made: RefCell<HashMap<String, Lines>>,
 }
 
 /// A block's lines, or why it has none.
-type Made = std::result::Result<Vec<String>, String>;
+type Lines = std::result::Result<Vec<String>, String>;
 
 impl Sheet {
     /// Reads the sheet of the repository at `root`.
@@ -141,7 +141,7 @@ impl Sheet {
     }
 
     /// The lines of a block, which are made once.
-    pub fn block(&self, name: &str) -> Made {
+    pub fn block(&self, name: &str) -> Lines {
         if let Some(made) = self.made.borrow().get(name) {
             return made.clone();
         }
@@ -150,7 +150,7 @@ impl Sheet {
         made
     }
 
-    fn make(&self, name: &str) -> Made {
+    fn make(&self, name: &str) -> Lines {
         let block = self.blocks.get(name).ok_or_else(|| format!("{SHEET} has no block '{name}'"))?;
         match block {
             Block::Table(table) => self.table(table),
@@ -165,7 +165,7 @@ impl Sheet {
         self.blocks.keys().map(String::as_str)
     }
 
-    fn table(&self, table: &Table) -> Made {
+    fn table(&self, table: &Table) -> Lines {
         let mut columns = Vec::new();
         for column in &table.columns {
             let cells: std::result::Result<Vec<_>, _> =

@@ -1,10 +1,10 @@
 //! All that a point must pass before it is timed: it fits, it builds, it runs, its image is right.
 
 use super::draft::Drafter;
-use super::oracle::Oracle;
 use super::protocol::Built;
 use super::ready::Ready;
-use super::{Pictures, Point, Refusal, Work, host, views};
+use super::reference_cache::ReferenceCache;
+use super::{Pictures, Point, PointFailure, Work, host, views};
 use crate::anchor::Anchor;
 use crate::config::Baseline;
 use crate::device::Device;
@@ -26,7 +26,7 @@ pub struct Checker<'a> {
     /// The scene at hand on the device.
     session: Option<Session>,
     pictures: Pictures,
-    oracle: Oracle,
+    references: ReferenceCache,
 }
 
 /// A point's image, and what it was cast with.
@@ -45,7 +45,7 @@ impl<'a> Checker<'a> {
             Some(device) => Some((device, Queue::open(device.platform, device.device)?)),
             None => None,
         };
-        Ok(Self { drafter, device, session: None, pictures, oracle: Oracle::default() })
+        Ok(Self { drafter, device, session: None, pictures, references: ReferenceCache::default() })
     }
 
     /// The device.
@@ -90,13 +90,13 @@ impl<'a> Checker<'a> {
         scene: &Arc<Scene>,
         verified: Option<&str>,
         record: &mut Record,
-    ) -> Result<std::result::Result<Ready, Refusal>> {
+    ) -> Result<std::result::Result<Ready, PointFailure>> {
         let cast = match point.work {
             Work::Kernel { strategy, local_size } => {
                 let strategy = &self.drafter.experiment.strategies[strategy].strategy;
                 match self.session(scene) {
                     Some(session) => cast_kernel(session, strategy, local_size, record),
-                    None => return Ok(Err(Refusal::no_device())),
+                    None => return Ok(Err(PointFailure::no_device())),
                 }
             }
             Work::Host(baseline) => Ok(cast_host(baseline, scene, point.image_size)),
@@ -116,9 +116,9 @@ impl<'a> Checker<'a> {
         number: usize,
         scene: &Scene,
         record: &mut Record,
-    ) -> Result<std::result::Result<(), Refusal>> {
+    ) -> Result<std::result::Result<(), PointFailure>> {
         record.image_hash = Some(Pictures::hash(&cast.image));
-        let expected = self.oracle.reference(number, scene, record.image_size, cast.culling);
+        let expected = self.references.reference(number, scene, record.image_size, cast.culling);
         let verdict = verify(&cast.image, cast.hits, expected, scene.display);
         // A caster on the host counts none.
         record.shadow_rays.get_or_insert((expected.hits * scene.lights.len()) as u64);
@@ -130,7 +130,7 @@ impl<'a> Checker<'a> {
         if verdict.ok {
             return Ok(Ok(()));
         }
-        Ok(Err(Refusal::wrong_image(verdict.reason.unwrap_or_default())))
+        Ok(Err(PointFailure::wrong_image(verdict.reason.unwrap_or_default())))
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
-use crate::sensor::Sensed;
+use crate::sensor::SensorReading;
 
 /// A timed frame: in which launch it was taken, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +38,7 @@ pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>
     record.shadow_ms = median(&|frame| frame.shadow_ms);
     record.shade_ms = median(&|frame| frame.shade_ms);
     record.batch = frames.iter().filter_map(|frame| frame.batch).max();
-    record.sensed = Sensed::mean(frames.iter().filter_map(|frame| frame.sensed.as_ref()));
+    record.sensed = SensorReading::mean(frames.iter().filter_map(|frame| frame.sensed.as_ref()));
     let throttled = |frame: &&FrameTimes| frame.sensed.is_some_and(|sensed| sensed.throttled);
     record.throttled_samples = record.sensed.map(|_| frames.iter().filter(throttled).count() as u32);
     rates(record);
@@ -111,8 +111,9 @@ mod tests {
 
     #[test]
     fn throttled_samples_are_counted_and_sensors_averaged() {
-        let sensed =
-            |throttled, clock| Some(Sensed { throttled, clock_mhz: Some(clock), ..Sensed::default() });
+        let sensed = |throttled, clock| {
+            Some(SensorReading { throttled, clock_mhz: Some(clock), ..SensorReading::default() })
+        };
         let frame =
             |throttled, clock| FrameTimes { sensed: sensed(throttled, clock), ..FrameTimes::whole(5.0, 5.1) };
         let mut record = Record { device: "gpu".into(), ..Record::default() };

@@ -1,6 +1,6 @@
 //! How long a run will take, by how long its points took before.
 
-use super::open::Open;
+use super::pending::PendingPoint;
 use super::{Plan, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
@@ -53,8 +53,9 @@ impl Run<'_> {
         };
         let mut all_ms = 0.0;
         let plan = self.plan();
-        for group in self.open_points(&plan, &self.pieces(&plan))? {
-            let meant = group.iter().filter(|open| open.not_for.is_none()).map(|open| &open.record);
+        for group in self.pending_points(&plan, &self.pieces(&plan))? {
+            let meant =
+                group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
             let drafts: Vec<&Record> = meant.filter(|record| !done.contains(&record.key)).collect();
             let known: Vec<Known> = drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect();
             expected.points[0] += drafts.len();
@@ -72,19 +73,19 @@ impl Run<'_> {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         let by_name = by_name(earlier);
         let of = |draft: &Record| by_name.get(&point(draft)).or_else(|| by_name.get(&strategy(draft)));
-        let cost = |open: &Open| {
-            let before = of(&open.record);
-            let known = before.and_then(|earlier| self.known(&open.record, earlier));
-            let known = known.or_else(|| open.not_for.as_ref().map(|_| Known::default()));
-            let ms = self.group_ms(&[known.unwrap_or_else(|| guessed(&open.record))]);
+        let cost = |pending: &PendingPoint| {
+            let before = of(&pending.record);
+            let known = before.and_then(|earlier| self.known(&pending.record, earlier));
+            let known = known.or_else(|| pending.not_for.as_ref().map(|_| Known::default()));
+            let ms = self.group_ms(&[known.unwrap_or_else(|| guessed(&pending.record))]);
             let failed = before.is_some_and(|earlier| earlier.outcome != Outcome::Measured);
             Cost {
-                point: open.point,
+                point: pending.point,
                 ms,
-                may_control: !failed && self.is_for_every_kind(&plan.points[open.point]),
+                may_control: !failed && self.is_for_every_kind(&plan.points[pending.point]),
             }
         };
-        let groups = self.open_points(&plan, &plan.by_device())?;
+        let groups = self.pending_points(&plan, &plan.by_device())?;
         Ok(groups.iter().map(|group| group.iter().map(cost).collect()).collect())
     }
 

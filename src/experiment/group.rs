@@ -6,8 +6,8 @@ mod timed;
 use super::Run;
 use super::asleep;
 use super::complete::{Taken, complete};
-use super::keeper::Keep;
-use super::open::Open;
+use super::pending::PendingPoint;
+use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor};
 use crate::device::DeviceInfo;
@@ -22,7 +22,7 @@ use timed::Timed;
 
 /// Points that are compared with each other, and how far they are.
 pub struct OpenGroup {
-    points: Vec<Open>,
+    points: Vec<PendingPoint>,
     /// Launches that every point has been sampled in.
     whole: usize,
     /// How often it was visited: each time in fresh workers.
@@ -35,7 +35,7 @@ pub struct OpenGroup {
 
 impl OpenGroup {
     /// A group that has not been visited yet.
-    pub fn new(points: Vec<Open>) -> Self {
+    pub fn new(points: Vec<PendingPoint>) -> Self {
         Self { points, whole: 0, visits: 0, reason: None, home: None }
     }
 
@@ -45,13 +45,13 @@ impl OpenGroup {
     }
 
     /// Its points that are not done.
-    pub fn points(&self) -> &[Open] {
+    pub fn points(&self) -> &[PendingPoint] {
         &self.points
     }
 
     /// Whether its points are casters on the host alone.
     pub fn is_on_host(&self) -> bool {
-        self.points.iter().all(|open| open.record.is_baseline())
+        self.points.iter().all(|pending| pending.record.is_baseline())
     }
 
     /// Whether it may be measured on this device.
@@ -62,7 +62,7 @@ impl OpenGroup {
     /// Stays on a device: what is compared is measured on one.
     pub fn settle(&mut self, device: usize) {
         self.home = Some(device);
-        self.points.iter_mut().for_each(|open| open.device = device);
+        self.points.iter_mut().for_each(|pending| pending.device = device);
     }
 
     /// Whether each of its points has its record.
@@ -76,40 +76,41 @@ impl OpenGroup {
         &mut self,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
-        keeper: &mut impl Keep,
+        sink: &mut impl ResultSink,
     ) -> Result<()> {
         let launches = run.experiment.timing.launches as usize;
         if self.visits == 0 {
-            self.adopt(&run.stopping_rule(), launches, keeper);
+            self.adopt(&run.stopping_rule(), launches, sink);
         }
         if self.visits == 0 && self.whole < launches {
-            self.build(run, supervisor, keeper)?;
+            self.build(run, supervisor, sink)?;
         }
         self.visits += 1;
         loop {
             supervisor.retire();
-            self.check(run, supervisor, keeper)?;
+            self.check(run, supervisor, sink)?;
             if self.whole == launches || self.points.is_empty() {
                 break;
             }
-            match self.time(run, supervisor, keeper)? {
+            match self.time(run, supervisor, sink)? {
                 End::Enough(reason) => {
                     self.whole += 1;
                     self.reason = Some(reason);
-                    keeper.advances(self.points.len());
+                    sink.advances(self.points.len());
                     break;
                 }
                 End::AllFailed => break,
-                End::Broken => keeper.says("a worker was lost: its launch is repeated whole"),
+                End::Broken => sink.says("a worker was lost: its launch is repeated whole"),
             }
         }
-        if self.whole == launches { self.finish(keeper) } else { Ok(()) }
+        if self.whole == launches { self.finish(sink) } else { Ok(()) }
     }
 
     /// Takes over what an earlier session measured: launches in which every point has samples enough. Of half a launch
     /// nothing is used, for the other half would be another process's.
-    fn adopt(&mut self, rule: &StoppingRule, launches: usize, keeper: &mut impl Keep) {
-        let past: Vec<Vec<Taken>> = self.points.iter().map(|open| keeper.past(&open.record.key)).collect();
+    fn adopt(&mut self, rule: &StoppingRule, launches: usize, sink: &mut impl ResultSink) {
+        let past: Vec<Vec<Taken>> =
+            self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
         let has = |taken: &Vec<Taken>, launch: u32| {
             taken.iter().filter(|sample| sample.launch == launch).count() >= rule.least()
         };
@@ -119,20 +120,25 @@ impl OpenGroup {
             .filter(|launch| past.iter().all(|taken| has(taken, *launch)))
             .take(launches)
             .collect();
-        for (open, taken) in self.points.iter_mut().zip(past) {
-            open.taken.extend(taken.into_iter().filter(|sample| whole.contains(&sample.launch)));
+        for (pending, taken) in self.points.iter_mut().zip(past) {
+            pending.taken.extend(taken.into_iter().filter(|sample| whole.contains(&sample.launch)));
         }
         self.whole = whole.len();
-        keeper.advances(self.whole * self.points.len());
+        sink.advances(self.whole * self.points.len());
     }
 
     /// Has the programs built, where that is done ahead.
-    fn build(&mut self, run: &Run<'_>, supervisor: &Supervisor<'_>, keeper: &mut impl Keep) -> Result<()> {
+    fn build(
+        &mut self,
+        run: &Run<'_>,
+        supervisor: &Supervisor<'_>,
+        sink: &mut impl ResultSink,
+    ) -> Result<()> {
         let Some(ahead) = run.ahead else { return Ok(()) };
         // As a check does, it would disturb whoever measures.
         let devices = lock_names(run, &self.points);
-        drop(run.locks.take_all(devices, &mut |line| keeper.says(line), supervisor.interrupted())?);
-        keeper.works_on("building programs");
+        drop(run.locks.take_all(devices, &mut |line| sink.says(line), supervisor.interrupted())?);
+        sink.works_on("building programs");
         ahead.need(&mut self.points, supervisor.interrupted())
     }
 
@@ -141,35 +147,35 @@ impl OpenGroup {
         &mut self,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
-        keeper: &mut impl Keep,
+        sink: &mut impl ResultSink,
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        for mut open in std::mem::take(&mut self.points) {
+        for mut pending in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
             let interrupted = supervisor.interrupted();
-            drop(run.locks.take_all(devices.clone(), &mut |line| keeper.says(line), interrupted)?);
-            keeper.works_on(&format!("checking {}", open.label));
+            drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
+            sink.works_on(&format!("checking {}", pending.label));
             let start = Instant::now();
-            match supervisor.check(open.task())?.map(|found| named(found, &open.record)) {
+            match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
                 Ok((record, true)) => {
                     // Of later launches only the picture is looked at, which is the same.
-                    if open.verified.is_none() {
-                        open.verified.clone_from(&record.image_hash);
-                        open.record = *record;
-                        open.record.check_ms = Some(start.elapsed().as_secs_f64() * 1e3);
-                        if let Some(built) = open.built {
-                            open.record.build_ms = Some(built.build_ms);
-                            open.record.build_from_cache = Some(built.from_cache);
+                    if pending.verified.is_none() {
+                        pending.verified.clone_from(&record.image_hash);
+                        pending.record = *record;
+                        pending.record.check_ms = Some(start.elapsed().as_secs_f64() * 1e3);
+                        if let Some(built) = pending.built {
+                            pending.record.build_ms = Some(built.build_ms);
+                            pending.record.build_from_cache = Some(built.from_cache);
                         }
                     }
-                    self.points.push(open);
+                    self.points.push(pending);
                     continue;
                 }
-                Ok((record, false)) => keeper.keep(*record)?,
-                Err(refusal) => keeper.keep(refusal.write_into(open.record))?,
+                Ok((record, false)) => sink.keep(*record)?,
+                Err(refusal) => sink.keep(refusal.write_into(pending.record))?,
             }
-            keeper.advances(left);
+            sink.advances(left);
         }
         Ok(())
     }
@@ -179,13 +185,13 @@ impl OpenGroup {
         &mut self,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
-        keeper: &mut impl Keep,
+        sink: &mut impl ResultSink,
     ) -> Result<End> {
         let timing = &run.experiment.timing;
         let devices = lock_names(run, &self.points);
         let interrupted = supervisor.interrupted();
-        let _held = run.locks.take_all(devices, &mut |line| keeper.says(line), interrupted)?;
-        let launch = keeper.next_launch();
+        let _held = run.locks.take_all(devices, &mut |line| sink.says(line), interrupted)?;
+        let launch = sink.next_launch();
         let (number, losses) = (self.whole + 1, supervisor.losses());
         let taken = vec![Vec::new(); self.points.len()];
         let failed = HashSet::new();
@@ -200,7 +206,7 @@ impl OpenGroup {
             watch,
             losses,
             supervisor,
-            keeper,
+            sink,
             taken,
             failed,
             casts,
@@ -208,44 +214,45 @@ impl OpenGroup {
         let end = measure(points.len(), &run.stopping_rule(), timing.seed, &mut timed)?;
         let Timed { taken, failed, .. } = timed;
         let left = timing.launches as usize - self.whole;
-        keeper.advances(left * failed.len());
+        sink.advances(left * failed.len());
         let points = std::mem::take(&mut self.points).into_iter().zip(taken).enumerate();
-        for (_, (mut open, taken)) in points.filter(|(place, _)| !failed.contains(place)) {
+        for (_, (mut pending, taken)) in points.filter(|(place, _)| !failed.contains(place)) {
             if matches!(end, End::Enough(_)) {
-                open.taken.extend(taken);
+                pending.taken.extend(taken);
             }
-            self.points.push(open);
+            self.points.push(pending);
         }
         Ok(end)
     }
 
     /// Completes the records of its points, which all stop together.
-    fn finish(&mut self, keeper: &mut impl Keep) -> Result<()> {
+    fn finish(&mut self, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
-        let completed = |mut open: Open| {
-            complete(&mut open.record, &open.taken, reason);
-            open.record
+        let completed = |mut pending: PendingPoint| {
+            complete(&mut pending.record, &pending.taken, reason);
+            pending.record
         };
         let mut records: Vec<Record> = self.points.drain(..).map(completed).collect();
         judge(&mut records);
         for record in &mut records {
             record.interval_ms = crate::record::interval(record);
         }
-        records.into_iter().try_for_each(|record| keeper.keep(record))
+        records.into_iter().try_for_each(|record| sink.keep(record))
     }
 }
 
 /// The device that a point is measured on; none for a caster on the host.
-fn device_of<'a>(run: &Run<'a>, open: &Open) -> Option<&'a DeviceInfo> {
-    let device = run.devices.get(open.device % run.devices.len().max(1));
-    device.filter(|_| !open.record.is_baseline()).copied()
+fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
+    let device = run.devices.get(pending.device % run.devices.len().max(1));
+    device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
 /// What the devices of some points are locked by.
-fn lock_names(run: &Run<'_>, points: &[Open]) -> Vec<LockName> {
-    let awake =
-        points.iter().filter(|open| device_of(run, open).is_none_or(|device| !asleep::is_asleep(device)));
-    awake.map(|open| LockName::of(device_of(run, open))).collect()
+fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
+    let awake = points
+        .iter()
+        .filter(|pending| device_of(run, pending).is_none_or(|device| !asleep::is_asleep(device)));
+    awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
 /// What was checked, by the names of its draft: a worker knows of one folder of kernels only.

@@ -3,7 +3,7 @@
 
 use super::Run;
 use super::group::OpenGroup;
-use super::keeper::Keep;
+use super::result_sink::ResultSink;
 use super::supervisor::Supervisor;
 use crate::error::Result;
 use crate::measure::round_order;
@@ -55,11 +55,11 @@ pub fn serve(
     waiting: &Waiting,
     device: Option<usize>,
     supervisor: &mut Supervisor<'_>,
-    keeper: &mut impl Keep,
+    sink: &mut impl ResultSink,
 ) -> Result<()> {
     while let Some(mut group) = waiting.take(device) {
         device.into_iter().for_each(|device| group.settle(device));
-        group.visit(run, supervisor, keeper).inspect_err(|_| waiting.locked().clear())?;
+        group.visit(run, supervisor, sink).inspect_err(|_| waiting.locked().clear())?;
         waiting.put_back(group);
     }
     Ok(())

@@ -1,7 +1,7 @@
 //! What passes between a run and its workers: JSON lines over pipes.
 
 use super::fault::{Fault, Step};
-use super::refusal::Refusal;
+use super::point_failure::PointFailure;
 use crate::device::DeviceInfo;
 use crate::error::Error;
 use crate::launch::FrameTimes;
@@ -39,7 +39,7 @@ pub struct Job {
 /// What a process that lists devices answers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Census {
+pub enum DeviceList {
     /// Every device there is.
     Devices(Vec<DeviceInfo>),
     /// There is none, or no way to ask.
@@ -116,7 +116,7 @@ pub enum Reply {
     /// To a cast.
     Sample(FrameTimes),
     /// To a cast that failed.
-    Refused(Refusal),
+    Refused(PointFailure),
     /// To anything: what ends the run.
     Failed {
         /// What happened.

@@ -1,7 +1,7 @@
 //! What casts the frames of a point that passed its check.
 
 use super::host;
-use super::refusal::Refusal;
+use super::point_failure::PointFailure;
 use crate::config::Baseline;
 use crate::launch::{Caster, FrameTimes};
 use crate::scene::Scene;
@@ -16,7 +16,7 @@ pub enum Ready {
 
 impl Ready {
     /// Casts `batch` frames on a device, one on the host; the mean times of one.
-    pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, Refusal> {
+    pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, PointFailure> {
         match self {
             Self::Kernel(caster) => Ok(caster.cast_batch(batch)?),
             Self::Host(baseline) => Ok(host::cast(*baseline, scene, image_size).1),

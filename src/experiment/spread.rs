@@ -3,8 +3,8 @@
 use super::Run;
 use super::complete::Taken;
 use super::group::OpenGroup;
-use super::keeper::{Keep, Keeper};
 use super::launches::{Waiting, serve};
+use super::result_sink::{FolderSink, ResultSink};
 use super::supervisor::{Spawner, Supervisor};
 use crate::error::Result;
 use crate::record::{AnchorSample, Record, RoundLoad};
@@ -16,7 +16,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub fn measure_spread(
     run: &Run<'_>,
     groups: Vec<OpenGroup>,
-    keeper: &mut Keeper<'_>,
+    sink: &mut FolderSink<'_>,
     spawners: Vec<Box<dyn Spawner + Send>>,
     interrupted: &AtomicBool,
 ) -> Result<()> {
@@ -24,7 +24,7 @@ pub fn measure_spread(
     let seed = run.experiment.timing.seed;
     let (host, kernels) = (Waiting::new(host, seed), Waiting::new(kernels, seed));
     let mut spawners = spawners.into_iter().enumerate().collect::<Vec<_>>();
-    let shared = Mutex::new(keeper);
+    let shared = Mutex::new(sink);
     let work = |waiting: &Waiting, device: usize, spawner: &mut dyn Spawner| {
         let mut supervisor = Supervisor::new(spawner, interrupted, run.limit);
         serve(run, waiting, Some(device), &mut supervisor, &mut Shared(&shared))
@@ -51,10 +51,10 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A keeper that several devices hand their findings to.
-struct Shared<'m, 'r, 'k>(&'m Mutex<&'r mut Keeper<'k>>);
+/// A sink that several devices hand their findings to.
+struct Shared<'m, 'r, 'k>(&'m Mutex<&'r mut FolderSink<'k>>);
 
-impl Keep for Shared<'_, '_, '_> {
+impl ResultSink for Shared<'_, '_, '_> {
     fn works_on(&mut self, what: &str) {
         locked(self.0).works_on(what);
     }

@@ -1,8 +1,8 @@
 //! Keeps a run going whatever becomes of its workers: one that dies or hangs costs at most the point it was
 //! at, and the next request goes to a fresh one.
 
+use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
-use super::refusal::Refusal;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::{Outcome, Record};
@@ -134,7 +134,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Casts a point once and compares its image with the reference.
-    pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, Refusal>> {
+    pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, PointFailure>> {
         let verified = task.verified.map(str::to_owned);
         let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };
         loop {
@@ -157,13 +157,13 @@ impl<'a> Supervisor<'a> {
 
     /// Casts one frame of a point that passed its check. None where its worker was lost and the point may be tried again: what a
     /// fresh one casts is another launch's.
-    pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, Refusal>>> {
+    pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {
                 Ok((_, true)) => {}
                 Ok((record, false)) => {
                     let reason = record.reason.unwrap_or_default();
-                    return Ok(Some(Err(Refusal::new(record.outcome, reason))));
+                    return Ok(Some(Err(PointFailure::new(record.outcome, reason))));
                 }
                 Err(refusal) => return Ok(Some(Err(refusal))),
             }
@@ -242,13 +242,13 @@ impl<'a> Supervisor<'a> {
     }
 
     /// What a loss means for the point: none to try again.
-    fn refusal(&mut self, point: usize, loss: Loss) -> Option<Refusal> {
+    fn refusal(&mut self, point: usize, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
         let death = match loss {
             Loss::HungFor(limit) => {
                 let reason =
                     format!("it gave no answer in {} s, and its process was ended", limit.as_secs_f64());
-                return Some(Refusal::new(Outcome::TimedOut, reason));
+                return Some(PointFailure::new(Outcome::TimedOut, reason));
             }
             Loss::Died(death) => death,
         };
@@ -260,7 +260,7 @@ impl<'a> Supervisor<'a> {
         self.given_up += 1;
         let twice = if *deaths > 1 { "twice its process" } else { "its process" };
         let reason = format!("{twice} {}", death.describe());
-        Some(Refusal::new(Outcome::Crashed, reason))
+        Some(PointFailure::new(Outcome::Crashed, reason))
     }
 }
 

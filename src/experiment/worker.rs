@@ -4,8 +4,8 @@
 use super::asleep::Asleep;
 use super::check::Checker;
 use super::draft::Drafter;
-use super::hands::Hands;
 use super::protocol::{Job, Reply, Request};
+use super::request_handler::RequestHandler;
 use super::{Pictures, Plan};
 use crate::cache::Cache;
 use crate::config;
@@ -42,8 +42,8 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     }
     let device = job.device.as_deref().map(|identity| find(identity, &sources)).transpose()?;
     let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
-    let mut hands = Hands::new(drafter, plan, checker, job.stands_for.clone());
-    answer(job, lines, |request| hands.answer(request))
+    let mut handler = RequestHandler::new(drafter, plan, checker, job.stands_for.clone());
+    answer(job, lines, |request| handler.answer(request))
 }
 
 /// Answers requests until there are no more.

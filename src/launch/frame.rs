@@ -1,6 +1,6 @@
 //! The device times of one frame.
 
-use crate::sensor::Sensed;
+use crate::sensor::SensorReading;
 use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ pub struct FrameTimes {
     /// Frames of the batch that these times are the mean of; none for one frame alone.
     pub batch: Option<u32>,
     /// What the device's sensors showed meanwhile.
-    pub sensed: Option<Sensed>,
+    pub sensed: Option<SensorReading>,
 }
 
 /// How long a finished command ran, in milliseconds of the device's clock.

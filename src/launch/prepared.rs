@@ -6,7 +6,7 @@ use super::refused::Refused;
 use super::scene::move_lights;
 use super::setup::Setup;
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
-use crate::program::{BuiltProgram, MadeKernel, ProgramSpec};
+use crate::program::{BuiltProgram, CompiledKernel, ProgramSpec};
 use crate::scene::{Light, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use std::sync::Arc;
@@ -62,10 +62,10 @@ impl Prepared {
     }
 
     /// What the compiler made of a frame's kernels, by its log and its binary (PTX, or empty).
-    pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<MadeKernel> {
+    pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let items = self.workload.local_size.iter().product();
         let made = |kernel| {
-            let made = MadeKernel::of(kernel, self.queue.device, log, ptx);
+            let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);
             made.predicted(self.compute_capability.as_deref(), items)
         };
         caster.kernels().map(made).collect()

@@ -54,13 +54,13 @@ pub struct Share {
 }
 
 /// A device that is ready to cast.
-struct Stand {
+struct PreparedDevice {
     label: String,
     prepared: Prepared,
     build_ms: f64,
 }
 
-impl Stand {
+impl PreparedDevice {
     /// A caster of some rows of work-groups of a frame of other sizes.
     fn caster(&self, workload: &Workload, band: Band) -> Result<Caster> {
         self.prepared.caster_of(workload, Some(band)).map_err(|refused| refused.into_error(&self.label))
@@ -75,16 +75,16 @@ fn failed(error: impl std::fmt::Display) -> Error {
 impl Split<'_> {
     /// Casts the frame on all devices at once; the image, how many pixels hit, and each device's share.
     pub fn cast(&self, devices: &[Device]) -> Result<(Radiance, usize, Vec<Share>)> {
-        let stands = at_once(devices, |device| self.stand(device))?;
-        let Some(first) = stands.first() else { return Err(failed("there is none")) };
+        let devices_ready = at_once(devices, |device| self.ready(device))?;
+        let Some(first) = devices_ready.first() else { return Err(failed("there is none")) };
         let trial = self.trial(first)?;
         // Speeds are frames a millisecond.
-        let speeds = at_once(&stands, |stand| self.whole_ms(stand, &trial).map(|ms| 1.0 / ms))?;
+        let speeds = at_once(&devices_ready, |ready| self.whole_ms(ready, &trial).map(|ms| 1.0 / ms))?;
         let costs = self.costs(first, &trial)?;
         let bands = cut(self.group_rows(&first.prepared.workload), &costs, &speeds);
-        let pairs: Vec<(&Stand, Band)> =
-            stands.iter().zip(bands).filter(|(_, band)| !band.is_empty()).collect();
-        let parts = at_once(&pairs, |(stand, band)| self.cast_band(stand, band.clone()))?;
+        let pairs: Vec<(&PreparedDevice, Band)> =
+            devices_ready.iter().zip(bands).filter(|(_, band)| !band.is_empty()).collect();
+        let parts = at_once(&pairs, |(ready, band)| self.cast_band(ready, band.clone()))?;
         let [width, height] = self.image_size;
         let mut image = Radiance { width, height, pixels: Vec::new() };
         let (mut hits, mut shares) = (0, Vec::new());
@@ -100,7 +100,7 @@ impl Split<'_> {
         workload.global_size(&self.strategy)[1] / workload.local_size[1] as usize
     }
 
-    fn stand(&self, device: &Device) -> Result<Stand> {
+    fn ready(&self, device: &Device) -> Result<PreparedDevice> {
         let start = Instant::now();
         let label = device.info.label.clone();
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
@@ -108,18 +108,18 @@ impl Split<'_> {
             session.verifying(self.verifies).prepare(&self.strategy, self.image_size, self.local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&label))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();
-        Ok(Stand { label, prepared, build_ms })
+        Ok(PreparedDevice { label, prepared, build_ms })
     }
 
     /// The frame in as few pixels as keep a device busy for a while, or in all of its own.
-    fn trial(&self, stand: &Stand) -> Result<Workload> {
+    fn trial(&self, ready: &PreparedDevice) -> Result<Workload> {
         let [width, height] = self.image_size;
         let mut rows = TRIAL_ROWS;
         loop {
             let smaller = height.div_ceil(rows).max(1);
             let image_size = [width.div_ceil(smaller), height.div_ceil(smaller)];
-            let trial = Workload { image_size, ..stand.prepared.workload };
-            if smaller == 1 || self.whole_ms(stand, &trial)? >= TRIAL_MS {
+            let trial = Workload { image_size, ..ready.prepared.workload };
+            if smaller == 1 || self.whole_ms(ready, &trial)? >= TRIAL_MS {
                 return Ok(trial);
             }
             rows *= 2;
@@ -127,12 +127,12 @@ impl Split<'_> {
     }
 
     /// What a whole frame takes.
-    fn whole_ms(&self, stand: &Stand, trial: &Workload) -> Result<f64> {
-        fastest_ms(&stand.caster(trial, 0..self.group_rows(trial))?)
+    fn whole_ms(&self, ready: &PreparedDevice, trial: &Workload) -> Result<f64> {
+        fastest_ms(&ready.caster(trial, 0..self.group_rows(trial))?)
     }
 
     /// What each part of the trial frame takes, from top to bottom.
-    fn costs(&self, stand: &Stand, trial: &Workload) -> Result<Vec<f64>> {
+    fn costs(&self, ready: &PreparedDevice, trial: &Workload) -> Result<Vec<f64>> {
         let rows = self.group_rows(trial);
         let mut costs = Vec::new();
         for part in 0..PARTS {
@@ -143,26 +143,26 @@ impl Split<'_> {
             }
             let groups = band.len() as f64;
             // Parts differ by a row: their cost is that of a row.
-            costs.push(fastest_ms(&stand.caster(trial, band)?)? / groups);
+            costs.push(fastest_ms(&ready.caster(trial, band)?)? / groups);
         }
         Ok(costs)
     }
 
-    fn cast_band(&self, stand: &Stand, band: Band) -> Result<(Radiance, usize, Share)> {
-        let workload = &stand.prepared.workload;
+    fn cast_band(&self, ready: &PreparedDevice, band: Band) -> Result<(Radiance, usize, Share)> {
+        let workload = &ready.prepared.workload;
         let height = self.image_size[1];
         let row_pixels = workload.group_height(&self.strategy);
         let rows = [band.start, band.end].map(|row| (row as u32 * row_pixels).min(height));
-        let caster = stand.caster(workload, band)?;
+        let caster = ready.caster(workload, band)?;
         cast_first(&caster)?;
         let frames = (0..self.repeat.max(1)).map(|_| caster.cast().map_err(failed)).collect::<Result<_>>()?;
         let start = Instant::now();
         let (part, hits) = caster.read_rows(rows).map_err(failed)?;
         let share = Share {
-            device: stand.label.clone(),
+            device: ready.label.clone(),
             rows,
-            build_ms: stand.build_ms + caster.records_ms().unwrap_or(0.0),
-            upload_ms: stand.prepared.upload_ms(),
+            build_ms: ready.build_ms + caster.records_ms().unwrap_or(0.0),
+            upload_ms: ready.prepared.upload_ms(),
             frames,
             read_ms: start.elapsed().as_secs_f64() * 1e3,
         };

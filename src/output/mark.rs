@@ -51,7 +51,7 @@ pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
 
 /// The key in a file that raycl made as it is.
 pub fn key(file: &mut File) -> Option<String> {
-    let found = Found::read(file).ok()??;
+    let found = MarkInFile::read(file).ok()??;
     let unchanged = found.head[found.hole.clone()] == found.filled;
     let start = found.head.windows(KEY_LABEL.len()).position(|bytes| bytes == KEY_LABEL.as_bytes())?;
     let key = found.head.get(start + KEY_LABEL.len()..)?.get(..DIGITS)?;
@@ -65,14 +65,15 @@ pub fn json(text: &str) -> String {
 
 /// Writes the hash of a file with a blank mark into the mark.
 pub fn seal(file: &mut File) -> Result<()> {
-    let found = Found::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
+    let found =
+        MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
     file.seek(SeekFrom::Start(found.hole.start as u64))?;
     file.write_all(&found.filled)
 }
 
 /// Whose work a file is, by its mark.
 pub fn maker(file: &mut File) -> Result<Maker> {
-    Ok(match Found::read(file)? {
+    Ok(match MarkInFile::read(file)? {
         None => Maker::Other,
         Some(found) if found.head[found.hole.clone()] == found.filled => Maker::Raycl,
         Some(_) => Maker::Changed,
@@ -80,13 +81,13 @@ pub fn maker(file: &mut File) -> Result<Maker> {
 }
 
 /// A file's mark: where its hash lies, and what it has to be.
-struct Found {
+struct MarkInFile {
     head: Vec<u8>,
     hole: Range<usize>,
     filled: Vec<u8>,
 }
 
-impl Found {
+impl MarkInFile {
     fn read(file: &mut File) -> Result<Option<Self>> {
         file.rewind()?;
         let mut head = Vec::new();

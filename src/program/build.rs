@@ -1,8 +1,8 @@
 //! Compiling a [`ProgramSpec`] for a device.
 
 use super::ProgramSpec;
+use super::compiled::is_ptx;
 use super::kept::{Kept, KeptProgram};
-use super::made::is_ptx;
 use ocl::enums::{DeviceInfo, DeviceInfoResult, ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
 use std::ffi::CString;

@@ -1,18 +1,18 @@
 //! From a strategy to a compiled program: source assembly, defines, build.
 
 mod build;
+pub mod compiled;
 mod defines;
 mod frame_kernels;
 mod include;
 mod kept;
-pub mod made;
 pub mod preprocess;
 mod source;
 mod spec;
 
 pub use crate::sources::Sources;
 pub use build::{BuildError, BuiltProgram, CACHE_DISABLE};
+pub use compiled::CompiledKernel;
 pub use frame_kernels::frame_kernels;
 pub use kept::Kept;
-pub use made::MadeKernel;
 pub use spec::ProgramSpec;

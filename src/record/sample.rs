@@ -1,6 +1,6 @@
 //! One sample's line. `docs/format.md` documents every field.
 
-use crate::sensor::Sensed;
+use crate::sensor::SensorReading;
 use serde::{Deserialize, Serialize};
 
 /// One timed frame: a line of `samples.jsonl`.
@@ -32,7 +32,7 @@ pub struct Sample {
     pub batch: Option<u32>,
     /// What the device's sensors showed meanwhile.
     #[serde(default)]
-    pub sensed: Option<Sensed>,
+    pub sensed: Option<SensorReading>,
     /// The attempt and launch that took it, where an attempt goes on with what another one took.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,

@@ -2,8 +2,8 @@
 
 use super::place::Place;
 use crate::manifest;
-use crate::program::MadeKernel;
-use crate::sensor::Sensed;
+use crate::program::CompiledKernel;
+use crate::sensor::SensorReading;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -210,7 +210,7 @@ pub struct Record {
     pub threads: Option<u32>,
     /// What the compiler made of the frame's kernels, in their order.
     #[serde(default)]
-    pub kernels: Vec<MadeKernel>,
+    pub kernels: Vec<CompiledKernel>,
     /// Floating-point operations of a ray-triangle test, a multiply-add counting as one.
     #[serde(default)]
     pub operations_per_test: Option<u32>,
@@ -222,7 +222,7 @@ pub struct Record {
     pub limit_fraction: Option<f64>,
     /// The mean of what the device's sensors showed while its samples were taken.
     #[serde(default)]
-    pub sensed: Option<Sensed>,
+    pub sensed: Option<SensorReading>,
     /// Samples that were taken while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
@@ -262,7 +262,7 @@ impl Record {
     }
 
     /// The kernel that casts primary rays, alone or with the rest of the frame, by the manifest.
-    pub fn main_kernel(&self) -> Option<&MadeKernel> {
+    pub fn main_kernel(&self) -> Option<&CompiledKernel> {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
@@ -332,7 +332,7 @@ mod tests {
 
     #[test]
     fn what_prepares_triangles_is_not_the_main_kernel() {
-        let kernel = |name: &str| MadeKernel { name: name.to_owned(), ..MadeKernel::default() };
+        let kernel = |name: &str| CompiledKernel { name: name.to_owned(), ..CompiledKernel::default() };
         for (names, main) in [
             (&["tile_prepare", "tile_cast", "tile_shade"][..], Some("tile_cast")),
             (&["prepare_origins", "cast_primary", "shade_nearest"], Some("cast_primary")),

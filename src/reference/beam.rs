@@ -22,7 +22,7 @@ pub struct Beam {
 
 /// How a beam meets a triangle, with the range of its rays' distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Meeting {
+enum BeamHit {
     /// No ray meets it.
     None,
     /// Some may.
@@ -39,32 +39,32 @@ impl Beam {
 
     /// The planes through the origin and a triangle's edges have their rays on one side or the other; a plane turns its
     /// distance by no more than the angle.
-    fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> Meeting {
+    fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         // b x bc is b x c, with less rounding where the triangle is small and far.
         let planes = [b.cross(bc), c.cross(ca), a.cross(ab)];
         let sides = planes.map(|plane| self.side(plane));
         if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
-            return Meeting::None;
+            return BeamHit::None;
         }
         let normal = ca.cross(ab);
         let (height, slope) = (normal.dot(a), normal.dot(self.direction));
         let slack = self.angle * normal.length();
         match self.side(normal) {
             // Edge-on, or so small that nothing is sure.
-            Side::Between => Meeting::Some([height.abs() / (slope.abs() + slack), f64::INFINITY]),
-            Side::Above if culling == Culling::Back => Meeting::None, // seen from behind
+            Side::Between => BeamHit::Some([height.abs() / (slope.abs() + slack), f64::INFINITY]),
+            Side::Above if culling == Culling::Back => BeamHit::None, // seen from behind
             face => {
                 let ends = [height / (slope - slack), height / (slope + slack)];
                 let range = [ends[0].min(ends[1]), ends[0].max(ends[1])];
                 let outside = if face == Side::Above { Side::Below } else { Side::Above };
                 if sides == [face; 3] {
-                    Meeting::All(range)
+                    BeamHit::All(range)
                 } else if sides.contains(&outside) {
-                    Meeting::None
+                    BeamHit::None
                 } else {
-                    Meeting::Some(range)
+                    BeamHit::Some(range)
                 }
             }
         }
@@ -94,16 +94,16 @@ impl Beam {
         };
         tree.walk(&ray, around, |Indexed { corners, triangle }, far| {
             match self.meet(corners, tree.culling()) {
-                Meeting::None => {}
-                Meeting::Some(range) | Meeting::All(range) if range[1] < nearest => {}
-                Meeting::All(range) if range[0] > farthest => match best {
+                BeamHit::None => {}
+                BeamHit::Some(range) | BeamHit::All(range) if range[1] < nearest => {}
+                BeamHit::All(range) if range[0] > farthest => match best {
                     Some((_, known)) if known[1] <= range[1] => others = others.min(range[0]),
                     _ => {
                         others = others.min(best.map_or(f64::INFINITY, |(_, known)| known[0]));
                         best = Some((*triangle, range));
                     }
                 },
-                Meeting::Some(range) | Meeting::All(range) => others = others.min(range[0]),
+                BeamHit::Some(range) | BeamHit::All(range) => others = others.min(range[0]),
             }
             far.min(reach(&best))
         });
@@ -129,8 +129,8 @@ impl Beam {
             // They see its other side.
             let [a, b, c] = *corners;
             match self.meet(&[a, c, b], tree.culling()) {
-                Meeting::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
-                Meeting::Some(range) | Meeting::All(range) if range[1] >= may[0] && range[0] <= may[1] => {
+                BeamHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
+                BeamHit::Some(range) | BeamHit::All(range) if range[1] >= may[0] && range[0] <= may[1] => {
                     open = true;
                 }
                 _ => {}
@@ -186,9 +186,9 @@ mod tests {
             for culling in [Culling::None, Culling::Back] {
                 let meeting = beam.meet(&corners, culling);
                 counts[match meeting {
-                    Meeting::None => 0,
-                    Meeting::Some(_) => 1,
-                    Meeting::All(_) => 2,
+                    BeamHit::None => 0,
+                    BeamHit::Some(_) => 1,
+                    BeamHit::All(_) => 2,
                 }] += 1;
                 for direction in rays(&beam) {
                     let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY };
@@ -196,11 +196,11 @@ mod tests {
                     let within =
                         |t: f64, [low, high]: [f64; 2]| t >= low * (1.0 - 1e-6) && t <= high * (1.0 + 1e-6);
                     let agrees = match (meeting, hit) {
-                        (Meeting::None, hit) => hit.is_none(),
-                        (Meeting::Some(_), None) => true,
-                        (Meeting::Some(range) | Meeting::All(range), Some(t)) => within(t, range),
+                        (BeamHit::None, hit) => hit.is_none(),
+                        (BeamHit::Some(_), None) => true,
+                        (BeamHit::Some(range) | BeamHit::All(range), Some(t)) => within(t, range),
                         // Behind the origin it is met as well.
-                        (Meeting::All(range), None) => range[0] <= 0.0,
+                        (BeamHit::All(range), None) => range[0] <= 0.0,
                     };
                     assert!(agrees, "case {case}: {meeting:?}, {hit:?}");
                 }

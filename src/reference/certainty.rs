@@ -27,7 +27,7 @@ const AT_LIGHT: f64 = 1e-6;
 
 /// A pixel's radiance, and what becomes of it when the question changes a little.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct PixelSample {
     /// Through the pixel's centre.
     pub radiance: DVec3,
     /// Whether the ray hits.
@@ -45,9 +45,9 @@ pub struct Found {
 /// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, with half and twice the shadow
 /// bias, with surfaces at lights in their way and not, and as rounding may have it where light grazes. Where two surfaces
 /// coincide either is right, so those behind are asked too.
-pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> Found {
+pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> PixelSample {
     let (ray, hit) = caster.look(x, y);
-    let mut sample = Found::of(caster.radiance(&ray, hit.as_ref(), bias), hit.is_some());
+    let mut sample = PixelSample::of(caster.radiance(&ray, hit.as_ref(), bias), hit.is_some());
     for (reach, [x, y]) in nudges(frame, [x, y]) {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
@@ -89,11 +89,11 @@ pub fn quick_sample(
     frame: &PixelFrame,
     bias: f64,
     [x, y]: [f64; 2],
-) -> Option<Found> {
+) -> Option<PixelSample> {
     let ray = caster.ray(x, y);
     let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
     let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
-        return Some(Found::of(caster.radiance(&ray, None, bias), false));
+        return Some(PixelSample::of(caster.radiance(&ray, None, bias), false));
     };
     let mesh = &caster.scene().mesh;
     let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -120,7 +120,7 @@ pub fn quick_sample(
         };
         caster.shaded(ray, Some(hit), &reaches)
     };
-    let mut sample = Found::of(radiance(&(ray, hit), bias, 0.0), true);
+    let mut sample = PixelSample::of(radiance(&(ray, hit), bias, 0.0), true);
     for (reach, other) in &nudged {
         sample.nudge(*reach, radiance(other, bias, 0.0));
     }
@@ -183,7 +183,7 @@ impl<'a> Shadows<'a> {
     }
 }
 
-impl Found {
+impl PixelSample {
     fn of(radiance: DVec3, hit: bool) -> Self {
         Self { radiance, hit, turns: false, change: 0.0, near_change: 0.0, range: [radiance; 2] }
     }
@@ -256,16 +256,16 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
 }
 
 /// Whether no nudge changes a pixel by what matters beside its own brightness, or beside `floor` where it is darker.
-pub fn is_certain(sample: &Found, floor: f64) -> bool {
+pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
 /// Whether none but a wide one does.
-pub fn is_nearly_certain(sample: &Found, floor: f64) -> bool {
+pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }
 
-fn is_small(change: f64, sample: &Found, floor: f64) -> bool {
+fn is_small(change: f64, sample: &PixelSample, floor: f64) -> bool {
     let brightness = sample.radiance.abs().max_element();
     sample.radiance.is_finite() && change < RELATIVE_LIMIT * brightness.max(floor)
 }
@@ -333,11 +333,11 @@ mod tests {
 
     #[test]
     fn a_sample_remembers_changes_both_ways_and_adds_up() {
-        let mut one = Found::of(DVec3::splat(1.0), true);
+        let mut one = PixelSample::of(DVec3::splat(1.0), true);
         one.consider(DVec3::splat(0.25));
         one.consider(DVec3::splat(1.5));
         assert_eq!((one.change, one.range), (0.75, [DVec3::splat(0.25), DVec3::splat(1.5)]));
-        one.add(&Found::of(DVec3::splat(3.0), false));
+        one.add(&PixelSample::of(DVec3::splat(3.0), false));
         one.divide(2.0);
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, false));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
@@ -345,7 +345,10 @@ mod tests {
 
     #[test]
     fn beside_the_dark_a_change_is_relative_to_the_floor() {
-        let sample = |radiance: f64, change: f64| Found { change, ..Found::of(DVec3::splat(radiance), true) };
+        let sample = |radiance: f64, change: f64| PixelSample {
+            change,
+            ..PixelSample::of(DVec3::splat(radiance), true)
+        };
         assert!(is_certain(&sample(1e-6, 0.9e-4 * RELATIVE_LIMIT), 1e-4));
         assert!(!is_certain(&sample(1e-6, 1.1e-4 * RELATIVE_LIMIT), 1e-4));
         assert!(is_certain(&sample(1.0, 0.9 * RELATIVE_LIMIT), 1e-4));

@@ -28,7 +28,7 @@ use crate::image::{Radiance, dark_floor};
 use crate::scene::{Display, Sample, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
-use certainty::{Found, is_certain, is_nearly_certain, quick_sample, sample};
+use certainty::{PixelSample, is_certain, is_nearly_certain, quick_sample, sample};
 use rand::SeedableRng as _;
 use rand::seq::index::sample as sample_indices;
 use rand_chacha::ChaCha8Rng;
@@ -130,7 +130,7 @@ fn count(size: [u32; 2]) -> usize {
 }
 
 /// What samples of some pixels say of an image.
-fn judged(samples: &[Found], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
+fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
     let mut radiance = Radiance::new(size[0], size[1]);
     for (&pixel, sample) in pixels.iter().zip(samples) {
         radiance.pixels[pixel] = sample.radiance.as_vec3().to_array();
@@ -151,7 +151,7 @@ fn judged(samples: &[Found], size: [u32; 2], pixels: &[usize], display: Display)
 }
 
 /// What the reference makes of these pixels, in their order.
-fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) -> Vec<Found> {
+fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) -> Vec<PixelSample> {
     let caster = if scene.mesh.triangles.len() > EXHAUSTIVE_TRIANGLES {
         Caster::new(scene, size, Arc::clone(tree))
     } else {

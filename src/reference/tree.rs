@@ -1,4 +1,4 @@
-//! A bounding volume hierarchy, so that the oracle can judge large meshes in seconds. It finds
+//! A bounding volume hierarchy, so that the reference can judge large meshes in seconds. It finds
 //! exactly the hits the exhaustive search finds: its boxes are padded far beyond `f64`'s rounding.
 
 use super::intersect::{Hit, moller_trumbore};

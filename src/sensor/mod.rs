@@ -19,7 +19,7 @@ pub trait Sensor: Send {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// All but the energy of a frame, which no moment has.
-    pub shown: Sensed,
+    pub shown: SensorReading,
     /// A counter of the energy the device has taken.
     pub energy_counter_mj: Option<f64>,
 }
@@ -33,7 +33,7 @@ pub fn watch(hardware: &Hardware) -> Watch {
 /// What sensors showed while a sample was taken; a record has the means of its samples'.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct Sensed {
+pub struct SensorReading {
     /// The processors' clock.
     pub clock_mhz: Option<f64>,
     /// The memory's clock.
@@ -48,7 +48,7 @@ pub struct Sensed {
     pub energy_mj: Option<f64>,
 }
 
-impl Sensed {
+impl SensorReading {
     /// The means of several; throttled where any was. None of none.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
         all.clone().next()?;

@@ -1,6 +1,6 @@
 //! Sensors of NVIDIA's management library, which is loaded when it is there.
 
-use super::{Reading, Sensed, Sensor};
+use super::{Reading, Sensor, SensorReading};
 use crate::device::Hardware;
 use nvml_wrapper::bitmasks::device::ThrottleReasons;
 use nvml_wrapper::enum_wrappers::device::{Clock, TemperatureSensor};
@@ -40,7 +40,7 @@ impl Sensor for NvmlSensor {
             | ThrottleReasons::SW_THERMAL_SLOWDOWN
             | ThrottleReasons::HW_THERMAL_SLOWDOWN
             | ThrottleReasons::HW_POWER_BRAKE_SLOWDOWN;
-        let shown = Sensed {
+        let shown = SensorReading {
             clock_mhz: device.clock_info(Clock::SM).ok().map(f64::from),
             memory_clock_mhz: device.clock_info(Clock::Memory).ok().map(f64::from),
             power_w: device.power_usage().ok().map(|milliwatts| f64::from(milliwatts) * 1e-3),

@@ -1,6 +1,6 @@
 //! A thread that reads a sensor again and again, and what its readings say of a stretch of time.
 
-use super::{Reading, Sensed, Sensor};
+use super::{Reading, Sensor, SensorReading};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -39,7 +39,7 @@ impl Watch {
 
     /// What the sensor showed between two times: in readings between them, or in the last before. Energy is that of
     /// `frame_ms` of the device's time, at the mean power.
-    pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<Sensed> {
+    pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }
 }
@@ -62,13 +62,13 @@ fn locked(readings: &Mutex<Readings>) -> MutexGuard<'_, Readings> {
     readings.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Option<Sensed> {
+fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
     let between: Vec<&(Instant, Reading)> =
         readings.iter().filter(|(at, _)| (start..=end).contains(at)).collect();
     let before = readings.iter().rev().find(|(at, _)| *at < start);
     let seen: Vec<&(Instant, Reading)> =
         if between.is_empty() { before.into_iter().collect() } else { between };
-    let mut mean = Sensed::mean(seen.iter().map(|(_, reading)| &reading.shown))?;
+    let mut mean = SensorReading::mean(seen.iter().map(|(_, reading)| &reading.shown))?;
     mean.power_w = counted_power_w(&seen).or(mean.power_w);
     // Watts times milliseconds.
     mean.energy_mj = mean.power_w.map(|power_w| power_w * frame_ms);
@@ -93,7 +93,8 @@ mod tests {
     impl Sensor for Counting {
         fn read(&mut self) -> Reading {
             self.0 += 1.0;
-            let shown = Sensed { clock_mhz: Some(self.0), power_w: Some(200.0), ..Sensed::default() };
+            let shown =
+                SensorReading { clock_mhz: Some(self.0), power_w: Some(200.0), ..SensorReading::default() };
             Reading { shown, energy_counter_mj: None }
         }
     }
@@ -103,11 +104,11 @@ mod tests {
     }
 
     fn readings(start: Instant, throttled_at: u64) -> Readings {
-        let shown = |ms: u64| Sensed {
+        let shown = |ms: u64| SensorReading {
             clock_mhz: Some(1000.0 + ms as f64),
             power_w: Some(100.0),
             throttled: ms == throttled_at,
-            ..Sensed::default()
+            ..SensorReading::default()
         };
         let reading = |ms| Reading { shown: shown(ms), energy_counter_mj: Some(300.0 * ms as f64) };
         (0..100).map(|i| (at(start, 20 * i), reading(20 * i))).collect()

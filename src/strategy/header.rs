@@ -74,7 +74,7 @@ pub(super) struct Reader<'a> {
 
 /// What was read so far, and where.
 #[derive(Default)]
-struct Found {
+struct Entries {
     meaning: Option<(usize, String)>,
     facts: Vec<(usize, &'static str, Said)>,
     contradicts: Vec<Contradiction>,
@@ -84,7 +84,7 @@ impl Reader<'_> {
     /// Reads the comment that a file begins with, up to its first empty line. A line `// key: value` is a key; all else is
     /// prose.
     pub fn read(&self, name: String, folders: Vec<&'static str>, text: &str) -> Result<Header> {
-        let mut found = Found::default();
+        let mut found = Entries::default();
         let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
         for (row, line) in comment.take_while(|line| !line.is_empty()).enumerate() {
             // An address is prose, too.
@@ -113,7 +113,7 @@ impl Reader<'_> {
         KEYS.iter().filter(|key| key.axis == self.axis)
     }
 
-    fn take(&self, found: &mut Found, line: usize, key: &str, value: &str) -> Result<()> {
+    fn take(&self, found: &mut Entries, line: usize, key: &str, value: &str) -> Result<()> {
         match key {
             _ if value.is_empty() => Err(self.wrong(line, format!("'{key}' is empty"), None)),
             "meaning" => match found.meaning.replace((line, value.to_owned())) {
@@ -174,7 +174,7 @@ impl Reader<'_> {
     }
 
     /// What a kernel of the host's prepares for origins has one length.
-    fn check_planes(&self, found: &Found) -> Result<()> {
+    fn check_planes(&self, found: &Entries) -> Result<()> {
         let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
         let planes =
             said("prepared_for").filter(|(_, _, said)| matches!(said, Said::Word("origin" | "pixels")));

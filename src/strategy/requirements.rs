@@ -23,7 +23,7 @@ const POINT_BYTES: u64 = 3 * 4;
 /// Where a triangle's corners lie in its texture.
 const TEXTURE_ROW_BYTES: u64 = Mapped::FLOATS as u64 * 4;
 
-/// A ray of a tile: direction, nearness, place, the direction's reciprocals, what the watertight test has of it; and while
+/// A ray of a tile: direction, inv_t, place, the direction's reciprocals, what the watertight test has of it; and while
 /// it is shaded the surface it hit, what arrives and the sum so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 

@@ -132,19 +132,19 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
-        const varying nearness = a * per_height;
+        const varying inv_t = a * per_height;
         // One comparison instead of six: masks wait for one another longer than minima do.
         const varying inside = min(min(u, v), w);
         const varying seen =
-            min(a - edge_on, min(nearness - bundle->nearness[vector], bundle->too_near - nearness));
+            min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
         const Mask hits = min(inside, seen) >= 0.0f;
         if (any) {
             if (!ANY(hits)) continue;
-            bundle->nearness[vector] = SELECT(hits, (varying)(FAR), bundle->nearness[vector]);
+            bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);
             changed |= 1u << vector;
         } else {
             // No branch: hits are frequent where a tile meets a leaf, and hard to foresee.
-            bundle->nearness[vector] = SELECT(hits, nearness, bundle->nearness[vector]);
+            bundle->inv_t[vector] = SELECT(hits, inv_t, bundle->inv_t[vector]);
             bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
             changed |= ANY(hits) ? 1u << vector : 0;
         }

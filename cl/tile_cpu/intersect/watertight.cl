@@ -33,7 +33,7 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
 
 // Rays of a vector that hit the triangle of corners a, b, c, seen from the origin, and 1 / t there.
 Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
-                  varying *nearness) {
+                  varying *inv_t) {
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
     const float forward = bundle->shears.forward[vector];
     const varying x = bundle->shears.x[vector], y = bundle->shears.y[vector];
@@ -52,19 +52,19 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
     const Mask inside = ((min(min(u, v), w) >= 0.0f) | (max(max(u, v), w) <= 0.0f)) & (det != 0.0f);
 #endif
     if (!ANY(inside)) return inside;
-    *nearness = det * along_axis(bundle, vector, along) / (u * a[along] + v * b[along] + w * c[along]);
-    return inside & (*nearness > bundle->nearness[vector]) & (*nearness < bundle->too_near);
+    *inv_t = det * along_axis(bundle, vector, along) / (u * a[along] + v * b[along] + w * c[along]);
+    return inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
 }
 
 // The same for a vector without an axis.
-Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *nearness) {
+Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *inv_t) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
-    const varying t_max = 1.0f / max(bundle->nearness[vector], (varying)(LEAST_NEARNESS));
+    const varying t_max = 1.0f / max(bundle->inv_t[vector], (varying)(LEAST_INV_T));
     const Probe probe = prepare_probe((varying)(1.0f / bundle->too_near), direction);
     Hit hit;
     if (!intersect(&probe, splat(bundle->origin), direction, row_of(corners), t_max, &hit)) return (Mask)(0);
-    *nearness = 1.0f / hit.t;
-    return hit.lanes & (bundle->nearness[vector] < FAR);
+    *inv_t = 1.0f / hit.t;
+    return hit.lanes & (bundle->inv_t[vector] < FAR);
 }
 
 // A triangle's corners seen from the origin, which is all there is to prepare.
@@ -94,12 +94,12 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
     uint changed = 0;
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
-        varying nearness;
+        varying inv_t;
         const Mask hits = bundle->shears.axis[vector] == NO_AXIS
-                              ? meet_single(bundle, vector, prepared->corners, &nearness)
-                              : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &nearness);
+                              ? meet_single(bundle, vector, prepared->corners, &inv_t)
+                              : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
         if (!ANY(hits)) continue;
-        bundle->nearness[vector] = SELECT(hits, any ? (varying)(FAR) : nearness, bundle->nearness[vector]);
+        bundle->inv_t[vector] = SELECT(hits, any ? (varying)(FAR) : inv_t, bundle->inv_t[vector]);
         if (!any) bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
         changed |= 1u << vector;
     }

@@ -2,7 +2,7 @@
 
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
-use crate::program::MadeKernel;
+use crate::program::CompiledKernel;
 use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
@@ -14,7 +14,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         multiprocessor(name)?;
     }
     let folder = Folder::read(path)?;
-    let points: Vec<(&Record, MadeKernel)> = folder
+    let points: Vec<(&Record, CompiledKernel)> = folder
         .records
         .iter()
         .filter_map(|record| Some((record, predicted(record, compute_capability)?)))
@@ -34,7 +34,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
 }
 
 /// The kernel that decides a point's speed, with its prediction.
-fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<MadeKernel> {
+fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<CompiledKernel> {
     let kernel = record.main_kernel()?.clone();
     let items = record.local_size?.iter().product();
     kernel.resources.registers?;
@@ -45,7 +45,7 @@ fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<MadeKe
     kernel.occupancy.is_some().then_some(kernel)
 }
 
-fn object(record: &Record, kernel: &MadeKernel) -> serde_json::Value {
+fn object(record: &Record, kernel: &CompiledKernel) -> serde_json::Value {
     json!({
         "scene": record.scene,
         "device": record.device,
@@ -63,7 +63,7 @@ fn object(record: &Record, kernel: &MadeKernel) -> serde_json::Value {
     })
 }
 
-fn text(points: &[(&Record, MadeKernel)]) -> String {
+fn text(points: &[(&Record, CompiledKernel)]) -> String {
     let header =
         ["point", "local size", "registers", "__local B", "groups", "occupancy", "limited by", "median ms"];
     let mut table = super::super::table(&header, 1);
@@ -91,11 +91,11 @@ fn time(record: &Record) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::program::made::Resources;
+    use crate::program::compiled::Resources;
 
     fn record(registers: Option<u32>) -> Record {
         let resources = Resources { registers, ..Resources::default() };
-        let kernel = MadeKernel { name: "cast_frame".into(), resources, ..MadeKernel::default() };
+        let kernel = CompiledKernel { name: "cast_frame".into(), resources, ..CompiledKernel::default() };
         let kernel = kernel.predicted(Some("9.0"), 256);
         Record { local_size: Some([16, 16]), kernels: vec![kernel], ..Record::default() }
     }

@@ -1,7 +1,7 @@
 //! What is built, for whom, and what becomes of builders that die.
 
 use super::*;
-use crate::experiment::open::Open;
+use crate::experiment::pending::PendingPoint;
 use crate::experiment::supervisor::Death;
 use crate::record::Record;
 use std::sync::Arc;
@@ -43,25 +43,30 @@ impl Worker for Builder {
     }
 }
 
-fn open(point: usize, scene: usize, program: &str, traversal: &str) -> Open {
+fn open(point: usize, scene: usize, program: &str, traversal: &str) -> PendingPoint {
     let record = Record {
         program_hash: Some(program.to_owned()),
         strategy: format!("traversal={traversal}"),
         device: "a device".to_owned(),
         ..Record::default()
     };
-    Open::new([point, 0, scene], String::new(), record)
+    PendingPoint::new([point, 0, scene], String::new(), record)
 }
 
 /// What is built for these groups of points, one after the other, and which points it was built for.
-fn built(deadly: Option<usize>, groups: &mut [Vec<Open>]) -> (Vec<usize>, Vec<usize>, Tally) {
+fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
     let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
     let ahead = Ahead::default();
     let builders = (0..3).map(|_| Box::new(noting.clone()) as Box<dyn Spawner + Send>).collect();
     ahead.beside(builders, LIMIT, &never, || {
         groups.iter_mut().for_each(|group| ahead.need(group, &never).unwrap());
     });
-    let with = groups.iter().flatten().filter(|open| open.built.is_some()).map(|open| open.point).collect();
+    let with = groups
+        .iter()
+        .flatten()
+        .filter(|pending| pending.built.is_some())
+        .map(|pending| pending.point)
+        .collect();
     let mut points = noting.built.lock().unwrap().clone();
     points.sort_unstable();
     (points, with, ahead.tally())

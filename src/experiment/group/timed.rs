@@ -5,8 +5,8 @@ use crate::anchor;
 use crate::error::Result;
 use crate::experiment::Run;
 use crate::experiment::complete::Taken;
-use crate::experiment::keeper::Keep;
-use crate::experiment::open::Open;
+use crate::experiment::pending::PendingPoint;
+use crate::experiment::result_sink::ResultSink;
 use crate::experiment::rounds::Rounds;
 use crate::experiment::supervisor::Supervisor;
 use crate::launch::FrameTimes;
@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// A launch whose samples are kept as they come.
 pub(super) struct Timed<'b, 's, K> {
-    pub points: &'b [Open],
+    pub points: &'b [PendingPoint],
     pub run: &'b Run<'b>,
     /// The launch's number in the folder, and among those of the group.
     pub launch: u32,
@@ -28,7 +28,7 @@ pub(super) struct Timed<'b, 's, K> {
     /// Workers that were lost before it began.
     pub losses: usize,
     pub supervisor: &'b mut Supervisor<'s>,
-    pub keeper: &'b mut K,
+    pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
     /// Frames of each device: every so often its anchor is run.
@@ -38,7 +38,7 @@ pub(super) struct Timed<'b, 's, K> {
 /// Frames of a device to a run of its anchor: its time is known better than a point's, at a small part of what frames cost.
 const CASTS_PER_ANCHOR: usize = 6;
 
-impl<K: Keep> Timed<'_, '_, K> {
+impl<K: ResultSink> Timed<'_, '_, K> {
     fn at_ms(&self) -> f64 {
         // To the microsecond, which is enough to tell their order.
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
@@ -46,34 +46,34 @@ impl<K: Keep> Timed<'_, '_, K> {
 
     /// Runs the anchor of a point's device where its turn has come. A look is too short for one.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
-        let open = &self.points[point];
-        let Some(device) = device_of(self.run, open).filter(|_| self.run.experiment.timing.launches > 1)
+        let pending = &self.points[point];
+        let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)
         else {
             return Ok(());
         };
-        let casts = self.casts.entry(open.device).or_default();
+        let casts = self.casts.entry(pending.device).or_default();
         *casts += 1;
         if *casts % CASTS_PER_ANCHOR != 1 {
             return Ok(());
         }
         let anchor = anchor::name(device)?;
-        let Some(times) = self.supervisor.anchor(open.task())? else { return Ok(()) };
-        let (device, launch, at_ms) = (open.record.device.clone(), self.launch, self.at_ms());
-        self.keeper.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
+        let Some(times) = self.supervisor.anchor(pending.task())? else { return Ok(()) };
+        let (device, launch, at_ms) = (pending.record.device.clone(), self.launch, self.at_ms());
+        self.sink.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
     }
 }
 
-impl<K: Keep> Rounds for Timed<'_, '_, K> {
+impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
-        let open = &self.points[point];
+        let pending = &self.points[point];
         let launches = self.run.experiment.timing.launches;
         let of = if launches > 1 { format!(", launch {} of {launches}", self.number) } else { String::new() };
-        self.keeper.works_on(&format!("timing {}{of}", open.label));
-        match self.supervisor.cast(open.task())? {
+        self.sink.works_on(&format!("timing {}{of}", pending.label));
+        match self.supervisor.cast(pending.task())? {
             Some(Ok(times)) => Ok(Some(times)),
             Some(Err(refusal)) => {
                 self.failed.insert(point);
-                self.keeper.keep(refusal.write_into(open.record.clone())).map(|()| None)
+                self.sink.keep(refusal.write_into(pending.record.clone())).map(|()| None)
             }
             None => Ok(None),
         }
@@ -81,14 +81,14 @@ impl<K: Keep> Rounds for Timed<'_, '_, K> {
 
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()> {
         let taken = Taken { launch: self.launch, at_ms: self.at_ms(), times: *times };
-        self.keeper.sample(&self.points[point].record.key, round, &taken)?;
+        self.sink.sample(&self.points[point].record.key, round, &taken)?;
         self.taken[point].push(taken);
         self.anchor(point, round)
     }
 
     fn ended(&mut self, round: u32) -> Result<()> {
         let load = self.watch.look();
-        load.map_or(Ok(()), |load| self.keeper.load(&RoundLoad::of(self.launch, round, &load)))
+        load.map_or(Ok(()), |load| self.sink.load(&RoundLoad::of(self.launch, round, &load)))
     }
 
     fn is_broken(&self) -> bool {

@@ -75,7 +75,7 @@ fn run(machine: Machine, points: usize, seed: u64) -> Vec<PairedSample> {
 }
 
 /// What some runs of one thing say of each other.
-struct Found {
+struct Coverage {
     /// How often an interval holds what another run found: of ratios to the first point, and of medians.
     held: [f64; 2],
     /// Half of an interval, the median over points and runs, as a part: likewise.
@@ -86,7 +86,7 @@ struct Found {
     winners: usize,
 }
 
-fn found(machine: Machine, points: usize) -> Found {
+fn found(machine: Machine, points: usize) -> Coverage {
     let runs: Vec<Paired> = (0..RUNS).map(|seed| Paired::of(&run(machine, points, seed), points)).collect();
     let ratio = |run: &Paired, point: usize| run.ratio(point, 0).expect("enough samples");
     let median = |run: &Paired, point: usize| run.median_ms(point).expect("enough samples");
@@ -95,7 +95,7 @@ fn found(machine: Machine, points: usize) -> Found {
     let disjoint =
         |(one, other): &(usize, usize)| !wins[*one].iter().any(|point| wins[*other].contains(point));
     let (of_ratios, of_medians) = (agreement(&runs, 1..points, ratio), agreement(&runs, 0..points, median));
-    Found {
+    Coverage {
         held: [of_ratios.0, of_medians.0],
         half: [of_ratios.1, of_medians.1],
         disjoint: pairs.filter(disjoint).count(),

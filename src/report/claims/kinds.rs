@@ -1,6 +1,6 @@
 //! How each kind of test is decided from a claim's data.
 
-use super::found::Found;
+use super::claim_data::ClaimData;
 use super::point::Point;
 use super::sure::{Fastest, Ratio};
 use super::table::{LocalSize, Memory, Pass, Preset, Test};
@@ -11,7 +11,7 @@ use crate::record::{Record, Sample, by, significant};
 use crate::strategy::{Requirements, Workload};
 
 /// The result of a test, one line for each of its comparisons.
-pub(super) fn lines(test: &Test, found: &Found<'_>) -> Vec<Line> {
+pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
     match test {
         Test::Ratio { of, to, at_least, at_most } => {
             let held = at_least.unwrap_or(0.0)..=at_most.unwrap_or(f64::INFINITY);
@@ -35,7 +35,7 @@ pub(super) fn lines(test: &Test, found: &Found<'_>) -> Vec<Line> {
     }
 }
 
-fn fastest(found: &Found<'_>, of: &[Point], is: &Point) -> Line {
+fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
     let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
     // All kernels have to be there, and some of their sizes.
     if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
@@ -46,7 +46,7 @@ fn fastest(found: &Found<'_>, of: &[Point], is: &Point) -> Line {
     fastest.line(&names, |record| is.is(record, found.device))
 }
 
-fn passes(found: &Found<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {
+fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {
     let record = match found.measured(point) {
         Ok(record) => record,
         Err(line) => return line,
@@ -115,7 +115,7 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
     Line::decided(text, found.threads == threads)
 }
 
-fn latency(found: &Found<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
+fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
     let name = format!("{memory:?} memory").to_lowercase();
     if found.is_cpu() && memory != Memory::Private {
         let text =

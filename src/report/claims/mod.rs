@@ -4,19 +4,19 @@
 //! device are tested: which of two points is faster, by how much, which block size is best, what fits. One rule judges all: see
 //! [`Verdict::of_all`]. The published values are the paper's own device's, which it does not name.
 
-mod found;
+mod claim_data;
 mod kinds;
 mod point;
 mod sure;
 mod table;
 mod verdict;
 
-pub use found::Run;
+pub use claim_data::Run;
 pub use sure::Ratio;
 pub use table::{Row, table};
 pub use verdict::{Line, Verdict};
 
-use found::Found;
+use claim_data::ClaimData;
 
 /// A claim beside the measurement.
 #[derive(Clone, Debug)]
@@ -55,7 +55,7 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
 }
 
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
-    let of = |run| kinds::lines(test, &Found { run, device, configs: &row.configs });
+    let of = |run| kinds::lines(test, &ClaimData { run, device, configs: &row.configs });
     let mut told = runs.iter().map(of);
     let first = told.next().unwrap_or_default();
     told.fold(first, |known, more| {

@@ -178,8 +178,8 @@ fn why(contests: &[Contest<'_>]) -> String {
 }
 
 fn place_of_vectors(record: &Record) -> &'static str {
-    let census = record.main_kernel().and_then(|kernel| kernel.census.as_ref());
-    match (record.axis("vectors"), census.map(|census| census.reach("local"))) {
+    let counts = record.main_kernel().and_then(|kernel| kernel.instruction_counts.as_ref());
+    match (record.axis("vectors"), counts.map(|counts| counts.reach("local"))) {
         (Some("private"), Some(0)) => "registers",
         (Some("private"), _) => "registers or the stack",
         (Some("local"), _) => "__local memory",
@@ -192,8 +192,8 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     let kernel = record.main_kernel();
     let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());
     let occupancy = kernel.and_then(|kernel| kernel.occupancy).map(percent);
-    let census = kernel.and_then(|kernel| kernel.census.as_ref());
-    let global = census.map(|census| census.reach("global").to_string());
+    let counts = kernel.and_then(|kernel| kernel.instruction_counts.as_ref());
+    let global = counts.map(|counts| counts.reach("global").to_string());
     let facts = [
         ("registers", registers),
         ("occupancy", occupancy),

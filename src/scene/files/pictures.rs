@@ -20,7 +20,7 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
 /// What goes wrong with a picture, in words that follow its name.
-type Found<T> = std::result::Result<T, String>;
+type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's texels.
 type Decoded = ([u32; 2], Arc<[u32]>);
@@ -29,19 +29,19 @@ type Decoded = ([u32; 2], Arc<[u32]>);
 #[derive(Default)]
 pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
-    files: HashMap<PathBuf, Found<Decoded>>,
+    files: HashMap<PathBuf, Parsed<Decoded>>,
     known: HashMap<(PathBuf, [Wrap; 2]), u32>,
     texels: usize,
 }
 
 impl Pictures {
     /// The number of the texture that a file in reach makes.
-    pub fn file(&mut self, reach: Reach<'_>, name: &str, wrap: [Wrap; 2]) -> Found<u32> {
+    pub fn file(&mut self, reach: Reach<'_>, name: &str, wrap: [Wrap; 2]) -> Parsed<u32> {
         let path = reach.locate(name)?;
         if let Some(number) = self.known.get(&(path.clone(), wrap)) {
             return Ok(*number);
         }
-        let read = || -> Found<Decoded> {
+        let read = || -> Parsed<Decoded> {
             let bytes =
                 reader::bytes(&path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
             decoded(&bytes, ImageFormat::from_path(&path).ok())
@@ -53,7 +53,7 @@ impl Pictures {
     }
 
     /// The number of the texture that a picture's bytes make; `key` tells it from other pictures of the file.
-    pub fn bytes(&mut self, key: &str, bytes: &[u8], wrap: [Wrap; 2]) -> Found<u32> {
+    pub fn bytes(&mut self, key: &str, bytes: &[u8], wrap: [Wrap; 2]) -> Parsed<u32> {
         // No path that was resolved is relative.
         let key = (Path::new("in the file").join(key), wrap);
         if let Some(number) = self.known.get(&key) {
@@ -64,7 +64,7 @@ impl Pictures {
         Ok(number)
     }
 
-    fn add(&mut self, (size, texels): Decoded, wrap: [Wrap; 2]) -> Found<u32> {
+    fn add(&mut self, (size, texels): Decoded, wrap: [Wrap; 2]) -> Parsed<u32> {
         self.texels += texels.len();
         if self.texels > MOST_TEXELS {
             self.texels -= texels.len();
@@ -76,7 +76,7 @@ impl Pictures {
 }
 
 /// The texels of a picture.
-fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Found<Decoded> {
+fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let ending = ending.filter(|format| *format == ImageFormat::Tga);
     let format = image::guess_format(bytes).ok().or(ending);
     let format = format.filter(|format| FORMATS.contains(format));

@@ -1,6 +1,6 @@
 //! Numbers in a glTF file's buffers.
 
-use super::Found;
+use super::Parsed;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
@@ -64,7 +64,7 @@ fn bytes_of(component: ComponentType) -> usize {
 
 impl<'a> Numbers<'a> {
     /// The elements of an accessor of `N` components.
-    pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Found<Vec<[f64; N]>> {
+    pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let told = |what: String| format!("accessor {number}: {what}");
         let accessor = self.root.get(index).ok_or_else(|| told("it does not exist".to_owned()))?;
@@ -76,7 +76,7 @@ impl<'a> Numbers<'a> {
         self.root.get(index).and_then(|accessor| components(accessor).ok()).unwrap_or(0)
     }
 
-    fn elements<const N: usize>(&self, accessor: &Accessor) -> Found<Vec<[f64; N]>> {
+    fn elements<const N: usize>(&self, accessor: &Accessor) -> Parsed<Vec<[f64; N]>> {
         if components(accessor)? != N {
             return Err(format!("its elements have {} numbers; expected {N}", components(accessor)?));
         }
@@ -102,7 +102,7 @@ impl<'a> Numbers<'a> {
     }
 
     /// Elements of an accessor that only has those that differ from zero.
-    fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Found<Vec<[f64; N]>> {
+    fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         // Nothing of the file backs them, so they may not be any number.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
         if count > held.max(1 << 16) {
@@ -116,7 +116,7 @@ impl<'a> Numbers<'a> {
         accessor: &Accessor,
         component: ComponentType,
         values: &mut [[f64; N]],
-    ) -> Found<()> {
+    ) -> Parsed<()> {
         let Some(sparse) = &accessor.sparse else { return Ok(()) };
         let Checked::Valid(index_type) = sparse.indices.component_type else {
             return Err("sparse indices of an unknown type".to_owned());
@@ -142,7 +142,7 @@ impl<'a> Numbers<'a> {
         component: ComponentType,
         components: usize,
         normalised: bool,
-    ) -> Found<Place<'a>> {
+    ) -> Parsed<Place<'a>> {
         let number = view.value();
         let view = self.root.get(view).ok_or_else(|| format!("buffer view {number} does not exist"))?;
         let buffer = self.buffers.get(view.buffer.value());
@@ -159,7 +159,7 @@ impl<'a> Numbers<'a> {
     }
 }
 
-fn components(accessor: &Accessor) -> Found<usize> {
+fn components(accessor: &Accessor) -> Parsed<usize> {
     match accessor.type_ {
         Checked::Valid(Type::Scalar) => Ok(1),
         Checked::Valid(Type::Vec2) => Ok(2),

@@ -1,6 +1,6 @@
 //! The bytes that a glTF file names: in it as base64, beside it, or behind it in a binary file.
 
-use super::Found;
+use super::Parsed;
 use crate::reader::{self, Kind};
 use crate::scene::obj::{Reach, quoted};
 use base64::Engine as _;
@@ -15,7 +15,7 @@ pub(super) fn load<'a>(
     root: &Root,
     reach: Reach<'_>,
     binary: Option<Cow<'a, [u8]>>,
-) -> Found<Vec<Cow<'a, [u8]>>> {
+) -> Parsed<Vec<Cow<'a, [u8]>>> {
     let mut binary = binary;
     root.buffers
         .iter()
@@ -33,7 +33,7 @@ pub(super) fn load<'a>(
         .collect()
 }
 
-fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) -> Found<Cow<'a, [u8]>> {
+fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) -> Parsed<Cow<'a, [u8]>> {
     let Some(uri) = &buffer.uri else {
         return binary.ok_or_else(|| "it has no uri, and the file no binary part".to_owned());
     };
@@ -51,7 +51,7 @@ fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) ->
 }
 
 /// The bytes of a `data:` uri: a type that does not matter, `;base64,` and what follows.
-pub(super) fn decoded(data: &str) -> Found<Vec<u8>> {
+pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("a data: uri without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, either);

@@ -18,7 +18,7 @@ use std::borrow::Cow;
 use textures::Files;
 
 /// What goes wrong inside of a file, in words.
-type Found<T> = std::result::Result<T, String>;
+type Parsed<T> = std::result::Result<T, String>;
 
 /// Extensions that a file may require: what they add is done, or noted where a material asks for it.
 const KNOWN: [&str; 4] =

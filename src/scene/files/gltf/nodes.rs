@@ -3,7 +3,7 @@
 use super::accessors::Numbers;
 use super::primitives::{Part, Shape};
 use super::textures::ColourMap;
-use super::{Found, MeshFile};
+use super::{MeshFile, Parsed};
 use crate::error::Result;
 use crate::scene::files::{FileLight, colours, origin};
 use crate::scene::material::Material;
@@ -57,7 +57,7 @@ struct LeftOut {
 
 impl<'a> Walk<'a> {
     /// Walks the file's scene, or, where it has none, all nodes that are no other's child.
-    pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>], maps: &'a [Option<ColourMap>]) -> Found<Self> {
+    pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
         let mut walk = Self {
             numbers: Numbers { root, buffers },
             visited: vec![false; root.nodes.len()],
@@ -96,7 +96,7 @@ impl<'a> Walk<'a> {
         Ok(walk)
     }
 
-    fn visit(&mut self, node: &Node, place: DMat4) -> Found<()> {
+    fn visit(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         if let Some(index) = node.mesh {
             self.starts.push(self.triangles.len() as u32);
             self.left_out.skins += usize::from(node.skin.is_some());
@@ -120,7 +120,7 @@ impl<'a> Walk<'a> {
         self.add_light(node, place)
     }
 
-    fn add(&mut self, part: Part, map: Option<ColourMap>, place: DMat4) -> Found<()> {
+    fn add(&mut self, part: Part, map: Option<ColourMap>, place: DMat4) -> Parsed<()> {
         let first = self.positions.len() as u32;
         let first_normal = self.normals.len() as u32;
         if self.triangles.len() + part.triangles.len() > MAX_TRIANGLES as usize {
@@ -160,7 +160,7 @@ impl<'a> Walk<'a> {
     }
 
     /// A camera looks along its own -z.
-    fn add_camera(&mut self, node: &Node, place: DMat4) -> Found<()> {
+    fn add_camera(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
             self.numbers.root.get(index).ok_or_else(|| format!("camera {} does not exist", index.value()))?;
@@ -181,7 +181,7 @@ impl<'a> Walk<'a> {
     }
 
     /// A light shines along its node's -z.
-    fn add_light(&mut self, node: &Node, place: DMat4) -> Found<()> {
+    fn add_light(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         let named = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
         let Some(index) = named.map(|named| named.light) else { return Ok(()) };
         let lights = self

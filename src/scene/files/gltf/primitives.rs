@@ -1,6 +1,6 @@
 //! The parts of a glTF mesh, each with one material.
 
-use super::Found;
+use super::Parsed;
 use super::accessors::Numbers;
 use glam::{DVec3, Vec3};
 use gltf::json::Index;
@@ -31,7 +31,7 @@ pub(super) enum Shape {
 
 impl Part {
     /// `set` is that of the texture coordinates that its material's texture wants.
-    pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Found<Shape> {
+    pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
             primitive.mode
         else {
@@ -97,7 +97,7 @@ impl Part {
 }
 
 /// Texture coordinates, from the upper left corner.
-fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Found<Vec<[f32; 2]>> {
+fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32; 2]>> {
     let coordinates = numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32));
     let coordinates: Vec<[f32; 2]> = coordinates.collect();
     match coordinates.as_flattened().iter().all(|value| value.is_finite()) {
@@ -107,7 +107,7 @@ fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Found<Vec<[f32;
 }
 
 /// Colours are linear, with alpha or without.
-fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Found<Vec<Vec3>> {
+fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<Vec3>> {
     let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
     Ok(match numbers.components(index) {
         4 => numbers.of::<4>(index)?.into_iter().map(|[r, g, b, _]| colour(r, g, b)).collect(),
@@ -116,7 +116,7 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Found<Vec<Vec3>> {
 }
 
 /// The numbers of the positions in order.
-fn corners(numbers: &Numbers<'_>, primitive: &Primitive, count: usize) -> Found<Vec<u32>> {
+fn corners(numbers: &Numbers<'_>, primitive: &Primitive, count: usize) -> Parsed<Vec<u32>> {
     let Some(index) = primitive.indices else { return Ok((0..count as u32).collect()) };
     let indices: Vec<u32> = numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect();
     match indices.iter().find(|&&index| index as usize >= count) {

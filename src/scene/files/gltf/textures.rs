@@ -1,6 +1,6 @@
 //! Base colours from pictures: in the file, beside it, or as base64.
 
-use super::Found;
+use super::Parsed;
 use super::buffers::{decoded, unescaped};
 use crate::scene::files::Pictures;
 use crate::scene::obj::{Reach, quoted};
@@ -62,7 +62,7 @@ impl Files<'_> {
         self.root.materials.iter().map(map).collect()
     }
 
-    fn map(self, info: &Info, pictures: &mut Pictures) -> Found<ColourMap> {
+    fn map(self, info: &Info, pictures: &mut Pictures) -> Parsed<ColourMap> {
         let texture = self.root.get(info.index).ok_or("does not exist")?;
         let wrap = self.wrap(texture);
         let image = self.root.get(texture.source);
@@ -91,7 +91,7 @@ impl Files<'_> {
         image: &Image,
         wrap: [Wrap; 2],
         pictures: &mut Pictures,
-    ) -> Found<u32> {
+    ) -> Parsed<u32> {
         let key = index.value().to_string();
         match (&image.uri, image.buffer_view) {
             (Some(uri), _) if uri.starts_with("data:") => pictures.bytes(&key, &decoded(uri)?, wrap),

@@ -6,12 +6,12 @@ use crate::strategy::Culling;
 
 /// The references of the scene and size at hand. Points come sorted by both, so older ones are dropped.
 #[derive(Default)]
-pub struct Oracle {
+pub struct ReferenceCache {
     at: Option<(usize, [u32; 2])>,
     made: Vec<(Culling, Reference)>,
 }
 
-impl Oracle {
+impl ReferenceCache {
     /// What an image of the scene numbered `number` ought to be.
     pub fn reference(
         &mut self,

@@ -2,25 +2,26 @@
 //! (`tests/ptx/make` says whose), and that `raycl compile` keeps what there is on any device.
 
 use crate::binary::{Place, TRIANGLE, device, has, repository};
-use raycl::program::made::{Census, census, is_ptx};
+use raycl::program::compiled::{InstructionCounts, instruction_counts, is_ptx};
 use serde_json::Value;
 
-/// The census of a stored PTX's whole-frame kernel: clang's and that of NVIDIA's driver.
-fn stored(name: &str) -> [(String, Census); 2] {
+/// The counts of a stored PTX's whole-frame kernel: clang's and that of NVIDIA's driver.
+fn stored(name: &str) -> [(String, InstructionCounts); 2] {
     ["clang", "driver"].map(|whose| stored_of(name, whose))
 }
 
-fn stored_of(name: &str, whose: &str) -> (String, Census) {
+fn stored_of(name: &str, whose: &str) -> (String, InstructionCounts) {
     let file = format!("tests/ptx/{name}.{whose}.ptx");
     let text = std::fs::read_to_string(repository(&file)).unwrap_or_else(|e| panic!("{file}: {e}"));
     assert!(is_ptx(text.as_bytes()), "{file}");
-    let census = census(&text, "cast_frame").unwrap_or_else(|| panic!("{file} has no cast_frame"));
-    (file, census)
+    let counts =
+        instruction_counts(&text, "cast_frame").unwrap_or_else(|| panic!("{file} has no cast_frame"));
+    (file, counts)
 }
 
 /// Instructions of a kind.
-fn count(census: &Census, name: &str) -> u32 {
-    census.instructions.get(name).copied().unwrap_or(0)
+fn count(counts: &InstructionCounts, name: &str) -> u32 {
+    counts.instructions.get(name).copied().unwrap_or(0)
 }
 
 /// Stores that a frame makes of its picture: what is more goes to working vectors.
@@ -28,28 +29,28 @@ const STORES_OF_THE_PICTURE: u32 = 4;
 
 #[test]
 fn global_vectors_are_in_global_memory() {
-    for (file, census) in stored("vectors-global") {
-        assert!(count(&census, "st.global") > STORES_OF_THE_PICTURE, "{file}: {census}");
-        assert_eq!([census.reach("shared"), census.reach("local")], [0, 0], "{file}: {census}");
-        assert_eq!(census.private_array_bytes, 0, "{file}");
+    for (file, counts) in stored("vectors-global") {
+        assert!(count(&counts, "st.global") > STORES_OF_THE_PICTURE, "{file}: {counts}");
+        assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
+        assert_eq!(counts.private_array_bytes, 0, "{file}");
     }
 }
 
 #[test]
 fn local_vectors_are_in_shared_memory() {
-    for (file, census) in stored("vectors-local") {
-        assert!(count(&census, "ld.shared") > 9 && count(&census, "st.shared") > 9, "{file}: {census}");
-        assert!(count(&census, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {census}");
-        assert_eq!(census.reach("local"), 0, "{file}: {census}");
+    for (file, counts) in stored("vectors-local") {
+        assert!(count(&counts, "ld.shared") > 9 && count(&counts, "st.shared") > 9, "{file}: {counts}");
+        assert!(count(&counts, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {counts}");
+        assert_eq!(counts.reach("local"), 0, "{file}: {counts}");
     }
 }
 
 #[test]
 fn private_vectors_are_in_registers() {
-    for (file, census) in stored("vectors-private") {
-        assert_eq!([census.reach("shared"), census.reach("local")], [0, 0], "{file}: {census}");
-        assert_eq!(census.private_array_bytes, 0, "{file}: an array lies in memory");
-        assert!(count(&census, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {census}");
+    for (file, counts) in stored("vectors-private") {
+        assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
+        assert_eq!(counts.private_array_bytes, 0, "{file}: an array lies in memory");
+        assert!(count(&counts, "st.global") <= STORES_OF_THE_PICTURE, "{file}: {counts}");
     }
 }
 
@@ -57,28 +58,28 @@ fn private_vectors_are_in_registers() {
 /// addresses.
 #[test]
 fn the_tests_own_vectors_are_in_private_memory() {
-    let (file, census) = stored_of("test-vectors", "clang");
-    assert!(census.private_array_bytes >= 5 * 3 * 4, "{file}: {} bytes", census.private_array_bytes);
+    let (file, counts) = stored_of("test-vectors", "clang");
+    assert!(counts.private_array_bytes >= 5 * 3 * 4, "{file}: {} bytes", counts.private_array_bytes);
     let [stores, loads] = ["st", "ld"]
-        .map(|verb| count(&census, &format!("{verb}.local")) + count(&census, &format!("{verb}.generic")));
-    assert!(stores >= 30 && loads >= 30, "{file}: {census}");
+        .map(|verb| count(&counts, &format!("{verb}.local")) + count(&counts, &format!("{verb}.generic")));
+    assert!(stores >= 30 && loads >= 30, "{file}: {counts}");
 }
 
 #[test]
 fn constant_triangles_are_read_from_constant_memory() {
     // Each compiler's beside its own, since both are stored of both.
-    for ((file, census), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
-        assert_eq!([census.reach("shared"), census.reach("local")], [0, 0], "{file}: {census}");
-        assert!(census.reach("const") > 9, "{file}: {census}");
-        assert!(census.reach("global") < global.reach("global"), "{file}: {census}");
+    for ((file, counts), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
+        assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
+        assert!(counts.reach("const") > 9, "{file}: {counts}");
+        assert!(counts.reach("global") < global.reach("global"), "{file}: {counts}");
     }
 }
 
 #[test]
 fn local_triangles_are_read_from_shared_memory() {
-    for (file, census) in stored("triangles-local") {
-        assert!(count(&census, "ld.shared") > 9, "{file}: {census}");
-        assert_eq!(census.reach("local"), 0, "{file}: {census}");
+    for (file, counts) in stored("triangles-local") {
+        assert!(count(&counts, "ld.shared") > 9, "{file}: {counts}");
+        assert_eq!(counts.reach("local"), 0, "{file}: {counts}");
     }
 }
 
@@ -86,9 +87,9 @@ fn local_triangles_are_read_from_shared_memory() {
 fn volatile_vectors_are_loaded_at_every_test() {
     // A measurement of a memory needs accesses to it in the loop: the paper's kernel reads the ray at each test.
     for name in ["vectors-global", "vectors-local"] {
-        for ((file, census), (_, private)) in stored(name).iter().zip(stored("vectors-private")) {
-            let all = |census: &Census| census.reach("global") + census.reach("shared");
-            assert!(all(census) > all(&private) + 50, "{file}: {census}");
+        for ((file, counts), (_, private)) in stored(name).iter().zip(stored("vectors-private")) {
+            let all = |counts: &InstructionCounts| counts.reach("global") + counts.reach("shared");
+            assert!(all(counts) > all(&private) + 50, "{file}: {counts}");
         }
     }
 }

@@ -7,7 +7,7 @@ mod log;
 mod ptx;
 
 pub use log::{Resources, resources};
-pub use ptx::{Census, census, is_ptx};
+pub use ptx::{InstructionCounts, instruction_counts, is_ptx};
 
 use crate::device::occupancy::{multiprocessor, occupancy};
 use ocl::Kernel;
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 /// One built kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct MadeKernel {
+pub struct CompiledKernel {
     /// Its name in the source.
     pub name: String,
     /// Work-items of the largest work-group it can run with.
@@ -33,7 +33,8 @@ pub struct MadeKernel {
     #[serde(flatten)]
     pub resources: Resources,
     /// Memory instructions of the binary; none where it is not PTX.
-    pub census: Option<Census>,
+    #[serde(rename = "census")]
+    pub instruction_counts: Option<InstructionCounts>,
     /// Work-groups that a multiprocessor is predicted to hold at once.
     pub resident_groups: Option<u64>,
     /// Their warps among all it could hold, 0 to 1.
@@ -42,7 +43,7 @@ pub struct MadeKernel {
     pub occupancy_limited_by: Option<String>,
 }
 
-impl MadeKernel {
+impl CompiledKernel {
     /// What the driver, the build log and the binary (PTX, or empty) tell of a kernel.
     pub fn of(kernel: &Kernel, device: ocl::Device, log: &str, ptx: &str) -> Self {
         let name = kernel.name().unwrap_or_default();
@@ -53,7 +54,7 @@ impl MadeKernel {
             local_bytes: ask(Query::LocalMemSize),
             private_bytes: ask(Query::PrivateMemSize),
             resources: resources(log, &name),
-            census: census(ptx, &name),
+            instruction_counts: instruction_counts(ptx, &name),
             name,
             ..Self::default()
         }
@@ -91,9 +92,14 @@ fn number(answer: Answer) -> Option<u64> {
 mod tests {
     use super::*;
 
-    fn kernel(registers: Option<u32>) -> MadeKernel {
+    fn kernel(registers: Option<u32>) -> CompiledKernel {
         let resources = Resources { registers, ..Resources::default() };
-        MadeKernel { name: "cast_frame".into(), local_bytes: Some(6912), resources, ..MadeKernel::default() }
+        CompiledKernel {
+            name: "cast_frame".into(),
+            local_bytes: Some(6912),
+            resources,
+            ..CompiledKernel::default()
+        }
     }
 
     #[test]
@@ -111,7 +117,7 @@ mod tests {
         let made = kernel(Some(40)).predicted(Some("9.0"), 256);
         let line = serde_json::to_string(&made).unwrap();
         assert!(line.contains("\"registers\":40"), "{line}");
-        assert_eq!(serde_json::from_str::<MadeKernel>(&line).unwrap(), made);
-        assert_eq!(serde_json::from_str::<MadeKernel>(r#"{"name":"a"}"#).unwrap().name, "a");
+        assert_eq!(serde_json::from_str::<CompiledKernel>(&line).unwrap(), made);
+        assert_eq!(serde_json::from_str::<CompiledKernel>(r#"{"name":"a"}"#).unwrap().name, "a");
     }
 }

@@ -38,14 +38,14 @@ impl<'a> Run<'a> {
 }
 
 /// A run as one device's claims see it.
-pub(super) struct Found<'a> {
+pub(super) struct ClaimData<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) device: &'a str,
     /// The configs that measure a claim's points.
     pub(super) configs: &'a [String],
 }
 
-impl<'a> Found<'a> {
+impl<'a> ClaimData<'a> {
     /// The records that a point means.
     pub(super) fn records(&self, point: &Point) -> Vec<&'a Record> {
         let all = self.run.groups.iter().flat_map(|group| group.records.iter().copied());

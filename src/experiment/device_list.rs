@@ -2,7 +2,7 @@
 //! run; and a run that has never started a driver hands nothing of one to its workers: NVIDIA's (580) lists no device
 //! in a process whose parent has started it.
 
-use super::protocol::Census;
+use super::protocol::DeviceList;
 use crate::device::{DeviceInfo, discover};
 use crate::error::{Error, Result};
 use crate::sources::Sources;
@@ -18,13 +18,13 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Every device, as a process of its own finds them. Where that process dies another is asked: the first death may have
 /// been somebody else's doing.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
-    let census = match ask(cl_dir)? {
-        Ok(census) => census,
+    let answer = match ask(cl_dir)? {
+        Ok(answer) => answer,
         Err(_) => ask(cl_dir)?.map_err(failed)?,
     };
-    match census {
-        Census::Devices(devices) => Ok(devices),
-        Census::Failed { message, help } => Err(Error::run(message).with_help(help)),
+    match answer {
+        DeviceList::Devices(devices) => Ok(devices),
+        DeviceList::Failed { message, help } => Err(Error::run(message).with_help(help)),
     }
 }
 
@@ -35,7 +35,7 @@ fn failed(why: impl std::fmt::Display) -> Error {
 }
 
 /// What a process of its own says; inside, how it ended if it said nothing of use.
-fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<Census, String>> {
+fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>> {
     let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
     command.args(["worker", "--list"]);
@@ -89,11 +89,11 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
 
 /// The line that a process which lists devices answers [`find_devices`] with.
 pub fn list_devices(sources: &Sources) -> Result<String> {
-    let census = match discover(sources) {
-        Ok(devices) => Census::Devices(devices.into_iter().map(|device| device.info).collect()),
-        Err(error) => Census::Failed { message: error.to_string(), help: error.remedy().to_owned() },
+    let list = match discover(sources) {
+        Ok(devices) => DeviceList::Devices(devices.into_iter().map(|device| device.info).collect()),
+        Err(error) => DeviceList::Failed { message: error.to_string(), help: error.remedy().to_owned() },
     };
-    serde_json::to_string(&census).map_err(|error| Error::fault(error.to_string()))
+    serde_json::to_string(&list).map_err(|error| Error::fault(error.to_string()))
 }
 
 #[cfg(all(test, unix))]

@@ -7,7 +7,7 @@ use crate::peak::Peak;
 use crate::record::{AnchorSample, Record, RoundLoad, Sample};
 
 /// What measuring points hands its findings to.
-pub trait Keep {
+pub trait ResultSink {
     /// Tells what is being done now, in a few words.
     fn works_on(&mut self, what: &str);
     /// Says something at once.
@@ -29,7 +29,7 @@ pub trait Keep {
 }
 
 /// Keeps what a run finds as soon as it is found.
-pub struct Keeper<'a> {
+pub struct FolderSink<'a> {
     /// The folder.
     pub results: &'a mut Results,
     /// Who listens.
@@ -38,7 +38,7 @@ pub struct Keeper<'a> {
     pub done: usize,
 }
 
-impl Keep for Keeper<'_> {
+impl ResultSink for FolderSink<'_> {
     fn works_on(&mut self, what: &str) {
         self.observer.works_on(what);
     }

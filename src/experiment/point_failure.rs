@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 /// Why a point cannot be timed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Refusal {
+pub struct PointFailure {
     /// What to record.
     pub outcome: Outcome,
     /// Why, in a sentence.
     pub reason: String,
 }
 
-impl Refusal {
+impl PointFailure {
     /// An outcome and its reason.
     pub fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reason: reason.into() }
@@ -37,7 +37,7 @@ impl Refusal {
     }
 }
 
-impl From<LaunchError> for Refusal {
+impl From<LaunchError> for PointFailure {
     fn from(error: LaunchError) -> Self {
         let outcome = match error {
             LaunchError::WorkGroup { .. } => Outcome::Infeasible,
@@ -47,7 +47,7 @@ impl From<LaunchError> for Refusal {
     }
 }
 
-impl From<Refused> for Refusal {
+impl From<Refused> for PointFailure {
     fn from(refused: Refused) -> Self {
         let outcome = match refused {
             Refused::Launch { error, .. } => return error.into(),

@@ -2,9 +2,9 @@
 
 use super::check::Checker;
 use super::draft::{Drafter, Hashed};
+use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
 use super::ready::Ready;
-use super::refusal::Refusal;
 use super::{Plan, Point};
 use crate::anchor::Anchor;
 use crate::device::{Device, DeviceInfo};
@@ -23,7 +23,7 @@ struct Entry {
 }
 
 /// Does what is asked of one device.
-pub struct Hands<'a> {
+pub struct RequestHandler<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
     checker: Checker<'a>,
@@ -40,8 +40,8 @@ pub struct Hands<'a> {
     stands_for: Option<DeviceInfo>,
 }
 
-impl<'a> Hands<'a> {
-    /// Hands without work yet.
+impl<'a> RequestHandler<'a> {
+    /// RequestHandler without work yet.
     pub fn new(
         drafter: Drafter<'a>,
         plan: Plan,
@@ -163,7 +163,7 @@ impl<'a> Hands<'a> {
 /// with the time limit fewer will do. A frame that fails here fails again when it is timed, and is told then.
 /// Gives the shortest part of the fastest frame; infinity where there was none.
 fn warm_up(
-    frame: impl Fn() -> std::result::Result<FrameTimes, Refusal>,
+    frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
     frames: u32,
     time_limit_ms: f64,
 ) -> f64 {

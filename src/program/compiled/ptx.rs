@@ -1,4 +1,4 @@
-//! A census of memory instructions in PTX text, kernel by kernel: how many of the program's instructions load,
+//! Counts of memory instructions in PTX text, kernel by kernel: how many of the program's instructions load,
 //! store or change memory of each address space. Counts are static: a loop's body counts once.
 
 use schemars::JsonSchema;
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 /// Memory instructions inside one kernel's body.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Census {
+pub struct InstructionCounts {
     /// Instructions by what they do and the space they reach: "ld.global", "st.shared", "ld.global.nc" (through the
     /// read-only cache), "atom.global"; "ld.generic" where the space is known only when it runs. `ld.param` reads the
     /// kernel's arguments, `.local` is private memory outside registers.
@@ -18,7 +18,7 @@ pub struct Census {
     pub calls: u32,
 }
 
-impl Census {
+impl InstructionCounts {
     /// How many instructions reach a space ("global", "shared", "local", "const", "param", "generic").
     pub fn reach(&self, space: &str) -> u32 {
         let reaches = |name: &&String| name.split('.').nth(1) == Some(space);
@@ -26,7 +26,7 @@ impl Census {
     }
 }
 
-impl std::fmt::Display for Census {
+impl std::fmt::Display for InstructionCounts {
     /// "ld.global 12, st.global 4, calls 1".
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut parts: Vec<String> =
@@ -45,18 +45,18 @@ pub fn is_ptx(binary: &[u8]) -> bool {
     head.contains(".version") && head.contains(".target") && head.contains(".address_size")
 }
 
-/// The census of the kernel `name`; none where the text has no such kernel.
-pub fn census(ptx: &str, name: &str) -> Option<Census> {
+/// The counts of the kernel `name`; none where the text has no such kernel.
+pub fn instruction_counts(ptx: &str, name: &str) -> Option<InstructionCounts> {
     let text = without_comments(ptx);
     let body = body_of(&text, name)?;
-    let mut census = Census::default();
+    let mut counts = InstructionCounts::default();
     for statement in body.split([';', '{', '}']) {
-        census.count(statement);
+        counts.count(statement);
     }
-    Some(census)
+    Some(counts)
 }
 
-impl Census {
+impl InstructionCounts {
     fn count(&mut self, statement: &str) {
         let mut words = statement.split_whitespace().skip_while(|word| is_label_or_predicate(word));
         let Some(opcode) = words.next() else { return };
@@ -75,7 +75,7 @@ fn is_label_or_predicate(word: &str) -> bool {
     word.ends_with(':') || word.starts_with('@')
 }
 
-/// The census's name of a memory instruction: "ld.volatile.shared.v2.f32" is "ld.shared".
+/// The name in the counts of a memory instruction: "ld.volatile.shared.v2.f32" is "ld.shared".
 fn instruction(opcode: &str) -> Option<String> {
     const SPACES: [&str; 5] = ["global", "shared", "local", "const", "param"];
     let mut parts = opcode.split('.');
@@ -160,8 +160,8 @@ $L__BB0_1:
 
     #[test]
     fn instructions_are_counted_by_space_in_one_kernel() {
-        let census = census(PTX, "cast_frame").expect("a kernel");
-        let counts: Vec<_> = census.instructions.iter().map(|(name, n)| (name.as_str(), *n)).collect();
+        let found = instruction_counts(PTX, "cast_frame").expect("a kernel");
+        let counts: Vec<_> = found.instructions.iter().map(|(name, n)| (name.as_str(), *n)).collect();
         let expected = [
             ("atom.global", 1),
             ("ld.const", 1),
@@ -172,18 +172,18 @@ $L__BB0_1:
             ("st.shared", 1),
         ];
         assert_eq!(counts, expected);
-        assert_eq!((census.private_array_bytes, census.calls), (48, 1));
-        assert_eq!([census.reach("global"), census.reach("local")], [3, 0]);
+        assert_eq!((found.private_array_bytes, found.calls), (48, 1));
+        assert_eq!([found.reach("global"), found.reach("local")], [3, 0]);
     }
 
     #[test]
-    fn what_is_not_ptx_has_no_census() {
+    fn what_is_not_ptx_has_no_counts() {
         assert!(is_ptx(PTX.as_bytes()));
         for binary in [&b""[..], b"\x7fELF", b"poclbin\0", &[0xff; 64]] {
             assert!(!is_ptx(binary));
         }
-        assert_eq!(census(PTX, "cast_fram"), None);
-        assert_eq!(census("", "cast_frame"), None);
-        assert_eq!(census(".entry cast_frame( {", "cast_frame"), None, "it is torn");
+        assert_eq!(instruction_counts(PTX, "cast_fram"), None);
+        assert_eq!(instruction_counts("", "cast_frame"), None);
+        assert_eq!(instruction_counts(".entry cast_frame( {", "cast_frame"), None, "it is torn");
     }
 }

@@ -13,7 +13,7 @@ use crate::record::{PlannedPoint, Record};
 use std::collections::HashMap;
 
 /// A point that is yet to be measured.
-pub struct Open {
+pub struct PendingPoint {
     /// Its place in the plan.
     pub point: usize,
     /// The device whose worker runs it.
@@ -34,7 +34,7 @@ pub struct Open {
     pub taken: Vec<Taken>,
 }
 
-impl Open {
+impl PendingPoint {
     /// A point of which nothing is known but its draft: by its number, its device's and its scene's.
     pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
@@ -57,7 +57,7 @@ impl Open {
     }
 }
 
-impl Needs for Open {
+impl Needs for PendingPoint {
     fn order(&self) -> Option<Order> {
         let hash = self.record.program_hash.clone().filter(|_| !self.record.is_baseline())?;
         let scene = self.record.walks_tree().then_some(self.scene);
@@ -81,12 +81,12 @@ impl Run<'_> {
         let plan = self.plan();
         let of: HashMap<usize, (usize, Option<usize>)> =
             plan.places_on_devices().into_iter().map(|(of, number)| (number, of)).collect();
-        let open = self.open_points(&plan, &plan.by_device())?;
-        let planned = |open: &Open| {
-            let (place, device) = of.get(&open.point)?;
-            Some((*place, *device, PlannedPoint::of(&open.record)))
+        let groups = self.pending_points(&plan, &plan.by_device())?;
+        let planned = |pending: &PendingPoint| {
+            let (place, device) = of.get(&pending.point)?;
+            Some((*place, *device, PlannedPoint::of(&pending.record)))
         };
-        Ok(open.iter().flatten().filter_map(planned).collect())
+        Ok(groups.iter().flatten().filter_map(planned).collect())
     }
 
     /// Why a point is not measured on a device, which is of another kind than its preset is meant for.
@@ -106,14 +106,14 @@ impl Run<'_> {
     }
 
     /// Every point that is measured, with what is known of it, as it is measured together. Scenes are loaded one at a time.
-    pub(super) fn open_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<Open>>> {
+    pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let drafters: Vec<_> =
             self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();
         let labels = self.other_sources.map(|other| labels([self.sources, other]));
         let mut groups = Vec::new();
         let mut held: Option<(usize, Hashed)> = None;
         for piece in pieces {
-            let mut open = Vec::new();
+            let mut points = Vec::new();
             for number in piece.places() {
                 let point = &plan.points[number];
                 let at = match held.take() {
@@ -132,17 +132,17 @@ impl Run<'_> {
                     // Casters on the host have no device: any worker will do.
                     let job = point.device.unwrap_or(0) + place * self.devices.len().max(1);
                     let label = point.label(self.experiment) + &name;
-                    let mut drafted = Open::new([number, job, point.scene], label, record);
+                    let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
-                    open.push(drafted);
+                    points.push(drafted);
                 }
                 held = Some((point.scene, at));
             }
             if piece.control.is_some() {
-                let key = open.first().map(|open| open.record.key.clone());
-                open.iter_mut().for_each(|open| open.record.control.clone_from(&key));
+                let key = points.first().map(|pending| pending.record.key.clone());
+                points.iter_mut().for_each(|pending| pending.record.control.clone_from(&key));
             }
-            groups.push(open);
+            groups.push(points);
         }
         Ok(groups)
     }
