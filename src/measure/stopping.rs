@@ -135,7 +135,8 @@ mod tests {
 
     #[test]
     fn precise_is_below_the_rules_sigma() {
-        let samples_of = |sigma: f64| (0..10).map(|i| 1.0 + if i % 2 == 0 { sigma } else { -sigma }).collect();
+        let samples_of =
+            |sigma: f64| (0..10).map(|i| 1.0 + if i % 2 == 0 { sigma } else { -sigma }).collect();
         let stop = |sigma: f64| RULE.stop(&[samples_of(sigma)], 10.0);
         assert_eq!((stop(0.0046), stop(0.0054)), (Some(StopReason::Precise), None));
     }

@@ -16,7 +16,7 @@ const PADDING: f64 = 1e-9;
 /// Parts of more triangles are built beside each other.
 const PARALLEL: usize = 1 << 14;
 
-/// Triangles under a binary tree of boxes, split at the median of their centres.
+/// Triangles under a binary tree of boxes.
 #[derive(Clone, Debug)]
 pub struct Tree {
     /// Depth first: an inner node's left child follows it.
@@ -59,7 +59,7 @@ impl Tree {
     pub fn new(mesh: &Mesh, culling: Culling) -> Self {
         let indexed = |(i, t)| Indexed { corners: mesh.corners(t).map(|c| c.as_dvec3()), triangle: i as u32 };
         let mut triangles: Vec<_> = mesh.triangles.iter().enumerate().map(indexed).collect();
-        let mut nodes = build(&mut triangles, 0);
+        let mut nodes = build(&mut triangles, 0, 0);
         let scale = nodes.first().map_or(0.0, |root| root.low.abs().max(root.high.abs()).max_element());
         for node in &mut nodes {
             node.low -= PADDING * scale;
@@ -122,26 +122,26 @@ impl Tree {
     }
 }
 
-/// More than a tree over any mesh has levels, as each halves what is left.
-const DEPTH: usize = 64;
+/// More than a tree over any mesh has levels: so many are split where it costs least, and each of the rest halves what is left.
+const DEPTH: usize = 72;
+const LEVELS_BY_COST: usize = 36;
+/// Places where a part may be split along an axis, and one more.
+const BINS: usize = 16;
 
-/// The nodes over a part of the triangles, the first of which is the whole tree's number `base`.
-fn build(part: &mut [Indexed], base: usize) -> Vec<Node> {
+/// The nodes over a part of the triangles, the first of which is the whole tree's number `base`, so many levels below the root.
+fn build(part: &mut [Indexed], base: usize, level: usize) -> Vec<Node> {
     if part.is_empty() {
         return Vec::new();
     }
     if part.len() <= LEAF {
-        let corners = || part.iter().flat_map(|t| t.corners);
-        let low = corners().fold(DVec3::INFINITY, DVec3::min);
-        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let Bounds { low, high } = part.iter().fold(Bounds::NONE, |bounds, t| bounds.with(t));
         return vec![Node { low, high, children: Children::Leaf { first: base, end: base + part.len() } }];
     }
-    let middle = part.len() / 2;
-    halve(part, middle);
+    let middle = split(part, level);
     let (several, (first, second)) = (part.len() > PARALLEL, part.split_at_mut(middle));
     let (left, right) = match several {
-        true => rayon::join(|| build(first, base), || build(second, base + middle)),
-        false => (build(first, base), build(second, base + middle)),
+        true => rayon::join(|| build(first, base, level + 1), || build(second, base + middle, level + 1)),
+        false => (build(first, base, level + 1), build(second, base + middle, level + 1)),
     };
     let (low, high) = (left[0].low.min(right[0].low), left[0].high.max(right[0].high));
     let mut nodes = Vec::with_capacity(1 + left.len() + right.len());
@@ -151,13 +151,83 @@ fn build(part: &mut [Indexed], base: usize) -> Vec<Node> {
     nodes
 }
 
-/// Puts the triangles with the smaller centres before `middle`, along the axis on which centres spread most.
-fn halve(part: &mut [Indexed], middle: usize) {
-    let centre = |t: &Indexed| t.corners[0] + t.corners[1] + t.corners[2];
+fn centre(t: &Indexed) -> DVec3 {
+    t.corners[0] + t.corners[1] + t.corners[2]
+}
+
+/// Splits a part in two, neither of which is empty, along the axis on which centres spread most: where a ray is expected to meet the
+/// fewest triangles (the surface area heuristic over bins of centres; Wald 2007), or else in the middle.
+fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);
     let axis = (high - low).max_position();
+    let per_length = BINS as f64 / (high - low)[axis];
+    let bin = |t: &Indexed| (((centre(t)[axis] - low[axis]) * per_length) as usize).min(BINS - 1);
+    if level < LEVELS_BY_COST
+        && per_length.is_finite()
+        && let Some(first_of_right) = cheapest(part, bin)
+    {
+        return partition(part, |t| bin(t) < first_of_right);
+    }
+    let middle = part.len() / 2;
     part.select_nth_unstable_by(middle, |a, b| centre(a)[axis].total_cmp(&centre(b)[axis]));
+    middle
+}
+
+/// The first bin of the right part of the cheapest split: the least sum of areas times triangles. None where all are in one bin.
+fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
+    let mut bins = [(Bounds::NONE, 0_usize); BINS];
+    for t in part {
+        let (bounds, count) = &mut bins[bin(t)];
+        (*bounds, *count) = (bounds.with(t), *count + 1);
+    }
+    let join = |(a, n): (Bounds, usize), (b, m): (Bounds, usize)| (a.join(b), n + m);
+    let of = |bins: &[(Bounds, usize)]| bins.iter().copied().fold((Bounds::NONE, 0), join);
+    let cost = |at: usize| {
+        let sides = [of(&bins[..at]), of(&bins[at..])];
+        let is_whole = sides.iter().any(|(_, count)| *count == 0);
+        (!is_whole).then(|| sides.iter().map(|(bounds, count)| bounds.area() * *count as f64).sum::<f64>())
+    };
+    let splits = (1..BINS).filter_map(|at| Some((at, cost(at)?)));
+    splits.min_by(|(_, one), (_, other)| one.total_cmp(other)).map(|(at, _)| at)
+}
+
+/// Puts those that `is_left` holds of first, and says how many they are.
+fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize {
+    let mut left = 0;
+    for place in 0..part.len() {
+        if is_left(&part[place]) {
+            part.swap(left, place);
+            left += 1;
+        }
+    }
+    left
+}
+
+/// A box.
+#[derive(Clone, Copy)]
+struct Bounds {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Bounds {
+    const NONE: Self = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+
+    fn with(self, t: &Indexed) -> Self {
+        let [a, b, c] = t.corners;
+        Self { low: self.low.min(a).min(b).min(c), high: self.high.max(a).max(b).max(c) }
+    }
+
+    fn join(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// Half of its surface.
+    fn area(self) -> f64 {
+        let side = (self.high - self.low).max(DVec3::ZERO);
+        side.x * side.y + side.y * side.z + side.z * side.x
+    }
 }
 
 impl Finder<f64> for Tree {
@@ -179,7 +249,8 @@ mod tests {
     use super::super::ray::Frame;
     use super::super::traverse::Exhaustive;
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::{Scene, Triangle};
+    use glam::Vec3;
 
     fn agree(scene: &Scene, culling: Culling) -> usize {
         let (tree, exhaustive) = (Tree::new(&scene.mesh, culling), Exhaustive::new(&scene.mesh, culling));
@@ -213,6 +284,27 @@ mod tests {
             for culling in [Culling::None, Culling::Back] {
                 assert!(agree(&scene, culling) > 100, "{}", scene.name);
             }
+        }
+    }
+
+    #[test]
+    fn a_tree_over_triangles_that_shrink_by_powers_is_no_deeper_than_its_stack() {
+        // Each split by cost cuts off the largest alone.
+        let mut mesh = fixtures::single_triangle().mesh;
+        for power in (0..56).map(|i| 1e36 * 0.05_f32.powi(i)) {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([Vec3::X, Vec3::Y, Vec3::Z].map(|corner| power * (Vec3::X + 0.1 * corner)));
+            let triangle = Triangle { positions: [first, first + 1, first + 2], ..mesh.triangles[0] };
+            mesh.triangles.push(triangle);
+        }
+        let levels = levels(&Tree::new(&mesh, Culling::None).nodes, 0);
+        assert!(levels > LEVELS_BY_COST && levels < LEVELS_BY_COST + 8, "{levels}");
+    }
+
+    fn levels(nodes: &[Node], at: usize) -> usize {
+        match nodes[at].children {
+            Children::Leaf { .. } => 1,
+            Children::Inner { right } => 1 + levels(nodes, at + 1).max(levels(nodes, at + right)),
         }
     }
 
