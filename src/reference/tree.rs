@@ -6,7 +6,7 @@ use super::ray::Ray;
 use super::traverse::Finder;
 use crate::scene::Mesh;
 use crate::strategy::Culling;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// At most this many triangles per leaf.
 const LEAF: usize = 4;
@@ -26,10 +26,11 @@ pub struct Tree {
     culling: Culling,
 }
 
+/// In single precision, which halves what a walk reads: corners are given so, and boxes are rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    low: DVec3,
-    high: DVec3,
+    low: Vec3,
+    high: Vec3,
     children: Children,
 }
 
@@ -37,33 +38,40 @@ struct Node {
 enum Children {
     /// How many nodes after this one the right child is.
     Inner {
-        right: usize,
+        right: u32,
     },
     Leaf {
-        first: usize,
-        end: usize,
+        first: u32,
+        end: u32,
     },
 }
 
 /// A triangle, with its place in the mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Indexed {
-    /// Its corners.
-    pub corners: [DVec3; 3],
+    corners: [Vec3; 3],
     /// Its place in `Mesh::triangles`.
     pub triangle: u32,
+}
+
+impl Indexed {
+    /// Its corners.
+    pub fn corners(&self) -> [DVec3; 3] {
+        self.corners.map(Vec3::as_dvec3)
+    }
 }
 
 impl Tree {
     /// A tree over the mesh's triangles.
     pub fn new(mesh: &Mesh, culling: Culling) -> Self {
-        let indexed = |(i, t)| Indexed { corners: mesh.corners(t).map(|c| c.as_dvec3()), triangle: i as u32 };
+        let indexed = |(i, t)| Indexed { corners: mesh.corners(t), triangle: i as u32 };
         let mut triangles: Vec<_> = mesh.triangles.iter().enumerate().map(indexed).collect();
         let mut nodes = build(&mut triangles, 0, 0);
         let scale = nodes.first().map_or(0.0, |root| root.low.abs().max(root.high.abs()).max_element());
+        let padding = PADDING * f64::from(scale);
         for node in &mut nodes {
-            node.low -= PADDING * scale;
-            node.high += PADDING * scale;
+            node.low = Vec3::from_array(node.low.to_array().map(|low| below(f64::from(low) - padding)));
+            node.high = Vec3::from_array(node.high.to_array().map(|high| -below(-f64::from(high) - padding)));
         }
         Self { nodes, triangles, culling }
     }
@@ -75,9 +83,9 @@ impl Tree {
 
     /// The farthest that anything is from a point.
     pub fn reach(&self, point: DVec3) -> f64 {
-        self.nodes
-            .first()
-            .map_or(0.0, |root| (root.low - point).abs().max((root.high - point).abs()).length())
+        self.nodes.first().map_or(0.0, |root| {
+            (root.low.as_dvec3() - point).abs().max((root.high.as_dvec3() - point).abs()).length()
+        })
     }
 
     /// Shows `visitor` every triangle whose box, grown by `around`, the ray meets before `far`, in about the order of their
@@ -86,8 +94,8 @@ impl Tree {
         // A component of zero would make NaN of 0 * infinity where the ray lies in a box's face.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
         let entry = |node: &Node, far: f64| {
-            let a = (node.low - around - ray.origin) * inverse;
-            let b = (node.high + around - ray.origin) * inverse;
+            let a = (node.low.as_dvec3() - around - ray.origin) * inverse;
+            let b = (node.high.as_dvec3() + around - ray.origin) * inverse;
             let enter = a.min(b).max_element().max(ray.near);
             let leave = a.max(b).min_element().min(far);
             if enter <= leave * (1.0 + PADDING) { enter } else { f64::INFINITY }
@@ -103,13 +111,13 @@ impl Tree {
             }
             match self.nodes[place].children {
                 Children::Leaf { first, end } => {
-                    for triangle in &self.triangles[first..end] {
+                    for triangle in &self.triangles[first as usize..end as usize] {
                         far = visitor(triangle, far);
                     }
                 }
                 Children::Inner { right } => {
-                    let children =
-                        [place + 1, place + right].map(|child| (child, entry(&self.nodes[child], far)));
+                    let children = [place + 1, place + right as usize]
+                        .map(|child| (child, entry(&self.nodes[child], far)));
                     let [near, other] = children;
                     let order = if near.1 <= other.1 { [other, near] } else { [near, other] };
                     for child in order.into_iter().filter(|child| child.1 < f64::INFINITY) {
@@ -129,30 +137,43 @@ const LEVELS_BY_COST: usize = 36;
 const BINS: usize = 16;
 
 /// The nodes over a part of the triangles, the first of which is the whole tree's number `base`, so many levels below the root.
-fn build(part: &mut [Indexed], base: usize, level: usize) -> Vec<Node> {
+fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     if part.is_empty() {
         return Vec::new();
     }
     if part.len() <= LEAF {
         let Bounds { low, high } = part.iter().fold(Bounds::NONE, |bounds, t| bounds.with(t));
-        return vec![Node { low, high, children: Children::Leaf { first: base, end: base + part.len() } }];
+        return vec![Node {
+            low,
+            high,
+            children: Children::Leaf { first: base, end: base + part.len() as u32 },
+        }];
     }
     let middle = split(part, level);
     let (several, (first, second)) = (part.len() > PARALLEL, part.split_at_mut(middle));
     let (left, right) = match several {
-        true => rayon::join(|| build(first, base, level + 1), || build(second, base + middle, level + 1)),
-        false => (build(first, base, level + 1), build(second, base + middle, level + 1)),
+        true => {
+            rayon::join(|| build(first, base, level + 1), || build(second, base + middle as u32, level + 1))
+        }
+        false => (build(first, base, level + 1), build(second, base + middle as u32, level + 1)),
     };
     let (low, high) = (left[0].low.min(right[0].low), left[0].high.max(right[0].high));
     let mut nodes = Vec::with_capacity(1 + left.len() + right.len());
-    nodes.push(Node { low, high, children: Children::Inner { right: 1 + left.len() } });
+    nodes.push(Node { low, high, children: Children::Inner { right: 1 + left.len() as u32 } });
     nodes.extend(left);
     nodes.extend(right);
     nodes
 }
 
+/// The largest single that is no larger.
+fn below(value: f64) -> f32 {
+    let nearest = value as f32;
+    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
+}
+
 fn centre(t: &Indexed) -> DVec3 {
-    t.corners[0] + t.corners[1] + t.corners[2]
+    let [a, b, c] = t.corners();
+    a + b + c
 }
 
 /// Splits a part in two, neither of which is empty, along the axis on which centres spread most: where a ray is expected to meet the
@@ -207,12 +228,12 @@ fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize 
 /// A box.
 #[derive(Clone, Copy)]
 struct Bounds {
-    low: DVec3,
-    high: DVec3,
+    low: Vec3,
+    high: Vec3,
 }
 
 impl Bounds {
-    const NONE: Self = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+    const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
 
     fn with(self, t: &Indexed) -> Self {
         let [a, b, c] = t.corners;
@@ -225,20 +246,18 @@ impl Bounds {
 
     /// Half of its surface.
     fn area(self) -> f64 {
-        let side = (self.high - self.low).max(DVec3::ZERO);
+        let side = (self.high.as_dvec3() - self.low.as_dvec3()).max(DVec3::ZERO);
         side.x * side.y + side.y * side.z + side.z * side.x
     }
 }
 
 impl Finder<f64> for Tree {
     fn visit(&self, ray: &Ray<f64>, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
-        self.walk(ray, 0.0, |Indexed { corners, triangle }, far| {
-            match moller_trumbore(ray, *corners, self.culling) {
-                Some((t, weights)) if t <= far && far > ray.near => {
-                    visitor(Hit { t, weights, triangle: *triangle })
-                }
-                _ => far,
+        self.walk(ray, 0.0, |indexed, far| match moller_trumbore(ray, indexed.corners(), self.culling) {
+            Some((t, weights)) if t <= far && far > ray.near => {
+                visitor(Hit { t, weights, triangle: indexed.triangle })
             }
+            _ => far,
         });
     }
 }
@@ -250,7 +269,6 @@ mod tests {
     use super::super::traverse::Exhaustive;
     use super::*;
     use crate::scene::{Scene, Triangle};
-    use glam::Vec3;
 
     fn agree(scene: &Scene, culling: Culling) -> usize {
         let (tree, exhaustive) = (Tree::new(&scene.mesh, culling), Exhaustive::new(&scene.mesh, culling));
@@ -304,7 +322,7 @@ mod tests {
     fn levels(nodes: &[Node], at: usize) -> usize {
         match nodes[at].children {
             Children::Leaf { .. } => 1,
-            Children::Inner { right } => 1 + levels(nodes, at + 1).max(levels(nodes, at + right)),
+            Children::Inner { right } => 1 + levels(nodes, at + 1).max(levels(nodes, at + right as usize)),
         }
     }
 
