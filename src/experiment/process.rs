@@ -164,6 +164,10 @@ impl Worker for WorkerProcess {
             Err(RecvTimeoutError::Disconnected) => Wait::Dead(self.death()),
         }
     }
+
+    fn dismiss(&mut self) {
+        self.requests = None;
+    }
 }
 
 /// A worker that works is killed; an idle one is let go.

@@ -29,6 +29,8 @@ pub trait Worker {
     fn send(&mut self, request: &Request);
     /// Waits for the reply.
     fn wait(&mut self, limit: Duration) -> Wait;
+    /// Says that nothing more will be asked, so that it can end while others do.
+    fn dismiss(&mut self) {}
 }
 
 /// What a wait brought.
@@ -96,6 +98,8 @@ pub struct Supervisor<'a> {
     limit: Duration,
     /// By device and scene.
     posts: HashMap<(usize, usize), Post>,
+    /// Workers that were started ahead and have not said so yet.
+    starting: HashMap<(usize, usize), Box<dyn Worker>>,
     deaths: HashMap<usize, u32>,
     given_up: usize,
     losses: usize,
@@ -111,6 +115,7 @@ impl<'a> Supervisor<'a> {
             interrupted,
             limit,
             posts: HashMap::new(),
+            starting: HashMap::new(),
             deaths: HashMap::new(),
             given_up: 0,
             losses: 0,
@@ -125,7 +130,20 @@ impl<'a> Supervisor<'a> {
 
     /// Lets the workers go: what comes next is done by fresh ones.
     pub fn retire(&mut self) {
-        self.posts.clear();
+        let mut workers: Vec<_> = self.posts.drain().map(|(_, post)| post.worker).collect();
+        workers.extend(self.starting.drain().map(|(_, worker)| worker));
+        // Each is waited for when it is dropped.
+        workers.iter_mut().for_each(|worker| worker.dismiss());
+    }
+
+    /// Starts the workers of points beside each other: most of a start is waiting for a driver.
+    pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
+        for post in tasks.map(|task| task.post()) {
+            if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
+                self.starting.insert(post, self.spawner.spawn(post.0)?);
+            }
+        }
+        Ok(())
     }
 
     /// How many workers were lost so far.
@@ -194,7 +212,7 @@ impl<'a> Supervisor<'a> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {
             Some(post) => post,
-            None => self.start(task.device)?,
+            None => self.start(task.post())?,
         };
         post.worker.send(request);
         // A sample is worth waiting for; a check is done again.
@@ -208,17 +226,30 @@ impl<'a> Supervisor<'a> {
 
     /// A worker that has opened its device. One that cannot ends the run: its points are not lost, they are yet
     /// to be measured.
-    fn start(&mut self, device: usize) -> Result<Post> {
-        let mut worker = self.spawner.spawn(device)?;
-        let why = match self.wait(worker.as_mut(), false)? {
-            Ok(Reply::Started) => return Ok(Post { worker, ready: HashSet::new() }),
-            Ok(reply) => return Err(unexpected(reply)),
+    fn start(&mut self, post: (usize, usize)) -> Result<Post> {
+        if let Some(mut worker) = self.starting.remove(&post)
+            && self.opens(worker.as_mut())?.is_ok()
+        {
+            return Ok(Post { worker, ready: HashSet::new() });
+        }
+        let mut worker = self.spawner.spawn(post.0)?;
+        let why = match self.opens(worker.as_mut())? {
+            Ok(()) => return Ok(Post { worker, ready: HashSet::new() }),
             Err(Loss::Died(death)) => death.describe(),
             Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
         };
         let error = Error::run(format!("a worker process could not start: it {why}"));
         Err(error
             .with_help("`raycl devices` says whether the device still answers; what is measured is kept"))
+    }
+
+    /// Waits until a worker has opened its device.
+    fn opens(&self, worker: &mut dyn Worker) -> Result<std::result::Result<(), Loss>> {
+        match self.wait(worker, false)? {
+            Ok(Reply::Started) => Ok(Ok(())),
+            Ok(reply) => Err(unexpected(reply)),
+            Err(loss) => Ok(Err(loss)),
+        }
     }
 
     fn wait(&self, worker: &mut dyn Worker, patient: bool) -> Result<std::result::Result<Reply, Loss>> {
