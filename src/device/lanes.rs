@@ -1,6 +1,6 @@
 //! How the 32 work-items that share a tile can tell each other things on a device: found by trying.
 
-use super::DeviceInfo;
+use super::{DeviceInfo, quieting};
 use crate::error::Result;
 use crate::manifest::{GROUP_LANES, PROBE_LANES, parameter_macro};
 use crate::sources::Sources;
@@ -105,9 +105,10 @@ fn try_out(
     device: ocl::Device,
 ) -> ocl::Result<bool> {
     let options = format!(
-        "-D LANE_OPERATIONS={} -D GROUP_LANES={LANES} -D LOCAL_X={LANES} -D LOCAL_Y={GROUPS} {}",
+        "-D LANE_OPERATIONS={} -D GROUP_LANES={LANES} -D LOCAL_X={LANES} -D LOCAL_Y={GROUPS} {} {}",
         operations as u32,
-        operations.standard(info.speaks_opencl_3())
+        operations.standard(info.speaks_opencl_3()),
+        quieting(device)
     );
     let context = Context::builder().platform(platform).devices(device).build()?;
     let program = Program::builder().src(source).cmplr_opt(options).devices(device).build(&context)?;

@@ -10,6 +10,7 @@ mod lanes;
 mod limits;
 pub mod occupancy;
 pub mod patience;
+mod quieting;
 mod select;
 mod threads;
 pub mod variables;
@@ -22,6 +23,7 @@ pub use lanes::LaneOperations;
 pub use limits::DeviceLimits;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
+pub(crate) use quieting::quieting;
 pub use select::{default_place, pick_default, places, select, select_infos};
 pub use threads::thread_variables;
 

@@ -3,7 +3,8 @@
 use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::kept::{Kept, KeptProgram};
-use ocl::enums::{DeviceInfo, DeviceInfoResult, ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
+use crate::device::quieting;
+use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
 use std::ffi::CString;
 use std::time::Instant;
@@ -107,17 +108,6 @@ impl BuiltProgram {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }
     }
-}
-
-/// PoCL's compiler counts warnings on the terminal ("2 warnings generated."), of its own headers among them, and keeps them in no
-/// log.
-fn quieting(device: Device) -> &'static str {
-    let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
-        DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),
-        _ => None,
-    });
-    let pocl = platform.is_some_and(|name| name.to_lowercase().contains("portable computing language"));
-    if pocl { "-w" } else { "" }
 }
 
 /// A program from source.
