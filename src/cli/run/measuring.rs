@@ -2,14 +2,17 @@
 
 use super::Args;
 use crate::cache::Cache;
+use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::experiment::{Ahead, Observer, Processes, Results, Run, Spawner};
 use crate::record::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// The most processes that build programs at once: each opens the devices.
-const MOST_BUILDERS: usize = 8;
+/// The most processes that build programs at once.
+const MOST_BUILDERS: usize = 16;
+/// Of a device's memory, what each may be left: a driver takes some hundreds of megabytes for a process that opens the device.
+const BYTES_PER_BUILDER: u64 = 1 << 30;
 
 /// Measures what the results lack; workers write their pictures into `folder`.
 pub fn execute(
@@ -43,12 +46,14 @@ pub fn execute(
     measured
 }
 
-/// Processes that build programs: as many as there are cores.
+/// Processes that build programs: as many as there are cores, and as the devices have room for.
 fn builders(run: &Run<'_>, folder: &Path) -> Result<Vec<Box<dyn Spawner + Send>>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
+    let most = run.devices.iter().map(room).fold(MOST_BUILDERS, usize::min);
     let builder = |_| {
         let workers = Processes::new(run.jobs(folder, None))?;
         Ok(Box::new(workers) as Box<dyn Spawner + Send>)
     };
-    (0..cores.min(MOST_BUILDERS)).map(builder).collect()
+    (0..cores.min(most)).map(builder).collect()
 }
