@@ -110,6 +110,10 @@ mod tests {
         let [gpu] = &Noise::of(&folder)[..] else { panic!("one device") };
         assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
-        assert!(gpu.within_launch.is_some() && gpu.own_time.is_some(), "{gpu:?}");
+        assert!(gpu.within_launch.is_some(), "{gpu:?}");
+        // From the median to the end of the interval: of two points the wider one's.
+        let half = |record: &Record| interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0;
+        let widest = folder.records[1..].iter().map(half).fold(0.0, f64::max);
+        assert!(gpu.own_time.is_some_and(|part| (part - widest).abs() < 1e-12 && part > 0.0), "{gpu:?}");
     }
 }

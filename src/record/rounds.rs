@@ -99,5 +99,21 @@ mod tests {
         let expected = "Disturbed: in 1 of 2 launches others kept processors busy, up to 0.50 of 2.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
+        // 0.08 of two processors is 4% of the machine.
+        assert_eq!(disturbance(&[line(0, 0.08), line(1, 0.08)], &records), None);
+    }
+
+    #[test]
+    fn what_other_guests_take_disturbs_too() {
+        let records = [Record { sample_launches: vec![0], ..Record::default() }];
+        let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
+        assert!(said.ends_with("up to 0.010 of 2, and 0.40 went to other guests of the hardware."), "{said}");
+    }
+
+    #[test]
+    fn a_mean_is_weighted_by_how_long_rounds_took() {
+        let mean = mean_load(&[line(0, 0.9), RoundLoad { ms: 1500.0, ..line(0, 0.1) }]).unwrap();
+        assert!((mean.others - 0.3).abs() < 1e-12, "{mean:?}");
+        assert_eq!(mean_load(&[]), None);
     }
 }

@@ -202,13 +202,14 @@ pub mod tests {
     #[test]
     fn records_stand_in_the_order_of_presets_and_sizes() {
         let records = [
+            measured("gpu", "a-kernel-of-one's-own", 1, 1.0),
             measured("gpu", "wide", 1, 1.0),
             measured("gpu", "naive", 16, 1.0),
             measured("gpu", "naive", 2, 1.0),
         ];
         let groups = groups(&records);
         let keys: Vec<_> = groups[0].records.iter().map(|record| record.key.as_str()).collect();
-        assert_eq!(keys, ["gpu naive 2", "gpu naive 16", "gpu wide 1"]);
+        assert_eq!(keys, ["gpu naive 2", "gpu naive 16", "gpu wide 1", "gpu a-kernel-of-one's-own 1"]);
     }
 
     #[test]

@@ -142,6 +142,14 @@ mod tests {
     }
 
     #[test]
+    fn numbers_are_taken_within_their_range_and_in_their_steps() {
+        let takes = Takes::Numbers(4..=16, 4);
+        let taken = ["3", "4", "6", "16", "20", "-4", "four"].map(|text| takes.parse(text).is_some());
+        assert_eq!(taken, [false, true, false, true, false, false, false]);
+        assert_eq!(takes.parse("8"), Some(Said::Number(8)));
+    }
+
+    #[test]
     fn the_document_names_every_key_and_no_other() {
         let rows = table("| key | of | must be there | says |");
         let known = |key: &Key| (key.name, key.axis, !key.optional);

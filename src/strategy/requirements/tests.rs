@@ -61,6 +61,9 @@ fn vectors_of_24x24_do_not_fit_48_kib() {
 fn work_items_of_a_wide_strategy_cover_blocks_of_pixels() {
     let wide = preset("wide").unwrap().strategy;
     assert_eq!(workload(1, 6).global_size(&wide), [204, 126]);
+    // Pixels that do not fill a block of 4 x 4 have a work-item too.
+    let odd = Workload { image_size: [33, 9], ..workload(1, 1) };
+    assert_eq!(odd.global_size(&wide), [9, 3]);
 }
 
 #[test]
