@@ -5,8 +5,9 @@ use super::fastest::Constants;
 
 /// CPUs whose vectors hold the rays of tiles.
 pub const CPU: Constants = Constants {
-    tree_triangles: 50.0,
-    single_triangles_a_pixel: 13.0,
+    tree_triangles: 0.0,
+    single_triangles_a_pixel: 47.0,
+    single_triangles_a_pixel_inside: 13.0,
     single_pixels_a_unit: 0.0,
     large_pixels: f64::INFINITY,
     large_pixels_a_triangle: f64::INFINITY,
@@ -16,8 +17,9 @@ pub const CPU: Constants = Constants {
 
 /// The same where no ray may leak.
 pub const CPU_WATERTIGHT: Constants = Constants {
-    tree_triangles: 50.0,
+    tree_triangles: 0.0,
     single_triangles_a_pixel: 13.0,
+    single_triangles_a_pixel_inside: 13.0,
     single_pixels_a_unit: 0.0,
     large_pixels: f64::INFINITY,
     large_pixels_a_triangle: f64::INFINITY,
@@ -29,6 +31,7 @@ pub const CPU_WATERTIGHT: Constants = Constants {
 pub const GPU: Constants = Constants {
     tree_triangles: 200.0,
     single_triangles_a_pixel: 2.0,
+    single_triangles_a_pixel_inside: 2.0,
     single_pixels_a_unit: 0.0,
     large_pixels: 6000000.0,
     large_pixels_a_triangle: 25.0,
@@ -40,6 +43,7 @@ pub const GPU: Constants = Constants {
 pub const GPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 200.0,
     single_triangles_a_pixel: 2.0,
+    single_triangles_a_pixel_inside: 2.0,
     single_pixels_a_unit: 0.0,
     large_pixels: 6000000.0,
     large_pixels_a_triangle: 25.0,

@@ -60,6 +60,8 @@ pub struct Constants {
     pub tree_triangles: f64,
     /// From so many triangles per pixel on, rays of a tile share too little.
     pub single_triangles_a_pixel: f64,
+    /// The same where surfaces are all around the eye: there is more behind each other.
+    pub single_triangles_a_pixel_inside: f64,
     /// From so many pixels per compute unit on, there are enough tiles to keep it busy.
     pub single_pixels_a_unit: f64,
     /// From so many pixels on, and so many for each triangle, large tiles keep it busy, too, and share more.
@@ -74,11 +76,16 @@ pub struct Constants {
 
 impl Constants {
     /// Their names, values, and what of a task is compared with each on a device of so many compute units.
-    pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 7] {
+    pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 8] {
         let (triangles, pixels) = (task.triangles.max(1) as f64, task.pixels.max(1) as f64);
         [
             ("tree_triangles", &mut self.tree_triangles, triangles),
             ("single_triangles_a_pixel", &mut self.single_triangles_a_pixel, triangles / pixels),
+            (
+                "single_triangles_a_pixel_inside",
+                &mut self.single_triangles_a_pixel_inside,
+                triangles / pixels,
+            ),
             ("single_pixels_a_unit", &mut self.single_pixels_a_unit, pixels / f64::from(units.max(1))),
             ("large_pixels", &mut self.large_pixels, pixels),
             ("large_pixels_a_triangle", &mut self.large_pixels_a_triangle, pixels / triangles),
@@ -90,8 +97,11 @@ impl Constants {
     /// The way that is fastest by them.
     pub fn way(mut self, task: &Task, units: u32) -> Way {
         let inside = task.inside;
-        let [tree, single, unit, large, a_triangle, separate, separate_inside] =
+        let [tree, single, single_inside, unit, large, a_triangle, separate, separate_inside] =
             self.of(task, units).map(|(_, least, value)| value >= *least);
+        let single = if inside { single_inside } else { single };
+        // Of nothing there is no tree.
+        let tree = tree && task.triangles > 0;
         match (tree, single || !unit) {
             (false, _) => Way::Exhaustive,
             (true, true) => Way::Single,
@@ -213,6 +223,7 @@ mod tests {
     const EXAMPLE: Constants = Constants {
         tree_triangles: 50.0,
         single_triangles_a_pixel: 2.0,
+        single_triangles_a_pixel_inside: 1.0,
         single_pixels_a_unit: 100.0,
         large_pixels: 6e6,
         large_pixels_a_triangle: 25.0,
@@ -239,7 +250,8 @@ mod tests {
         assert_eq!([of(240_001, 6_000_000), of(240_000, 6_000_000)], [TILES, large]);
         let inside =
             |pixels| EXAMPLE.way(&Task { triangles: 400_001, pixels, inside: true, watertight: false }, 10);
-        assert_eq!(inside(9_999_999), TILES);
+        assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Way::Single, TILES, TILES]);
+        assert_eq!(Constants { tree_triangles: 0.0, ..EXAMPLE }.way(&Task::default(), 10), Way::Exhaustive);
         assert_eq!(inside(10_000_000), Way::Tiles { large: false, separate: true });
     }
 
