@@ -159,8 +159,7 @@ fn render(args: &Args) -> Result<()> {
     let prepared = prepare(args, session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
-    let upload_ms = prepared.upload_ms();
-    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", upload_ms)];
+    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
     timeline.ends_with("buffers", &parts);
     let shows = Shows { display: scene.display, target: &target, program: show.as_ref() };
     let shows = may_be_shown(args, &target).then_some(shows);

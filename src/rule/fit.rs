@@ -99,8 +99,11 @@ mod tests {
     use super::super::Measured;
     use super::*;
 
-    fn sweep(cases: &[(usize, usize, &[(&str, f64)])]) -> Sweep {
-        let measured = |&(triangles, pixels, times): &(usize, usize, &[(&str, f64)])| Measured {
+    /// Triangles, pixels, and the time of each way.
+    type CaseTimes<'a> = (usize, usize, &'a [(&'a str, f64)]);
+
+    fn sweep(cases: &[CaseTimes<'_>]) -> Sweep {
+        let measured = |&(triangles, pixels, times): &CaseTimes<'_>| Measured {
             name: format!("{triangles} in {pixels}"),
             task: Task { triangles, pixels, ..Task::default() },
             least_ms: times.iter().map(|(way, ms)| ((*way).to_owned(), *ms)).collect(),

@@ -3,7 +3,7 @@
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
 use super::report::{Verified, preset_of};
-use super::{Args, load, ms_since, strategy, target, task, timed};
+use super::{Args, load, ms_since, strategy, target, task};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -11,6 +11,7 @@ use crate::image::{check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::Loaded;
+use crate::strategy::Task;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
@@ -97,12 +98,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let sources = Sources::of(args.cl_dir.clone())?;
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
-    let task = task(args, &scene);
-    let casting = |device: &Device| -> Result<Casting> {
-        let (strategy, local_size) = strategy(args, &device.info, task)?;
-        Ok(Casting { device: device.clone(), strategy, local_size })
-    };
-    let castings = devices.iter().map(casting).collect::<Result<Vec<_>>>()?;
+    let castings = castings(args, &devices, task(args, &scene))?;
     let image_size = [args.width, args.height];
     let split = Split {
         scene: Arc::clone(&scene),
@@ -116,8 +112,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
     let Whole { image, hits, shares, left_out } = split.cast(&castings)?;
     drop(held);
-    let (saved, _) = timed(|| save(&image, scene.display, &target));
-    saved?;
+    save(&image, scene.display, &target)?;
     refuse_not_finite(&image, target.path())?;
     let verified = args
         .verify
@@ -145,12 +140,26 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         output: target.path().display().to_string(),
         notes,
     };
+    tell(args, &report, target.is_standard_output())
+}
+
+/// Prints the report, beside a picture that is printed itself.
+fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
     match (args.json, args.quiet) {
-        _ if target.is_standard_output() => super::super::tell(args.quiet, text(&report)),
-        (true, _) => super::super::print_json(&report),
+        _ if beside => super::super::tell(args.quiet, text(report)),
+        (true, _) => super::super::print_json(report),
         (false, true) => Ok(()),
-        (false, false) => super::super::print(text(&report)),
+        (false, false) => super::super::print(text(report)),
     }
+}
+
+/// How each device casts: as it would alone.
+fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>> {
+    let casting = |device: &Device| -> Result<Casting> {
+        let (strategy, local_size) = strategy(args, &device.info, task)?;
+        Ok(Casting { device: device.clone(), strategy, local_size })
+    };
+    devices.iter().map(casting).collect()
 }
 
 /// What all devices have alike.
