@@ -89,6 +89,7 @@ pub mod reference;
 #[doc(hidden)]
 pub mod report;
 #[doc(hidden)]
+pub mod rule;
 pub mod scene;
 mod schema;
 #[doc(hidden)]

@@ -12,7 +12,7 @@ use crate::program::Sources;
 use crate::record::Record;
 use crate::reference::layers::{Layers, layers};
 use crate::scene::{Display, Loaded, Scene};
-use crate::strategy::Culling;
+use crate::strategy::{Culling, Task};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -61,8 +61,8 @@ impl Raycaster {
     /// # Errors
     /// If the strategy contradicts itself, if device or host cannot hold it, or if the driver fails.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
-        let (triangles, limits) = (self.scene.mesh.triangles.len(), &self.device.info.limits);
-        let (strategy, local_size) = chosen_strategy(strategy, &[], limits, triangles, size)?;
+        let task = Task::of(&self.scene, size, false);
+        let (strategy, local_size) = chosen_strategy(strategy, &[], &self.device.info.limits, task)?;
         let refused = |refused: Refused| refused.into_error(&self.device.info.name);
         let prepared = self.session.prepare(&strategy, size, local_size).map_err(refused)?;
         let caster = prepared.caster().map_err(refused)?;

@@ -2,6 +2,7 @@
 //! noticed. The records, docs/results, are in the repository and not in the package.
 
 use raycl::documents::{DOCUMENTS, Difference, Documents};
+use raycl::rule::{Sweep, source};
 use std::ops::Range;
 use std::path::Path;
 
@@ -20,6 +21,24 @@ fn told(differences: &[(&str, Difference)]) -> String {
 fn every_number_of_the_documents_has_its_record() {
     let differences = documents().differences();
     assert!(differences.is_empty(), "`make figures` makes them again:\n{}", told(&differences));
+}
+
+#[test]
+fn the_rules_constants_are_made_of_the_stored_sweeps() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = std::fs::read_dir(root.join("docs/results/rule")).expect("stored sweeps");
+    let mut paths: Vec<_> = folder.map(|entry| entry.expect("a file").path()).collect();
+    paths.sort_unstable();
+    let read = |path| -> Sweep {
+        serde_json::from_slice(&std::fs::read(path).expect("a sweep")).expect("a sweep's fields")
+    };
+    let sweeps: Vec<Sweep> = paths.iter().map(read).collect();
+    let stored = std::fs::read_to_string(root.join("src/strategy/constants.rs")).expect("the constants");
+    let made = source(&sweeps);
+    assert!(
+        made == stored,
+        "`raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs` makes:\n{made}"
+    );
 }
 
 /// Where the numbers of a document's prose and tables stand: not in comments, code, or what links lead to.

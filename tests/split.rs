@@ -12,7 +12,7 @@ fn render(place: &Place, devices: Option<&str>, [strategy, local]: [&str; 2], pi
     let mut arguments = vec!["render", scene.to_str().expect("UTF-8"), "--json", "-o", picture];
     arguments.extend(["--width", "75", "--height", "61", "--strategy", strategy, "--local-size", local]);
     match devices {
-        Some(devices) => arguments.extend(["--devices", devices, "--verify"]),
+        Some(devices) => arguments.extend(["--devices", devices, "--every-device", "--verify"]),
         None => arguments.extend(["--device", "portable computing language"]),
     }
     let mut command = place.raycl(&arguments);
@@ -54,6 +54,33 @@ fn two_devices_cast_the_pixels_of_one() {
         assert_eq!(two["frame_ms"].as_f64(), longest.reduce(f64::max));
         assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
     }
+}
+
+/// Whether two devices that share two cores gain is for the machine to say; what is said of it has to be true.
+#[test]
+fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
+    apart!();
+    let place = Place::new();
+    let scene = repository("scenes/still-life.toml");
+    let size = ["--width", "75", "--height", "61", "--devices", "portable computing language"];
+    let arguments =
+        [&["render", scene.to_str().expect("UTF-8"), "--verify", "-o", "p.png"][..], &size].concat();
+    let run = |more: &[&str]| {
+        let mut command = place.raycl(&[&arguments[..], more].concat());
+        let output =
+            command.env("POCL_DEVICES", "pthread pthread").assert().success().get_output().stdout.clone();
+        String::from_utf8(output).expect("UTF-8")
+    };
+    let json: Value = serde_json::from_str(&run(&["--json"])).expect("JSON");
+    let lists = ["devices", "left_out"].map(|list| json[list].as_array().expect("a list").clone());
+    assert_eq!(lists[0].len() + lists[1].len(), 2, "{json}");
+    assert!(!lists[0].is_empty() && lists[0].iter().all(|device| device["strategy"].is_string()), "{json}");
+    assert!(
+        lists[1].iter().all(|device| device["reason"].as_str().is_some_and(|why| why.contains("fastest")))
+    );
+    let text = run(&[]);
+    let rows = text.lines().filter(|line| line.contains(" to ")).count();
+    assert_eq!(rows + text.matches("left out  ").count(), 2, "{text}");
 }
 
 fn same_pixels(place: &Place, one: &str, other: &str) -> bool {

@@ -5,7 +5,7 @@ use crate::device::{Device, DeviceInfo, DeviceLimits, default_place, pick_one, p
 use crate::error::{Error, Result, nearest};
 use crate::settings;
 use crate::sources::Sources;
-use crate::strategy::{AXES, PRESETS, Strategy, Traversal, fastest, preset};
+use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, Traversal, fastest, preset};
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::ffi::OsStr;
 
@@ -68,16 +68,18 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// The strategy to cast so many triangles and pixels with, and its local size: by its text, or the fastest that is known; with the
-/// axes among `set` changed.
+/// The strategy of a task, and its local size: by its text, or the fastest that is known; with the axes among `set` changed. Where they
+/// ask for the watertight test, the fastest is that of such tasks.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
     limits: &DeviceLimits,
-    triangles: usize,
-    [width, height]: [u32; 2],
+    task: Task,
 ) -> Result<(Strategy, [u32; 2])> {
-    let (best, best_local) = fastest(limits, triangles, width as usize * height as usize)?;
+    let asked =
+        |(key, value): &(String, String)| key == "intersector" && value == Intersector::WATERTIGHT.name();
+    let task = Task { watertight: task.watertight || set.iter().any(asked), ..task };
+    let (best, best_local) = fastest(limits, &task)?;
     let mut strategy = text.map_or(Ok(best), parse_strategy)?;
     for (axis, value) in set.iter().filter(|(key, _)| is_axis(key)) {
         strategy.set(axis, value)?;

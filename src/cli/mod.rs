@@ -23,6 +23,7 @@ pub mod render;
 pub mod repair;
 pub mod report;
 pub mod reproduce;
+pub mod rule;
 pub mod run;
 pub mod schema;
 pub mod strategies;
@@ -111,6 +112,9 @@ enum Command {
     /// Make the documents' figures from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
+    /// Hold the rule by which `render` chooses against measurements, for contributors
+    #[command(hide = true)]
+    Rule(rule::Args),
     /// Show or clear the cache: compiled programs, lists of devices
     Cache(cache::Args),
     /// Print completions for a shell
@@ -188,6 +192,7 @@ impl Cli {
             Command::Noise(args) => noise::run(args),
             Command::Occupancy(args) => occupancy::run(args),
             Command::Figures(args) => figures::run(args),
+            Command::Rule(args) => rule::run(args),
             Command::Cache(args) => cache::run(args),
             Command::Completions(args) => completions::run(args),
             Command::Man(args) => man::run(args),

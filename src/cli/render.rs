@@ -18,7 +18,7 @@ use super::watch::{RecursiveMode, watch};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
-use crate::image::{check_target, layer_targets, save, save_layers, save_rgb8, shows_8_bits};
+use crate::image::{Radiance, check_target, layer_targets, save, save_layers, save_rgb8, shows_8_bits};
 use crate::launch::{Prepared, Refused, Session};
 use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
@@ -26,8 +26,8 @@ use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
 use crate::scene::{Display, Loaded, Scene, Shot, load_scene_for};
-use crate::strategy::Strategy;
-use casting::{Picture, cast};
+use crate::strategy::{Strategy, Task};
+use casting::{Picture, Shows, cast};
 use judge::{check, refuse_not_finite};
 use look::Look;
 use motion::Motion;
@@ -76,6 +76,9 @@ pub struct Args {
     /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or a word of their names
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
+    /// With --devices: cast on those devices, too, that slow the frame
+    #[arg(long, requires = "devices")]
+    every_device: bool,
     /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Option<String>,
@@ -146,29 +149,29 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends("start");
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
-    let Opened { loaded, device, queue, early, tree, .. } = opened;
+    let Opened { loaded, device, queue, early, tree, show, .. } = opened;
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
+    let (strategy, local_size) = strategy(args, &device.info, task(args, &scene))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene));
     let tree_was_built = tree.is_some();
     let session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
     let prepared = prepare(args, session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
-    let upload_ms = prepared.upload_ms();
-    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", upload_ms)];
+    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
     timeline.ends_with("buffers", &parts);
-    let shown = shown(args, &scene, &target);
-    let cast = cast(args, &device, &prepared, (&scene, shown), &mut timeline)?;
-    save_picture(&cast.image, scene.display, &target)?;
-    if let (Picture::Radiance(image), false) = (&cast.image, layer_targets.is_empty()) {
+    let shows = Shows { display: scene.display, target: &target, program: show.as_ref() };
+    let shows = may_be_shown(args, &target).then_some(shows);
+    let (picture, cast) = cast(args, &device, &prepared, (&scene, shows), &mut timeline)?;
+    let radiance = save_picture(picture, scene.display, &target)?;
+    if let (Some(image), false) = (&radiance, layer_targets.is_empty()) {
         let found = layers(&scene, &object_starts, [args.width, args.height], strategy.culling)?;
         save_layers(image, &found, &layer_targets)?;
     }
     timeline.ends("save");
     let mut verified = None;
-    if let Picture::Radiance(image) = &cast.image {
+    if let Some(image) = &radiance {
         refuse_not_finite(image, target.path())?;
         let with = (&strategy, args.samples);
         let check = |some| check(&scene, (image, cast.hits), with, target.path(), some);
@@ -201,18 +204,19 @@ fn render(args: &Args) -> Result<()> {
     tell(args, &report, &device.info)
 }
 
-fn save_picture(picture: &Picture, display: Display, target: &Target) -> Result<()> {
+/// Saves a picture, and gives back its radiance where that is what it is of.
+fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
-        Picture::Radiance(image) => save(image, display, target),
-        Picture::Shown(picture) => save_rgb8(picture, target),
+        Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
+        Picture::Shown(picture) => save_rgb8(&picture, target).map(|()| None),
+        Picture::Incoming(picture) => picture.save(target).map(|()| None),
     }
 }
 
-/// What is shown of a scene, where the device may make it: what is compared with the reference is radiance, whatever is saved,
-/// and so are layers.
-fn shown(args: &Args, scene: &Scene, target: &Target) -> Option<Display> {
-    let is_radiance = args.verify.is_some() || args.layers.is_some() || !shows_8_bits(target.path());
-    (!is_radiance).then_some(scene.display)
+/// Whether only what is shown is wanted, which a device may make: what is compared with the reference is radiance, whatever is
+/// saved, and so are layers.
+fn may_be_shown(args: &Args, target: &Target) -> bool {
+    args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
 /// Prints the report; nothing is left to do then.
@@ -312,9 +316,12 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
 }
 
 /// The strategy and local size asked for, or the fastest for the device.
-fn strategy(args: &Args, device: &DeviceInfo, triangles: usize) -> Result<(Strategy, [u32; 2])> {
-    let size = [args.width, args.height];
-    let (strategy, usual) =
-        chosen_strategy(args.strategy.as_deref(), &args.set, &device.limits, triangles, size)?;
+fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
+    let (strategy, usual) = chosen_strategy(args.strategy.as_deref(), &args.set, &device.limits, task)?;
     Ok((strategy, args.local_size.unwrap_or(usual)))
+}
+
+/// What is to be cast.
+fn task(args: &Args, scene: &Scene) -> Task {
+    Task::of(scene, [args.width, args.height], false)
 }

@@ -28,9 +28,20 @@ pub const TOGETHER: usize = 1024;
 pub struct Shown(Thresholds);
 
 impl Shown {
+    /// Values of a channel.
+    pub const VALUES: usize = 256;
+    /// Bits of a radiance that its place in the second of the tables leaves out.
+    pub const PLACE_SHIFT: u32 = 16;
+
     /// As the scene says.
     pub fn new(display: Display) -> Self {
         Self(Thresholds::new(display))
+    }
+
+    /// What a device looks values up in: at each value the smallest radiance that is shown as a brighter one, and, by its upper bits,
+    /// what a radiance is shown as at least.
+    pub fn tables(&self) -> (&[f32], &[u8]) {
+        (&self.0.smallest, &self.0.at_least)
     }
 
     /// A pixel's 8-bit channels.
@@ -48,19 +59,21 @@ fn transform(radiance: f32, display: Display) -> u8 {
 /// The transform as tables, since a power or a search for every channel would take longer than writing the file.
 struct Thresholds {
     /// The smallest radiance that is shown as 1, 2, ... 255, and one that none reaches.
-    smallest: [f32; 256],
+    smallest: [f32; Shown::VALUES],
     /// What a radiance whose upper 16 bits are the place is shown as at least: one or two steps short at most.
     at_least: Vec<u8>,
 }
 
 impl Thresholds {
     fn new(display: Display) -> Self {
-        let mut thresholds = [f32::NAN; 256]; // no comparison with NaN holds
+        let mut thresholds = [f32::NAN; Shown::VALUES]; // no comparison with NaN holds
         for (value, threshold) in (1..=255).zip(&mut thresholds) {
             *threshold = smallest(value, display);
         }
         let shown = |radiance| thresholds[..255].partition_point(|least| *least <= radiance) as u8;
-        let at_least = (0..1 << 15).map(|upper: u32| shown(f32::from_bits(upper << 16))).collect();
+        let at_least = (0..1 << (31 - Shown::PLACE_SHIFT))
+            .map(|upper: u32| shown(f32::from_bits(upper << Shown::PLACE_SHIFT)));
+        let at_least = at_least.collect();
         Self { smallest: thresholds, at_least }
     }
 
@@ -69,7 +82,7 @@ impl Thresholds {
         if radiance.is_nan() || radiance <= 0.0 {
             return 0;
         }
-        let mut value = self.at_least[(radiance.to_bits() >> 16) as usize];
+        let mut value = self.at_least[(radiance.to_bits() >> Shown::PLACE_SHIFT) as usize];
         while self.smallest[usize::from(value)] <= radiance {
             value += 1;
         }

@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{BufWriter, Error, Result, Write as _};
 
 /// The paper's, for its figures.
-const JPEG_QUALITY: u8 = 95;
+pub const JPEG_QUALITY: u8 = 95;
 /// A JPEG's first two segments, its begin and JFIF's header; a comment comes after them.
 const JPEG_BEGIN_BYTES: usize = 20;
 /// An HDR's first line.
@@ -34,11 +34,15 @@ fn png_with(picture: &RgbImage, piece: (usize, Vec<u8>), file: &mut File) -> Res
 }
 
 pub fn jpeg(picture: &RgbImage, file: &mut File) -> Result<()> {
+    jpeg_of(&jpeg::encode(picture, JPEG_QUALITY).map_err(Error::other)?, file)
+}
+
+/// A JPEG that is encoded already.
+pub fn jpeg_of(encoded: &[u8], file: &mut File) -> Result<()> {
     let text = mark::blank();
     let length = (text.len() as u16 + 2).to_be_bytes();
     let comment = [b"\xff\xfe", &length[..], text.as_bytes()].concat();
-    let encoded = jpeg::encode(picture, JPEG_QUALITY).map_err(Error::other)?;
-    encode(file, (JPEG_BEGIN_BYTES, comment), |writer| Ok(writer.write_all(&encoded)?))
+    encode(file, (JPEG_BEGIN_BYTES, comment), |writer| Ok(writer.write_all(encoded)?))
 }
 
 pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {

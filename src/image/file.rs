@@ -104,6 +104,11 @@ pub fn shows_8_bits(path: &Path) -> bool {
     format(path).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
 }
 
+/// Whether a file of this name is a JPEG.
+pub fn is_jpeg(path: &Path) -> bool {
+    format(path).is_ok_and(|format| format == Format::Jpeg)
+}
+
 fn format(path: &Path) -> Result<Format> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let known = EXTENSIONS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format);

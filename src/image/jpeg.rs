@@ -4,6 +4,7 @@
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
 use rayon::prelude::*;
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// Pixels of a block across and down; the encoder samples all channels alike.
 const BLOCK: usize = 8;
@@ -21,17 +22,90 @@ const RESTART_INTERVAL: u8 = 0xdd;
 
 /// The bytes of a file.
 pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
-    let blocks_across = (picture.width() as usize).div_ceil(BLOCK);
-    let band_rows = (MOST_BLOCKS / blocks_across.max(1)).clamp(1, BAND_ROWS);
-    let band_bytes = 3 * picture.width() as usize * BLOCK * band_rows;
-    if picture.as_raw().len() <= band_bytes {
-        return band(picture.as_raw(), picture.width(), quality);
-    }
+    let cut = Cut::of(picture.width());
     let encode = |rows: &[u8]| band(rows, picture.width(), quality);
     let bands: Vec<Vec<u8>> =
-        picture.as_raw().par_chunks(band_bytes).map(encode).collect::<ImageResult<_>>()?;
-    join(&bands, picture.height(), blocks_across * band_rows)
-        .ok_or_else(|| ImageError::IoError(std::io::Error::other("the encoder of JPEG wrote something else")))
+        picture.as_raw().par_chunks(cut.band_bytes()).map(encode).collect::<ImageResult<_>>()?;
+    cut.joined(bands, picture.height())
+}
+
+/// A file whose bands are encoded while later ones are still to come.
+pub struct Encoding {
+    cut: Cut,
+    height: u32,
+    quality: u8,
+    begun: usize,
+    done: (Sender<Numbered>, Receiver<Numbered>),
+}
+
+/// A band's number from the top, and its file.
+type Numbered = (usize, ImageResult<Vec<u8>>);
+
+impl Encoding {
+    /// Of pixels across and down.
+    pub fn new([width, height]: [u32; 2], quality: u8) -> Self {
+        Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
+    }
+
+    /// Rows that are to come together, or any multiple of them.
+    pub fn rows_together(&self) -> usize {
+        self.cut.rows()
+    }
+
+    /// Takes rows from the top, and encodes them on other cores.
+    pub fn take(&mut self, rows: &[u8]) {
+        for rows in rows.chunks(self.cut.band_bytes()) {
+            let (rows, sender) = (rows.to_vec(), self.done.0.clone());
+            let (number, width, quality) = (self.begun, self.cut.width, self.quality);
+            self.begun += 1;
+            // A receiver that is gone needs no band.
+            rayon::spawn(move || drop(sender.send((number, band(&rows, width, quality)))));
+        }
+    }
+
+    /// The bytes of the file, when all its bands are done.
+    pub fn finish(self) -> ImageResult<Vec<u8>> {
+        let (sender, receiver) = self.done;
+        drop(sender);
+        let mut bands: Vec<Numbered> = receiver.into_iter().collect();
+        bands.sort_unstable_by_key(|(number, _)| *number);
+        let bands = bands.into_iter().map(|(_, band)| band).collect::<ImageResult<_>>()?;
+        self.cut.joined(bands, self.height)
+    }
+}
+
+/// How a picture is cut into bands.
+#[derive(Clone, Copy)]
+struct Cut {
+    width: u32,
+    blocks_across: usize,
+    /// Rows of blocks of a band.
+    block_rows: usize,
+}
+
+impl Cut {
+    fn of(width: u32) -> Self {
+        let blocks_across = (width as usize).div_ceil(BLOCK);
+        Self { width, blocks_across, block_rows: (MOST_BLOCKS / blocks_across.max(1)).clamp(1, BAND_ROWS) }
+    }
+
+    fn rows(self) -> usize {
+        BLOCK * self.block_rows
+    }
+
+    fn band_bytes(self) -> usize {
+        (3 * self.width as usize * self.rows()).max(1)
+    }
+
+    /// One file of the bands' files.
+    fn joined(self, mut bands: Vec<Vec<u8>>, height: u32) -> ImageResult<Vec<u8>> {
+        if bands.len() == 1 {
+            return Ok(bands.remove(0));
+        }
+        join(&bands, height, self.blocks_across * self.block_rows).ok_or_else(|| {
+            ImageError::IoError(std::io::Error::other("the encoder of JPEG wrote something else"))
+        })
+    }
 }
 
 fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
@@ -104,6 +178,17 @@ mod tests {
             let picture = picture(width, height);
             let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());
             assert_eq!(decoded(&bands), decoded(&whole), "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn rows_that_come_one_after_another_make_the_same_file() {
+        for (width, height) in [(40, 30), (40, 129), (33, 128 * 11 + 5)] {
+            let picture = picture(width, height);
+            let mut encoding = Encoding::new([width, height], 95);
+            let together = 3 * width as usize * encoding.rows_together();
+            picture.as_raw().chunks(2 * together).for_each(|rows| encoding.take(rows));
+            assert!(encoding.finish().unwrap() == encode(&picture, 95).unwrap(), "{width} x {height}");
         }
     }
 

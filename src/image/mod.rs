@@ -5,6 +5,7 @@ mod compare;
 mod display;
 mod encode;
 mod file;
+mod incoming;
 mod jpeg;
 mod layers;
 mod movie;
@@ -13,6 +14,7 @@ pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::{Shown, TOGETHER, to_rgb8};
 pub use file::{check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8, shows_8_bits};
+pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
 

@@ -5,66 +5,141 @@ use std::ops::Range;
 /// Rows of work-groups from the top.
 pub type Band = Range<usize>;
 
-/// Cuts `rows` rows of work-groups into a band for each device, so that all take as long. `costs` are measured from top
-/// to bottom, each of an equal part of the frame; `speeds` says how fast each device is. Bands may be empty.
-pub fn cut(rows: usize, costs: &[f64], speeds: &[f64]) -> Vec<Band> {
-    let all_speeds: f64 = speeds.iter().sum();
-    let mut bands = Vec::with_capacity(speeds.len());
-    let (mut start, mut share) = (0, 0.0);
-    for (place, speed) in speeds.iter().enumerate() {
-        share += speed / all_speeds;
-        let last = place + 1 == speeds.len();
-        let end = if last { rows } else { (rows as f64 * height_of(costs, share)).round() as usize };
-        let end = end.clamp(start, rows);
-        bands.push(start..end);
-        start = end;
-    }
-    bands
+/// Halvings after which a time is as exact as a float is.
+const HALVINGS: usize = 60;
+
+/// What a frame takes on a device, and where.
+#[derive(Clone, Debug)]
+pub struct Cost {
+    /// The whole frame.
+    pub whole_ms: f64,
+    /// Parts of equal height from top to bottom, in any unit; none where nothing is known.
+    pub parts: Vec<f64>,
 }
 
-/// How far down, 0 to 1, this share of the whole cost lies; as far as the share itself where nothing costs anything.
-fn height_of(costs: &[f64], share: f64) -> f64 {
-    let whole: f64 = costs.iter().sum();
-    if !(whole > 0.0 && whole.is_finite()) {
-        return share;
-    }
-    let mut left = share * whole;
-    for (part, cost) in costs.iter().enumerate() {
-        if left <= *cost && *cost > 0.0 {
-            return (part as f64 + left / cost) / costs.len() as f64;
+impl Cost {
+    /// Parts that add up to the whole; one where nothing useful is known.
+    fn parts_ms(&self) -> Vec<f64> {
+        let sum: f64 = self.parts.iter().sum();
+        if !(sum > 0.0 && sum.is_finite()) {
+            return vec![self.whole_ms];
         }
-        left -= cost;
+        self.parts.iter().map(|part| part / sum * self.whole_ms).collect()
     }
-    1.0
+
+    /// How far down, 0 to 1, a device comes in some time that begins at a height.
+    fn reach(parts_ms: &[f64], from: f64, mut ms: f64) -> f64 {
+        let count = parts_ms.len() as f64;
+        let mut at = from * count;
+        while at < count {
+            let part = at as usize;
+            let left = part as f64 + 1.0 - at;
+            let cost = parts_ms[part] * left;
+            if cost > ms {
+                return (at + left * ms / cost) / count;
+            }
+            ms -= cost;
+            at = part as f64 + 1.0;
+        }
+        1.0
+    }
+}
+
+/// Where each device's part of a frame ends, 0 to 1 from the top, so that all take equally long, and how long that is.
+pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
+    let parts: Vec<Vec<f64>> = costs.iter().map(Cost::parts_ms).collect();
+    let ends = |ms: f64| -> Vec<f64> {
+        let mut height = 0.0;
+        let mut end = |parts: &Vec<f64>| {
+            height = Cost::reach(parts, height, ms);
+            height
+        };
+        parts.iter().map(&mut end).collect()
+    };
+    // In the time of the fastest alone all of the frame is cast for sure.
+    let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
+    for _ in 0..HALVINGS {
+        let middle = (short + enough) / 2.0;
+        let all = ends(middle).last().is_none_or(|end| *end >= 1.0);
+        if all { enough = middle } else { short = middle }
+    }
+    let mut ends = ends(enough);
+    if let Some(last) = ends.last_mut() {
+        *last = 1.0;
+    }
+    (ends, enough)
+}
+
+/// The rows of pixels of each device's part: the first, and the one after the last. A part begins with a whole row of its device's
+/// work-groups, of so many rows of pixels each; it may be empty.
+pub fn rows(ends: &[f64], height: u32, group_heights: &[u32]) -> Vec<[u32; 2]> {
+    let mut starts = vec![0_u32];
+    for (end, group) in ends.iter().zip(&group_heights[1..]) {
+        let groups = (end * f64::from(height) / f64::from(*group)).round() as u32;
+        let last = starts.last().copied().unwrap_or(0);
+        starts.push((groups * group).max(last.next_multiple_of(*group)).min(height));
+    }
+    let next = starts.iter().skip(1).copied().chain([height]);
+    starts.iter().zip(next).map(|(start, next)| [*start, next]).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn equal_costs_make_equal_bands() {
-        assert_eq!(cut(100, &[1.0; 4], &[1.0; 4]), [0..25, 25..50, 50..75, 75..100]);
-        assert_eq!(cut(100, &[], &[1.0, 1.0]), [0..50, 50..100]);
-        assert_eq!(cut(7, &[2.0], &[5.0])[0], 0..7);
+    fn cost(whole_ms: f64, parts: &[f64]) -> Cost {
+        Cost { whole_ms, parts: parts.to_vec() }
+    }
+
+    fn cut(costs: &[Cost], height: u32) -> Vec<[u32; 2]> {
+        rows(&balance(costs).0, height, &vec![1; costs.len()])
     }
 
     #[test]
-    fn costly_rows_and_slow_devices_make_smaller_bands() {
+    fn equal_costs_make_equal_parts() {
+        assert_eq!(cut(&vec![cost(8.0, &[1.0; 4]); 4], 100), [[0, 25], [25, 50], [50, 75], [75, 100]]);
+        assert_eq!(cut(&vec![cost(8.0, &[]); 2], 100), [[0, 50], [50, 100]]);
+        assert_eq!(cut(&[cost(5.0, &[2.0])], 7), [[0, 7]]);
+        assert!((balance(&vec![cost(8.0, &[]); 4]).1 - 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn costly_rows_and_slow_devices_make_smaller_parts() {
         // The lower half costs three times as much: 2 of 8 parts of cost lie above, 6 below.
-        assert_eq!(cut(80, &[1.0, 3.0], &[1.0, 1.0]), [0..53, 53..80]);
-        assert_eq!(cut(80, &[1.0, 1.0], &[3.0, 1.0]), [0..60, 60..80]);
+        let lower = [1.0, 3.0];
+        assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
+        assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
+        // Each device has costs of its own: what is above costs the second nothing, and it casts what is below.
+        let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
+        assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }
 
     #[test]
-    fn bands_cover_every_row_once_whatever_was_measured() {
-        let costs = [vec![], vec![0.0; 3], vec![f64::NAN], vec![0.0, 9.0, 0.0], vec![1e-9, 1e9]];
-        for costs in &costs {
+    fn a_part_begins_where_its_devices_work_groups_do() {
+        let ends = balance(&vec![cost(1.0, &[]); 3]).0;
+        assert_eq!(rows(&ends, 100, &[8, 16, 1]), [[0, 32], [32, 67], [67, 100]]);
+        // A device whose work-groups are higher than its part has none.
+        assert_eq!(rows(&ends, 10, &[1, 64, 1]), [[0, 0], [0, 7], [7, 10]]);
+        assert_eq!(rows(&ends, 10, &[1, 1, 64]), [[0, 3], [3, 10], [10, 10]]);
+    }
+
+    #[test]
+    fn parts_cover_every_row_once_whatever_was_measured() {
+        let parts = [vec![], vec![0.0; 3], vec![f64::NAN], vec![0.0, 9.0, 0.0], vec![1e-9, 1e9]];
+        for parts in &parts {
             for devices in 1..6 {
-                for rows in [0, 1, 2, 17] {
-                    let bands = cut(rows, costs, &vec![1.0; devices]);
-                    assert_eq!((bands.len(), bands[0].start, bands[devices - 1].end), (devices, 0, rows));
-                    assert!(bands.windows(2).all(|pair| pair[0].end == pair[1].start), "{bands:?}");
+                for height in [1, 2, 17, 1000] {
+                    for group in [1, 3, 32] {
+                        let ends = balance(&vec![cost(2.0, parts); devices]).0;
+                        let rows = rows(&ends, height, &vec![group; devices]);
+                        assert_eq!((rows.len(), rows[0][0], rows[devices - 1][1]), (devices, 0, height));
+                        assert!(rows.windows(2).all(|pair| pair[0][1] == pair[1][0]), "{rows:?}");
+                        assert!(rows.iter().all(|[start, end]| start <= end), "{rows:?}");
+                        assert!(
+                            rows.iter().all(|[start, end]| start == end || start % group == 0),
+                            "{rows:?}"
+                        );
+                    }
                 }
             }
         }

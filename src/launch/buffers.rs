@@ -1,11 +1,19 @@
-//! Buffers, which OpenCL does not allow to be empty.
+//! Buffers, which OpenCL does not allow to be empty, and how their values come and go: in place where the device shares the host's
+//! memory, through pinned memory where it does not and there are many.
 
 use super::Queue;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
+use rayon::prelude::*;
 use std::ops::Range;
+
+/// Bytes that a thread copies at a time.
+const COPIED_TOGETHER: usize = 1 << 18;
 
 /// A buffer the kernels only read, holding `values`.
 pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> {
+    if queue.pins(size_of_val(values)) {
+        return upload_rows(queue, [values.len(), 1], |places, piece| copy(&values[places], piece));
+    }
     let placeholder = [T::default()];
     let values = if values.is_empty() { &placeholder[..] } else { values };
     Buffer::builder()
@@ -16,45 +24,66 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
         .build()
 }
 
-/// A buffer of `len` values the kernels only read, which `fill` writes: in place where the device shares the host's
-/// memory, since touching memory for the first time costs more than what is written into it.
-pub fn upload_with<T: OclPrm>(
+/// A buffer of `rows` rows of `row` values the kernels only read. `fill` writes the rows it is asked for: where the buffer is if the
+/// device shares the host's memory, since touching memory for the first time costs more than what is written into it, or where
+/// the device fetches them.
+pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
-    len: usize,
-    fill: impl FnOnce(&mut [T]),
+    [rows, row]: [usize; 2],
+    fill: impl Fn(Range<usize>, &mut [T]),
 ) -> ocl::Result<Buffer<T>> {
-    if len == 0 || !queue.shares_memory {
+    let len = rows * row;
+    let pins = queue.pins(len * size_of::<T>());
+    if len == 0 || !(queue.shares_memory || pins) {
         let mut values = vec![T::default(); len];
-        fill(&mut values);
+        fill(0..rows, &mut values);
         return upload(queue, &values);
     }
     let commands = queue.commands.clone();
     let buffer = Buffer::builder().queue(commands).flags(MemFlags::READ_ONLY).len(len).build()?;
+    if pins {
+        queue.staging.write(&queue.commands, &buffer, row, fill)?;
+        return Ok(buffer);
+    }
     let mut mapped = map(&buffer, MapFlags::new().write_invalidate_region())?;
-    fill(&mut mapped);
+    fill(0..rows, &mut mapped);
     mapped.unmap().enq()?;
     Ok(buffer)
 }
 
-/// What `work` makes of some of a buffer's values: read in place where the device shares the host's memory.
-pub fn read_with<T: OclPrm, R>(
+/// Hands some of a buffer's rows of `row` values to `take`: all at once, in place, where the device shares the host's memory, or
+/// piece by piece, each while the next is on its way.
+pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,
-    values: Range<usize>,
-    work: impl FnOnce(&[T]) -> R,
-) -> ocl::Result<R> {
+    (rows, row): (Range<usize>, usize),
+    mut take: impl FnMut(Range<usize>, &[T]),
+) -> ocl::Result<()> {
+    let values = rows.start * row..rows.end * row;
     if values.is_empty() {
-        return Ok(work(&[]));
+        return Ok(());
     }
-    if !queue.shares_memory {
-        let mut copy = vec![T::default(); values.len()];
-        buffer.cmd().read(&mut copy[..]).offset(values.start).enq()?;
-        return Ok(work(&copy));
+    if queue.shares_memory {
+        let mut mapped = map(buffer, MapFlags::new().read())?;
+        take(rows, &mapped[values]);
+        return mapped.unmap().enq();
     }
-    let mut mapped = map(buffer, MapFlags::new().read())?;
-    let result = work(&mapped[values]);
-    mapped.unmap().enq()?;
-    Ok(result)
+    if queue.pins(values.len() * size_of::<T>()) {
+        let made = |rows: Range<usize>| Ok((buffer.clone(), rows.start * row));
+        return queue.staging.read(&queue.commands, (rows, row, 1), made, take);
+    }
+    let mut copy = vec![T::default(); values.len()];
+    buffer.cmd().read(&mut copy[..]).offset(values.start).enq()?;
+    take(rows, &copy);
+    Ok(())
+}
+
+/// Copies values on all cores.
+pub fn copy<T: OclPrm>(from: &[T], to: &mut [T]) {
+    let together = COPIED_TOGETHER / size_of::<T>();
+    to.par_chunks_mut(together)
+        .zip(from.par_chunks(together))
+        .for_each(|(to, from)| to.copy_from_slice(from));
 }
 
 fn map<T: OclPrm>(buffer: &Buffer<T>, flags: MapFlags) -> ocl::Result<MemMap<T>> {

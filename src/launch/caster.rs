@@ -2,7 +2,7 @@
 
 use super::arguments::Arguments;
 use super::band::Band;
-use super::buffers::{allocate, read_with};
+use super::buffers::{allocate, read_rows};
 use super::frame::FrameTimes;
 use super::held::FrameBytes;
 use super::parts::Parts;
@@ -12,7 +12,7 @@ use super::scene::move_lights;
 use super::setup::{Setup, Working, camera_arguments, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
-use super::{LaunchError, Queue};
+use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
 use crate::scene::{Camera, Display, Sample};
@@ -77,6 +77,11 @@ impl Caster {
         self.records_ms
     }
 
+    /// Pixels across and down.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
     /// Casts the frame once and waits for it.
     pub fn cast(&self) -> Result<FrameTimes, LaunchError> {
         self.cast_batch(1)
@@ -137,13 +142,18 @@ impl Caster {
     /// Reads the image's rows from the first up to, without, the last; they may be none.
     pub fn read_rows(&self, [first, end]: [u32; 2]) -> Result<(Radiance, usize), LaunchError> {
         self.check_heap()?;
-        let [width, height] = [self.size[0], end - first];
-        let rows = width as usize * first as usize..width as usize * end as usize;
-        let (pixels, hits) = read_with(&self.queue, &self.image, rows, |values| {
-            let pixels = values.par_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-            (pixels, values.par_iter().filter(|pixel| pixel[3] > 0.0).count())
+        let mut image = Radiance::new(self.size[0], end - first);
+        let (width, first, end) = (self.size[0] as usize, first as usize, end as usize);
+        let mut hits = 0;
+        read_rows(&self.queue, &self.image, (first..end, width), |rows, values| {
+            let pixels = &mut image.pixels[width * (rows.start - first)..width * (rows.end - first)];
+            pixels
+                .par_iter_mut()
+                .zip(values)
+                .for_each(|(pixel, value)| *pixel = [value[0], value[1], value[2]]);
+            hits += values.par_iter().filter(|pixel| pixel[3] > 0.0).count();
         })?;
-        Ok((Radiance { width, height, pixels }, hits))
+        Ok((image, hits))
     }
 
     /// Reads the image of the last frame as it is shown, in place where the device shares the host's memory, and how many of its
@@ -160,11 +170,29 @@ impl Caster {
             let finite = pixels.iter().all(|pixel| (0..3).all(|channel| pixel[channel].is_finite()));
             finite.then(|| pixels.iter().filter(|pixel| pixel[3] > 0.0).count())
         };
-        let hits: Option<usize> =
-            read_with(&self.queue, &self.image, 0..width as usize * height as usize, |values| {
-                picture.par_chunks_mut(3 * TOGETHER).zip(values.par_chunks(TOGETHER)).map(show).sum()
-            })?;
+        let (width, height) = (width as usize, height as usize);
+        let mut hits = Some(0);
+        read_rows(&self.queue, &self.image, (0..height, width), |rows, values| {
+            let bytes: &mut [u8] = &mut picture;
+            let bytes = &mut bytes[3 * width * rows.start..3 * width * rows.end];
+            let found: Option<usize> =
+                bytes.par_chunks_mut(3 * TOGETHER).zip(values.par_chunks(TOGETHER)).map(show).sum();
+            hits = hits.zip(found).map(|(all, more)| all + more);
+        })?;
         Ok(hits.map(|hits| (picture, hits)))
+    }
+
+    /// The same where the device has a memory of its own: it shows its image itself, and `take` gets its rows from the top as red,
+    /// green and blue, a multiple of `together` rows at a time but for the last.
+    pub fn show(
+        &self,
+        program: &ShowProgram,
+        display: Display,
+        together: usize,
+        take: impl FnMut(&[u8]),
+    ) -> Result<Option<usize>, LaunchError> {
+        self.check_heap()?;
+        program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
     }
 
     /// Fails where the last kernel took more from the heap than there was.

@@ -23,13 +23,14 @@ mod session;
 mod setup;
 mod shared;
 mod shared_scene;
+mod show;
 mod split;
+mod staging;
 mod steps;
 mod textures;
 mod tree;
 
 pub use ask::preprocess_for;
-pub use band::{Band, cut};
 pub use caster::Caster;
 pub use error::LaunchError;
 pub use frame::FrameTimes;
@@ -39,7 +40,8 @@ pub use queue::Queue;
 pub use rays::Ray;
 pub use refused::Refused;
 pub use session::Session;
-pub use split::{Share, Split};
+pub use show::ShowProgram;
+pub use split::{Casting, LeftOut, Share, Split, Whole};
 pub use tree::{HostTree, stack_size};
 
 use scene::DeviceScene;

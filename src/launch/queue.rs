@@ -1,8 +1,10 @@
 //! A device ready for commands.
 
+use super::staging::Staging;
 use crate::error::{Error, Result};
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::{CommandQueueProperties, Context, Device, Platform};
+use std::sync::Arc;
 
 /// A context and an in-order queue with timestamps on one device.
 #[derive(Clone, Debug)]
@@ -15,6 +17,8 @@ pub struct Queue {
     pub device: Device,
     /// Whether the device works in the host's own memory, as a CPU does.
     pub shares_memory: bool,
+    /// Pinned memory of the host, for transfers.
+    pub(super) staging: Arc<Staging>,
 }
 
 impl Queue {
@@ -25,11 +29,23 @@ impl Queue {
             let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))?;
             let shared = device.info(DeviceInfo::HostUnifiedMemory);
             let shares_memory = matches!(shared, Ok(DeviceInfoResult::HostUnifiedMemory(true)));
-            Ok(Self { context, commands, device, shares_memory })
+            Ok(Self { context, commands, device, shares_memory, staging: Arc::default() })
         };
         open().map_err(|error| {
             Error::run(format!("cannot open the OpenCL device: {error}"))
                 .with_help("another process may hold its memory; `raycl devices` lists the others")
         })
+    }
+
+    /// The same, used as a device with a memory of its own is, whose transfers are in pieces of so many bytes: so that any device can
+    /// stand for one in tests.
+    #[must_use]
+    pub fn apart(self, piece_bytes: usize) -> Self {
+        Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }
+    }
+
+    /// Whether so many bytes are transferred through pinned memory.
+    pub(super) fn pins(&self, bytes: usize) -> bool {
+        !self.shares_memory && self.staging.pays(bytes)
     }
 }

@@ -1,12 +1,12 @@
 //! The scene in a device's memory, in one layout.
 
 use super::arguments::{Argument, Arguments};
-use super::buffers::{upload, upload_with};
+use super::buffers::{upload, upload_rows};
 use super::textures::{DeviceTextures, word_count};
 use super::{LaunchError, Queue};
 use crate::manifest::{LIGHT_FLOATS, SOUP_FLOATS};
 use crate::scene::{Light, Mesh, Scene, Triangle};
-use crate::strategy::{Strategy, Workload};
+use crate::strategy::{Strategy, Task, Workload};
 use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -94,6 +94,14 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
 }
 
+impl Task {
+    /// A scene in so many pixels across and down.
+    pub fn of(scene: &Scene, [width, height]: [u32; 2], watertight: bool) -> Self {
+        let (triangles, pixels) = (scene.mesh.triangles.len(), width as usize * height as usize);
+        Self { triangles, pixels, inside: scene.encloses_eye(), watertight }
+    }
+}
+
 impl Workload {
     /// The sizes of `scene` at an image and a local size.
     pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
@@ -120,8 +128,8 @@ fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
         }
         row[18..].copy_from_slice(&mesh.material(triangle).to_floats());
     };
-    upload_with(queue, SOUP_FLOATS * mesh.triangles.len(), |rows| {
-        rows.par_chunks_exact_mut(SOUP_FLOATS).zip(&mesh.triangles).for_each(write);
+    upload_rows(queue, [mesh.triangles.len(), SOUP_FLOATS], |triangles, rows| {
+        rows.par_chunks_exact_mut(SOUP_FLOATS).zip(&mesh.triangles[triangles]).for_each(write);
     })
 }
 

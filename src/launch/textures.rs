@@ -1,7 +1,7 @@
 //! All textures of a scene in a device's memory, in one buffer of words, as `cl/common/textures.cl` has them.
 
 use super::Queue;
-use super::buffers::{upload, upload_with};
+use super::buffers::{upload, upload_rows};
 use crate::manifest::TEXTURE_HEAD_WORDS;
 use crate::scene::{Mapped, Textures, linear_values};
 use ocl::Buffer;
@@ -21,9 +21,9 @@ impl DeviceTextures {
         if textures.list.is_empty() {
             return Ok(None);
         }
-        let rows = upload_with(queue, Mapped::FLOATS * textures.mapped.len(), |rows| {
-            let places = rows.par_chunks_exact_mut(Mapped::FLOATS).zip(&textures.mapped);
-            places.for_each(|(row, mapped)| row.copy_from_slice(&mapped.to_words().map(f32::from_bits)));
+        let rows = upload_rows(queue, [textures.mapped.len(), Mapped::FLOATS], |places, rows| {
+            let rows = rows.par_chunks_exact_mut(Mapped::FLOATS).zip(&textures.mapped[places]);
+            rows.for_each(|(row, mapped)| row.copy_from_slice(&mapped.to_words().map(f32::from_bits)));
         })?;
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows }))
     }

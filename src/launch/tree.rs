@@ -1,6 +1,6 @@
 //! A scene's tree in a device's memory.
 
-use super::buffers::{upload, upload_with};
+use super::buffers::{upload, upload_rows};
 use super::{LaunchError, Queue, Refused};
 use crate::accel::{
     PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
@@ -74,8 +74,8 @@ impl Surfaces {
     fn upload(queue: &Queue, mesh: &Mesh, order: &[u32]) -> ocl::Result<Self> {
         let materials: Vec<f32> = mesh.materials.iter().flat_map(|material| material.to_floats()).collect();
         Ok(Self {
-            normals: upload_with(queue, TRIANGLE_WORDS * order.len(), |rows| {
-                write_surface_rows(mesh, order, rows);
+            normals: upload_rows(queue, [order.len(), TRIANGLE_WORDS], |places, rows| {
+                write_surface_rows(mesh, &order[places], rows);
             })?,
             materials: upload(queue, &materials)?,
             material_count: mesh.materials.len(),
@@ -112,8 +112,11 @@ impl DeviceTree {
     ) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let nodes = upload(queue, &wide.nodes)?;
-        let leaves = upload_with(queue, TRIANGLE_WORDS * (wide.order.len() + PADDING_ROWS), |rows| {
-            write_triangle_rows(mesh, &wide.order, TriangleForm::Corners, rows);
+        let triangles = wide.order.len();
+        let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |places, rows| {
+            // Rows past the last triangle become zero.
+            let order = &wide.order[places.start.min(triangles)..places.end.min(triangles)];
+            write_triangle_rows(mesh, order, TriangleForm::Corners, rows);
         })?;
         let tiles = strategy.traversal == Traversal::Tile;
         let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &wide.order)).transpose()?;

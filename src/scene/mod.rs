@@ -7,6 +7,7 @@
 mod assemble;
 mod camera;
 mod document;
+mod enclosed;
 mod facing;
 mod files;
 mod framing;

@@ -1,52 +1,209 @@
 //! The strategy to use when none is named.
 
-use super::{Axis, Strategy, TileSize, Width, preset};
+use super::{Axis as _, Intersector, Passes, Strategy, TileSize, Width, constants, preset};
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::error::Result;
+use serde::{Deserialize, Serialize};
+
+/// What of a picture decides how it is cast fastest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Task {
+    /// Triangles of the scene.
+    pub triangles: usize,
+    /// Pixels of the picture.
+    pub pixels: usize,
+    /// Whether surfaces are all around the eye.
+    pub inside: bool,
+    /// Whether no ray may leak at edges and vertices.
+    pub watertight: bool,
+}
+
+/// Ways of casting, of which a device's kind decides the presets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Way {
+    /// Every triangle is tested.
+    Exhaustive,
+    /// A tree is walked by single rays on a GPU, by packets on a CPU.
+    Single,
+    /// Tiles of rays walk it together: large ones, or in passes apart.
+    Tiles {
+        /// 16 x 8 pixels, not 8 x 8.
+        large: bool,
+        /// Shadow rays after all rays from the eye.
+        separate: bool,
+    },
+}
+
+const TILES: Way = Way::Tiles { large: false, separate: false };
+
+/// Kinds of devices with ways of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Class {
+    /// A CPU whose vectors hold 16 rays.
+    TilesInVectors,
+    /// Other CPUs.
+    Packets,
+    /// A GPU whose work-items can share tiles.
+    SharedTiles,
+    /// Other GPUs.
+    SingleRays,
+}
 
 /// From this many triangles on, a tree walked by single rays or packets beats testing them all.
 const TREE_TRIANGLES: usize = 200;
-/// The same for tiles on a CPU: at 50 triangles 4.6 ms per frame against 7.7, at 6 no difference that lasts (PoCL,
-/// 2 cores under load, 800 x 500, 2026-11-20).
-const TREE_TRIANGLES_OF_TILES: usize = 50;
-/// From so many triangles per pixel on, rays of a tile share too little: packets beat tiles on a CPU, single rays on a GPU.
-/// Between what was measured: on terrain at 12 per pixel 37 against 70 ms, at 25 131 against 150, at 47 50 against 30, on a dragon
-/// in a quarter of the picture at 13 11 against 9, at 22 9 against 4.5 (PoCL); on terrain at 1.4 per pixel 1.21 against 1.33 ms, at
-/// 4.8 2.59 against 1.71 (NVIDIA H200; all 2026-11-20).
-const TRIANGLES_A_PIXEL_OF_TILES: [usize; 2] = [13, 2];
 
-/// From so many pixels on, and so many for each triangle, tiles of 16 x 8 beat those of 8 x 8 on a GPU: there are enough of
-/// them to keep it busy, and rays share more. At 3.7 million that took 20% less to 17% more time, at 8.3 million 20% less to
-/// 4% more, at 14.7 million 2 to 22% less (six scenes of 10 thousand to 300 thousand triangles); with a million triangles at
-/// 8.3 million pixels 13% more, at 20.7 pixels per triangle (of 16.8 million) 11% more, at 33.6 5% less (NVIDIA H200, 2026-11-20).
-const PIXELS_OF_LARGE_TILES: usize = 6_000_000;
-const PIXELS_A_TRIANGLE_OF_LARGE_TILES: usize = 25;
+/// Where one way becomes faster than another, on devices of one class with tiles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    /// Fewer triangles are all tested.
+    pub tree_triangles: f64,
+    /// From so many triangles per pixel on, rays of a tile share too little.
+    pub single_triangles_a_pixel: f64,
+    /// The same where surfaces are all around the eye: there is more behind each other.
+    pub single_triangles_a_pixel_inside: f64,
+    /// From so many pixels per compute unit on, there are enough tiles to keep it busy.
+    pub single_pixels_a_unit: f64,
+    /// From so many pixels on, and so many for each triangle, large tiles keep it busy, too, and share more.
+    pub large_pixels: f64,
+    /// The same for each triangle.
+    pub large_pixels_a_triangle: f64,
+    /// From so many pixels on, passes are apart.
+    pub separate_pixels: f64,
+    /// The same where surfaces are all around the eye.
+    pub separate_pixels_inside: f64,
+}
 
-/// The fastest strategy measured on devices of this kind for a scene of so many triangles, and its local size
-/// (docs/log.md has the figures). Small scenes are tested exhaustively: on a CPU as many rays per work-item as
-/// its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger ones have a tree, which
-/// tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane operations that
-/// were timed. Where triangles are much smaller than pixels, the rays of a tile go apart.
-pub fn fastest(limits: &DeviceLimits, triangles: usize, pixels: usize) -> Result<(Strategy, [u32; 2])> {
-    let width = widest(limits.native_width);
-    let [of_cpu, of_gpu] = TRIANGLES_A_PIXEL_OF_TILES.map(|most| triangles < most.saturating_mul(pixels));
-    let tiles = limits.is_cpu && width == Width::W16;
-    let tree = triangles >= if tiles { TREE_TRIANGLES_OF_TILES } else { TREE_TRIANGLES };
-    Ok(match (limits.is_cpu, tree) {
-        (true, true) if tiles && of_cpu => (preset("tile")?.strategy, [1, 1]),
-        (true, true) => (Strategy { width, ..preset("bvh-packet")?.strategy }, [4, 4]),
-        (true, false) => (Strategy { width, ..preset("wide-common-origin")?.strategy }, [4, 4]),
-        (false, true) if limits.lane_operations >= LaneOperations::PtxShuffles && of_gpu => {
-            let mut strategy = preset("tile-group")?.strategy;
-            let a_triangle = pixels / triangles.max(1);
-            if pixels >= PIXELS_OF_LARGE_TILES && a_triangle >= PIXELS_A_TRIANGLE_OF_LARGE_TILES {
-                strategy.tile = TileSize::T16x8;
-            }
-            (strategy, strategy.local_size(limits, [8, 8]))
+impl Constants {
+    /// Their names, values, and what of a task is compared with each on a device of so many compute units.
+    pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 8] {
+        let (triangles, pixels) = (task.triangles.max(1) as f64, task.pixels.max(1) as f64);
+        [
+            ("tree_triangles", &mut self.tree_triangles, triangles),
+            ("single_triangles_a_pixel", &mut self.single_triangles_a_pixel, triangles / pixels),
+            (
+                "single_triangles_a_pixel_inside",
+                &mut self.single_triangles_a_pixel_inside,
+                triangles / pixels,
+            ),
+            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, pixels / f64::from(units.max(1))),
+            ("large_pixels", &mut self.large_pixels, pixels),
+            ("large_pixels_a_triangle", &mut self.large_pixels_a_triangle, pixels / triangles),
+            ("separate_pixels", &mut self.separate_pixels, pixels),
+            ("separate_pixels_inside", &mut self.separate_pixels_inside, pixels),
+        ]
+    }
+
+    /// The way that is fastest by them.
+    pub fn way(mut self, task: &Task, units: u32) -> Way {
+        let inside = task.inside;
+        let [tree, single, single_inside, unit, large, a_triangle, separate, separate_inside] =
+            self.of(task, units).map(|(_, least, value)| value >= *least);
+        let single = if inside { single_inside } else { single };
+        // Of nothing there is no tree.
+        let tree = tree && task.triangles > 0;
+        match (tree, single || !unit) {
+            (false, _) => Way::Exhaustive,
+            (true, true) => Way::Single,
+            (true, false) => Way::Tiles {
+                large: large && a_triangle,
+                separate: if inside { separate_inside } else { separate },
+            },
         }
-        (false, true) => (preset("bvh")?.strategy, [8, 8]),
-        (false, false) => (preset("tiled-common-origin")?.strategy, [16, 8]),
-    })
+    }
+}
+
+impl Class {
+    /// That of a device.
+    pub fn of(limits: &DeviceLimits) -> Self {
+        match limits.is_cpu {
+            true if widest(limits.native_width) == Width::W16 => Self::TilesInVectors,
+            true => Self::Packets,
+            false if limits.lane_operations >= LaneOperations::PtxShuffles => Self::SharedTiles,
+            false => Self::SingleRays,
+        }
+    }
+
+    /// The constants of its sweeps; none where there are no tiles.
+    pub fn constants(self, watertight: bool) -> Option<Constants> {
+        match (self, watertight) {
+            (Self::TilesInVectors, false) => Some(constants::CPU),
+            (Self::TilesInVectors, true) => Some(constants::CPU_WATERTIGHT),
+            (Self::SharedTiles, false) => Some(constants::GPU),
+            (Self::SharedTiles, true) => Some(constants::GPU_WATERTIGHT),
+            (Self::Packets | Self::SingleRays, _) => None,
+        }
+    }
+
+    /// All ways that may be chosen.
+    pub fn ways(self) -> Vec<Way> {
+        let tiles = |large, separate| Way::Tiles { large, separate };
+        let tiles = match self {
+            Self::TilesInVectors => vec![TILES],
+            Self::SharedTiles => {
+                vec![TILES, tiles(true, false), tiles(false, true), tiles(true, true)]
+            }
+            Self::Packets | Self::SingleRays => Vec::new(),
+        };
+        [Way::Exhaustive, Way::Single].into_iter().chain(tiles).collect()
+    }
+}
+
+impl Way {
+    /// Its name in stored sweeps.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exhaustive => "exhaustive",
+            Self::Single => "single",
+            Self::Tiles { large: false, separate: false } => "tiles",
+            Self::Tiles { large: true, separate: false } => "large-tiles",
+            Self::Tiles { large: false, separate: true } => "separate-tiles",
+            Self::Tiles { large: true, separate: true } => "large-separate-tiles",
+        }
+    }
+
+    /// The one that is fastest for a task.
+    pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
+        match Class::of(limits).constants(task.watertight) {
+            Some(constants) => constants.way(task, limits.compute_units),
+            None if task.triangles < TREE_TRIANGLES => Self::Exhaustive,
+            None => Self::Single,
+        }
+    }
+
+    /// Its strategy on a device, and the local size.
+    pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
+        let width = widest(limits.native_width);
+        let of = |name: &str| preset(name).map(|preset| preset.strategy);
+        let (mut strategy, local_size) = match (limits.is_cpu, self) {
+            (true, Self::Exhaustive) if watertight => (Strategy { width, ..of("wide")? }, [4, 4]),
+            (true, Self::Exhaustive) => (Strategy { width, ..of("wide-common-origin")? }, [4, 4]),
+            (true, Self::Single) => (Strategy { width, ..of("bvh-packet")? }, [4, 4]),
+            (true, Self::Tiles { .. }) if watertight => (of("tile-watertight")?, [1, 1]),
+            (true, Self::Tiles { .. }) => (of("tile")?, [1, 1]),
+            (false, Self::Exhaustive) if watertight => (of("tiled-wide")?, [16, 8]),
+            (false, Self::Exhaustive) => (of("tiled-common-origin")?, [16, 8]),
+            (false, Self::Single) => (of("bvh")?, [8, 8]),
+            (false, Self::Tiles { large, separate }) => {
+                let mut strategy = of("tile-group")?;
+                strategy.tile = if large { TileSize::T16x8 } else { strategy.tile };
+                strategy.passes = if separate { Passes::Separate } else { Passes::Fused };
+                (strategy, strategy.local_size(limits, [8, 8]))
+            }
+        };
+        if watertight {
+            strategy.intersector = Intersector::WATERTIGHT;
+        }
+        Ok((strategy, local_size))
+    }
+}
+
+/// The fastest strategy measured on devices of this kind for a task, and its local size. Small scenes are tested exhaustively: on a
+/// CPU as many rays per work-item as its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger
+/// ones have a tree, which tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane
+/// operations that were timed. Where triangles are much smaller than pixels, the rays of a tile go apart.
+pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
+    Way::fastest(limits, task).strategy(limits, task.watertight)
 }
 
 /// The largest width that the hardware's vectors hold.
@@ -62,86 +219,94 @@ mod tests {
 
     const PIXELS: usize = 1920 * 1080;
 
-    fn choice(is_cpu: bool, native_width: u32, triangles: usize) -> (Strategy, [u32; 2]) {
-        let limits = DeviceLimits { native_width, is_cpu, ..crate::device::EXAMPLE_LIMITS };
-        fastest(&limits, triangles, PIXELS).unwrap_or_else(|error| panic!("{error}"))
+    /// Constants of no sweep, so that a better sweep breaks no test.
+    const EXAMPLE: Constants = Constants {
+        tree_triangles: 50.0,
+        single_triangles_a_pixel: 2.0,
+        single_triangles_a_pixel_inside: 1.0,
+        single_pixels_a_unit: 100.0,
+        large_pixels: 6e6,
+        large_pixels_a_triangle: 25.0,
+        separate_pixels: f64::INFINITY,
+        separate_pixels_inside: 1e7,
+    };
+
+    fn limits(is_cpu: bool, native_width: u32, lane_operations: LaneOperations) -> DeviceLimits {
+        DeviceLimits { native_width, is_cpu, lane_operations, ..crate::device::EXAMPLE_LIMITS }
+    }
+
+    fn choice(limits: &DeviceLimits, task: &Task) -> (Strategy, [u32; 2]) {
+        fastest(limits, task).unwrap_or_else(|error| panic!("{error}"))
     }
 
     #[test]
-    fn the_number_of_triangles_and_the_device_decide() {
+    fn each_constant_decides_between_two_ways() {
+        let of = |triangles, pixels| EXAMPLE.way(&Task { triangles, pixels, ..Task::default() }, 10);
+        assert_eq!([of(49, PIXELS), of(50, PIXELS)], [Way::Exhaustive, TILES]);
+        assert_eq!([of(199_999, 100_000), of(200_000, 100_000)], [TILES, Way::Single]);
+        assert_eq!([of(50, 999), of(50, 1000)], [Way::Single, TILES]);
+        let large = Way::Tiles { large: true, separate: false };
+        assert_eq!([of(10_000, 5_999_999), of(10_000, 6_000_000)], [TILES, large]);
+        assert_eq!([of(240_001, 6_000_000), of(240_000, 6_000_000)], [TILES, large]);
+        let inside =
+            |pixels| EXAMPLE.way(&Task { triangles: 400_001, pixels, inside: true, watertight: false }, 10);
+        assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Way::Single, TILES, TILES]);
+        assert_eq!(Constants { tree_triangles: 0.0, ..EXAMPLE }.way(&Task::default(), 10), Way::Exhaustive);
+        assert_eq!(inside(10_000_000), Way::Tiles { large: false, separate: true });
+    }
+
+    #[test]
+    fn the_device_decides_what_a_way_is() {
         let named = |name: &str| preset(name).map(|preset| preset.strategy).ok();
-        for (is_cpu, native_width, first_tree, small, large) in [
-            (true, 16, TREE_TRIANGLES_OF_TILES, "wide-common-origin", "tile"),
-            (false, 1, TREE_TRIANGLES, "tiled-common-origin", "bvh"),
-        ] {
-            let of = |triangles| Some(choice(is_cpu, native_width, triangles).0);
-            assert_eq!([of(1), of(first_tree - 1)], [named(small), named(small)]);
-            assert_eq!([of(first_tree), of(10_000_000)], [named(large), named(large)]);
-        }
-    }
-
-    #[test]
-    fn a_gpu_whose_work_items_can_share_tiles_does() {
-        let limits = |lane_operations| DeviceLimits {
-            lane_operations,
-            is_cpu: false,
-            native_width: 1,
-            ..crate::device::EXAMPLE_LIMITS
+        let of = |limits: &DeviceLimits, way: Way, watertight| {
+            way.strategy(limits, watertight).ok().map(|(s, _)| s)
         };
-        let of = |lanes| {
-            fastest(&limits(lanes), 10_000, PIXELS)
-                .map(|(strategy, local)| (strategy.shares_tiles(), local))
-                .ok()
-        };
-        assert_eq!(of(LaneOperations::Ptx), Some((true, [32, 4])));
-        assert_eq!(of(LaneOperations::Barriers), Some((false, [8, 8])));
+        let (cpu, gpu) = (limits(true, 16, LaneOperations::Barriers), limits(false, 1, LaneOperations::Ptx));
+        assert_eq!(of(&cpu, Way::Exhaustive, false), named("wide-common-origin"));
+        assert_eq!(of(&cpu, Way::Single, false), named("bvh-packet"));
         assert_eq!(
-            fastest(&limits(LaneOperations::Ptx), 10, PIXELS).map(|(s, _)| s.needs_tree()).ok(),
-            Some(false)
+            [of(&cpu, TILES, false), of(&cpu, TILES, true)],
+            [named("tile"), named("tile-watertight")]
+        );
+        assert_eq!(of(&gpu, Way::Exhaustive, false), named("tiled-common-origin"));
+        assert_eq!([of(&gpu, Way::Single, false), of(&gpu, Way::Single, true)], [named("bvh"); 2]);
+        let separate = Way::Tiles { large: false, separate: true };
+        assert_eq!(
+            [of(&gpu, TILES, false), of(&gpu, separate, true)],
+            [named("tile-group"), named("tile-group-watertight")]
         );
     }
 
     #[test]
-    fn triangles_much_smaller_than_pixels_are_for_packets_and_single_rays() {
-        let cpu = DeviceLimits { native_width: 16, is_cpu: true, ..crate::device::EXAMPLE_LIMITS };
-        let gpu = DeviceLimits { lane_operations: LaneOperations::Ptx, is_cpu: false, ..cpu };
-        let tiles = |limits: &DeviceLimits, triangles| {
-            fastest(limits, triangles, 100_000)
-                .map(|(strategy, _)| strategy.traversal == Traversal::Tile)
-                .ok()
-        };
-        assert_eq!([tiles(&cpu, 1_299_999), tiles(&cpu, 1_300_000)], [Some(true), Some(false)]);
-        assert_eq!([tiles(&gpu, 199_999), tiles(&gpu, 200_000)], [Some(true), Some(false)]);
-        assert_eq!(fastest(&cpu, 1_300_000, 100_000).map(|(s, _)| s.width).ok(), Some(Width::W16));
+    fn devices_without_tiles_walk_trees_one_by_one() {
+        let task = |triangles| Task { triangles, pixels: PIXELS, ..Task::default() };
+        let (cpu, gpu) =
+            (limits(true, 8, LaneOperations::Barriers), limits(false, 1, LaneOperations::Barriers));
+        let (packets, local_size) = choice(&cpu, &task(10_000));
+        assert_eq!((packets.traversal, packets.width, local_size), (Traversal::Bvh, Width::W8, [4, 4]));
+        let (single, local_size) = choice(&gpu, &task(10_000));
+        assert_eq!((single.traversal, single.width, local_size), (Traversal::Bvh, Width::W1, [8, 8]));
+        for limits in [cpu, gpu] {
+            assert!(!choice(&limits, &task(TREE_TRIANGLES - 1)).0.needs_tree());
+            assert!(choice(&limits, &task(TREE_TRIANGLES)).0.needs_tree());
+        }
     }
 
     #[test]
-    fn many_pixels_are_for_large_tiles() {
-        let limits = DeviceLimits {
-            lane_operations: LaneOperations::Ptx,
-            is_cpu: false,
-            ..crate::device::EXAMPLE_LIMITS
-        };
-        let tile =
-            |triangles, pixels| fastest(&limits, triangles, pixels).map(|(strategy, _)| strategy.tile).ok();
-        let (small, large) = (Some(TileSize::T8x8), Some(TileSize::T16x8));
-        assert_eq!([tile(10_000, 5_999_999), tile(10_000, 6_000_000)], [small, large]);
-        assert_eq!([tile(240_000, 6_000_000), tile(240_001, 6_000_000)], [large, small]);
-    }
-
-    #[test]
-    fn a_cpu_with_narrower_vectors_casts_packets_of_their_width() {
-        let (strategy, local_size) = choice(true, 8, 10_000);
-        assert_eq!((strategy.traversal, strategy.width), (Traversal::Bvh, Width::W8));
-        assert!(!choice(true, 8, TREE_TRIANGLES - 1).0.needs_tree());
-        assert_eq!(local_size, [4, 4]);
-    }
-
-    #[test]
-    fn every_choice_makes_sense() {
-        for (is_cpu, width) in [(true, 1), (true, 4), (true, 16), (false, 1)] {
-            for triangles in [0, 1, 49, 50, 199, 200, 10_000_000] {
-                assert_eq!(choice(is_cpu, width, triangles).0.contradiction(), None);
+    fn every_choice_makes_sense_and_is_as_tight_as_it_is_asked_to_be() {
+        let lanes = [LaneOperations::Barriers, LaneOperations::Ptx];
+        let devices =
+            [(true, 1), (true, 4), (true, 16), (false, 1)].map(|(is_cpu, width)| (is_cpu, width, lanes));
+        for (is_cpu, width, lanes) in devices {
+            for limits in lanes.map(|lanes| limits(is_cpu, width, lanes)) {
+                for way in Class::of(&limits).ways() {
+                    for watertight in [false, true] {
+                        let (strategy, _) =
+                            way.strategy(&limits, watertight).unwrap_or_else(|error| panic!("{error}"));
+                        assert_eq!(strategy.contradiction(), None, "{strategy}");
+                        assert!(!watertight || strategy.intersector == Intersector::WATERTIGHT, "{strategy}");
+                    }
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! A strategy: one value of every axis. Presets name the paper's rows.
 
 mod axis;
+mod constants;
 mod facts;
 mod fastest;
 mod header;
@@ -19,7 +20,7 @@ pub use axis::{
     Shading, TileSize, Traversal, Triangles, Vectors, Width,
 };
 pub use facts::{Copied, WorkingMemory};
-pub use fastest::fastest;
+pub use fastest::{Class, Constants, Task, Way, fastest};
 pub use header::{Contradiction, Header};
 pub use host::HostNeeds;
 pub use infeasible::Infeasible;

@@ -5,9 +5,10 @@ use super::timeline::Timeline;
 use crate::cli::turn::hold;
 use crate::device::Device;
 use crate::error::Result;
-use crate::image::Radiance;
-use crate::launch::{FrameTimes, Prepared, Refused};
+use crate::image::{Incoming, Radiance};
+use crate::launch::{Caster, FrameTimes, LaunchError, Prepared, Refused, ShowProgram};
 use crate::measure::Summary;
+use crate::output::Target;
 use crate::scene::{Display, Scene, pixel_samples};
 use image::RgbImage;
 
@@ -15,11 +16,19 @@ use image::RgbImage;
 pub enum Picture {
     Radiance(Radiance),
     Shown(RgbImage),
+    Incoming(Incoming),
 }
 
-/// A cast frame and its times.
+/// How an image becomes one of 8 bits.
+pub struct Shows<'a> {
+    pub display: Display,
+    pub target: &'a Target,
+    /// What shows it on a device that does not share the host's memory.
+    pub program: Option<&'a ShowProgram>,
+}
+
+/// What is known of a cast frame.
 pub struct Cast {
-    pub image: Picture,
     pub hits: usize,
     pub times: FrameTimes,
     pub from_cache: bool,
@@ -38,9 +47,9 @@ pub fn cast(
     args: &Args,
     device: &Device,
     prepared: &Prepared,
-    (scene, shown): (&Scene, Option<Display>),
+    (scene, shows): (&Scene, Option<Shows<'_>>),
     timeline: &mut Timeline,
-) -> Result<Cast> {
+) -> Result<(Picture, Cast)> {
     let refused = |refused: Refused| refused.into_error(&device.info.name);
     let caster = prepared.caster().map_err(refused)?;
     let records_ms = caster.records_ms().unwrap_or(0.0);
@@ -68,26 +77,41 @@ pub fn cast(
         frames.push(frame()?);
     }
     timeline.ends("casting");
-    let unreadable = Refused::at("reading the image");
-    let read = || -> std::result::Result<(Picture, usize), Refused> {
+    let (image, hits) = match summed {
         // The mean of several samples is here already.
-        if let Some((image, hits)) = summed {
-            return Ok((Picture::Radiance(image), hits));
-        }
-        let shown =
-            shown.map(|display| caster.read_shown(display)).transpose().map_err(&unreadable)?.flatten();
-        if let Some((picture, hits)) = shown {
-            return Ok((Picture::Shown(picture), hits));
-        }
-        let (image, hits) = caster.read().map_err(&unreadable)?;
-        Ok((Picture::Radiance(image), hits))
+        Some((image, hits)) => (Picture::Radiance(image), hits),
+        None => read(&caster, shows.as_ref()).map_err(Refused::at("reading the image")).map_err(refused)?,
     };
-    let (image, hits) = read().map_err(refused)?;
     timeline.ends("read");
     let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
     let (times, samples) = (medians(&frames), args.samples);
-    Ok(Cast { image, hits, times, from_cache, records_ms, read_ms, samples })
+    Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, samples }))
+}
+
+/// Reads the last frame's image: as it is shown, where that is wanted and can be, else as radiance.
+fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Picture, usize), LaunchError> {
+    if let Some(shows) = shows
+        && let Some(shown) = read_shown(caster, shows)?
+    {
+        return Ok(shown);
+    }
+    let (image, hits) = caster.read()?;
+    Ok((Picture::Radiance(image), hits))
+}
+
+/// None where a pixel is not finite.
+fn read_shown(
+    caster: &Caster,
+    Shows { display, target, program }: &Shows<'_>,
+) -> std::result::Result<Option<(Picture, usize)>, LaunchError> {
+    let Some(program) = program else {
+        let read = caster.read_shown(*display)?;
+        return Ok(read.map(|(picture, hits)| (Picture::Shown(picture), hits)));
+    };
+    let mut incoming = Incoming::new(target, caster.size());
+    let hits = caster.show(program, *display, incoming.rows_together(), |rows| incoming.take(rows))?;
+    Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
 /// The medians of each part.
@@ -103,5 +127,76 @@ pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
         shade_ms: median(&|frame| frame.shade_ms),
         host_ms: median(&|frame| Some(frame.host_ms)).unwrap_or(0.0),
         ..FrameTimes::default()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+    use crate::launch::{Queue, Session};
+    use crate::output::Choice;
+    use crate::program::{Kept, Sources};
+    use crate::scene::load_scene;
+    use crate::strategy::preset;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// Smaller than a frame, its triangles and its tree: all of them come and go in several pieces.
+    const PIECE_BYTES: usize = 1000;
+
+    /// Casts a scene on a device, which may be a CPU that is used as one with a memory of its own, and works with the caster.
+    fn with_caster<T>(
+        strategy: &str,
+        is_apart: bool,
+        work: impl FnOnce(&Caster, &ShowProgram, Display) -> T,
+    ) -> T {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let queue = Queue::open(device.platform, device.device).unwrap();
+        let queue = if is_apart { queue.apart(PIECE_BYTES) } else { queue };
+        let spec = ShowProgram::spec(&Sources::Embedded).unwrap();
+        let show = ShowProgram::build(&queue, &spec, &Kept::default()).unwrap();
+        let mut session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
+        let strategy = preset(strategy).unwrap().strategy;
+        let prepared =
+            session.prepare(&strategy, [75, 61], [1, 1]).map_err(|refused| refused.reason()).unwrap();
+        let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
+        caster.cast().unwrap();
+        work(&caster, &show, scene.display)
+    }
+
+    #[test]
+    fn what_goes_in_pieces_arrives_as_what_goes_at_once() {
+        // A soup of triangles; a tree with corners, and one with surfaces beside them.
+        for strategy in ["deferred", "bvh", "tile"] {
+            let [apart, shared] = [true, false]
+                .map(|is_apart| with_caster(strategy, is_apart, |caster, _, _| caster.read().unwrap()));
+            assert!(apart == shared, "{strategy}: {} hits apart, {} shared", apart.1, shared.1);
+            assert!(apart.1 > 0);
+        }
+    }
+
+    #[test]
+    fn a_picture_that_comes_in_pieces_is_the_same_file() {
+        with_caster("bvh", true, |caster, show, display| {
+            let folder = tempfile::tempdir().unwrap();
+            let saved = |name: &str, program: Option<&ShowProgram>| {
+                let path = folder.path().join(name);
+                let target = Target::new(&path, Choice { force: false, elsewhere: "-o FILE" });
+                let shows = Shows { display, target: &target, program };
+                let (picture, hits) = read(caster, Some(&shows)).unwrap();
+                assert!(matches!(picture, Picture::Incoming(_)) == program.is_some());
+                super::super::save_picture(picture, display, &target).unwrap();
+                (std::fs::read(path).unwrap(), hits)
+            };
+            for ending in ["png", "jpg"] {
+                let [shown, read] = [("device", Some(show)), ("host", None)]
+                    .map(|(name, program)| saved(&format!("{name}.{ending}"), program));
+                assert!(shown == read, "{ending}: other bytes, or {} hits, not {}", shown.1, read.1);
+            }
+        });
     }
 }

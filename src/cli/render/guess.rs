@@ -5,7 +5,7 @@ use super::{Args, strategy};
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 use crate::program::{ProgramSpec, Sources};
-use crate::strategy::{Strategy, Workload, preset};
+use crate::strategy::{Strategy, Task, Workload, preset};
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
 
@@ -75,7 +75,10 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
         return None;
     }
     let triangles = args.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
-    let (strategy, local_size) = strategy(args, device, triangles as usize).ok()?;
+    // From outside, as a bare mesh is seen.
+    let pixels = args.width as usize * args.height as usize;
+    let task = Task { triangles: triangles as usize, pixels, ..Task::default() };
+    let (strategy, local_size) = strategy(args, device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
     Some((strategy, Workload { local_size, stack_size, ..Workload::default() }))
 }

@@ -4,7 +4,7 @@ mod frames;
 
 use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
-use super::{Args, ms_since, prepare, strategy};
+use super::{Args, ms_since, prepare, strategy, task};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> Result<()> {
     let Opened { loaded, device, queue, .. } = open(args, &sources)?;
     let Loaded { scene, orbit, notes, .. } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
+    let (strategy, local_size) = strategy(args, &device.info, task(args, &scene))?;
     let missing = match &sink {
         Sink::Numbered(numbered) => numbered.missing(&keys(args, &scene, &strategy, wanted, count))?,
         Sink::Movie(_) => wanted.numbers().map(|number| (number, String::new())).collect(),

@@ -1,11 +1,11 @@
 //! Reading the scene while the driver starts, and building the program that it will probably need.
 
 use super::timeline::Timeline;
-use super::{Args, guess, load, strategy, timed};
+use super::{Args, guess, load, may_be_shown, strategy, target, task, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
-use crate::launch::{HostTree, Queue};
+use crate::launch::{HostTree, Queue, ShowProgram};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use crate::scene::{Loaded, Scene};
 use crate::strategy::{Strategy, Workload};
@@ -24,13 +24,16 @@ pub struct Opened {
     pub early: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree of the strategy that is needed.
     pub tree: Option<(Strategy, HostTree)>,
+    /// What shows the image in 8 bits, where the device is to do that.
+    pub show: Option<ShowProgram>,
 }
 
 impl Opened {
     /// What one hides of the other took no time: of the driver's start what loading hides, of the build what is hidden by both,
     /// and of the tree what is hidden by all.
     pub fn tell(&self, timeline: &mut Timeline) {
-        let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms);
+        let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
+        let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
         let waited_ms = self.start_ms + build_ms - self.load_ms.max(self.start_ms);
         let parts =
             [("load", self.load_ms), ("discover", self.start_ms - self.load_ms), ("build", waited_ms)];
@@ -58,9 +61,10 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         });
         drop(found);
         let early = opened.as_ref().ok().and_then(|(device, queue)| early(args, sources, device, queue));
+        let show = opened.as_ref().ok().and_then(|(device, queue)| show(args, sources, device, queue));
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
-        Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree })
+        Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree, show })
     })
 }
 
@@ -70,7 +74,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     if args.verify.is_some() {
         return None;
     }
-    let (strategy, local_size) = strategy(args, device, scene.mesh.triangles.len()).ok()?;
+    let (strategy, local_size) = strategy(args, device, task(args, scene)).ok()?;
     let workload = Workload::of(scene, [args.width, args.height], local_size);
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
@@ -87,4 +91,14 @@ fn early(
     let kept = Kept::of(cache, &device.info);
     let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept).ok()?;
     Some((spec, built))
+}
+
+/// What shows the picture on a device that does not share the host's memory; where it cannot be built, the host does.
+fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
+    let is_one_picture = args.samples == 1 && !args.motion.turns();
+    if queue.shares_memory || !is_one_picture || !may_be_shown(args, &target(args)) {
+        return None;
+    }
+    let kept = Kept::of(guess::cache(args), &device.info);
+    ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
 }

@@ -100,6 +100,11 @@ pub struct Verified {
     pub of_pixels: usize,
 }
 
+/// The preset that a strategy is, unchanged.
+pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
+    PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
+}
+
 impl Verified {
     /// As a person reads it.
     pub fn text(&self) -> String {
@@ -131,7 +136,7 @@ impl Report {
             lights: scene.lights.len(),
             device: device.info.label.clone(),
             threads: device.info.threads,
-            preset: PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name),
+            preset: preset_of(strategy),
             strategy: strategy.to_string(),
             local_size: workload.local_size,
             image_size: workload.image_size,

@@ -2,15 +2,16 @@
 
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
-use super::report::Verified;
-use super::{Args, load, ms_since, strategy, target, timed};
+use super::report::{Verified, preset_of};
+use super::{Args, load, ms_since, strategy, target, task};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
 use crate::image::{check_target, save};
-use crate::launch::{Share, Split};
+use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::Loaded;
+use crate::strategy::Task;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,8 +21,10 @@ use std::time::Instant;
 struct Report {
     scene: String,
     triangles: usize,
-    strategy: String,
-    local_size: [u32; 2],
+    /// Every axis of the strategy, where all devices cast with the same.
+    strategy: Option<String>,
+    /// Work-items of a work-group across and down, where all devices have the same.
+    local_size: Option<[u32; 2]>,
     image_size: [u32; 2],
     /// The longest of the devices' times: they cast at once.
     frame_ms: f64,
@@ -32,6 +35,8 @@ struct Report {
     /// Primary and shadow rays over the longest device time of a frame.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
+    /// Devices that would have slowed the frame.
+    left_out: Vec<LeftOut>,
     /// Frames the times are medians of.
     frames: u32,
     /// The whole command.
@@ -46,6 +51,12 @@ struct Report {
 #[derive(Serialize)]
 struct Row {
     device: String,
+    /// The preset, where the strategy is one unchanged.
+    preset: Option<&'static str>,
+    /// Every axis of the strategy.
+    strategy: String,
+    /// Work-items of a work-group across and down.
+    local_size: [u32; 2],
     /// The first row of its pixels, and the one after the last.
     rows: [u32; 2],
     frame_ms: f64,
@@ -62,6 +73,9 @@ impl From<Share> for Row {
         let times = medians(&share.frames);
         Self {
             device: share.device,
+            preset: preset_of(&share.strategy),
+            strategy: share.strategy.to_string(),
+            local_size: share.local_size,
             rows: share.rows,
             frame_ms: times.frame_ms,
             primary_ms: times.primary_ms,
@@ -84,28 +98,25 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let sources = Sources::of(args.cl_dir.clone())?;
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
-    // One strategy for all, as the pixels are to be the same.
-    let (strategy, local_size) = strategy(args, &devices[0].info, scene.mesh.triangles.len())?;
+    let castings = castings(args, &devices, task(args, &scene))?;
     let image_size = [args.width, args.height];
     let split = Split {
         scene: Arc::clone(&scene),
-        strategy,
         image_size,
-        local_size,
         sources: &sources,
         repeat: args.repeat,
         verifies: args.verify.is_some(),
+        every_device: args.every_device,
     };
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let held = (args.repeat > 1).then(|| hold(&infos, args.no_wait)).transpose()?;
-    let (image, hits, shares) = split.cast(&devices)?;
+    let Whole { image, hits, shares, left_out } = split.cast(&castings)?;
     drop(held);
-    let (saved, _) = timed(|| save(&image, scene.display, &target));
-    saved?;
+    save(&image, scene.display, &target)?;
     refuse_not_finite(&image, target.path())?;
     let verified = args
         .verify
-        .map(|some| check(&scene, (&image, hits), (&strategy, 1), target.path(), some))
+        .map(|some| check(&scene, (&image, hits), (&castings[0].strategy, 1), target.path(), some))
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
@@ -114,56 +125,73 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let report = Report {
         scene: scene.name.clone(),
         triangles: scene.mesh.triangles.len(),
-        strategy: strategy.to_string(),
-        local_size,
+        strategy: same(&rows, |row| row.strategy.clone()),
+        local_size: same(&rows, |row| row.local_size),
         image_size,
         frame_ms,
         upload_ms: longest(|row| row.upload_ms),
         read_ms: longest(|row| row.read_ms),
         frame_rays_per_s: rays / frame_ms * 1e3,
         devices: rows,
+        left_out,
         frames: args.repeat,
         total_ms: ms_since(start),
         verified,
         output: target.path().display().to_string(),
         notes,
     };
+    tell(args, &report, target.is_standard_output())
+}
+
+/// Prints the report, beside a picture that is printed itself.
+fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
     match (args.json, args.quiet) {
-        _ if target.is_standard_output() => super::super::tell(args.quiet, text(&report)),
-        (true, _) => super::super::print_json(&report),
+        _ if beside => super::super::tell(args.quiet, text(report)),
+        (true, _) => super::super::print_json(report),
         (false, true) => Ok(()),
-        (false, false) => super::super::print(text(&report)),
+        (false, false) => super::super::print(text(report)),
     }
 }
 
+/// How each device casts: as it would alone.
+fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>> {
+    let casting = |device: &Device| -> Result<Casting> {
+        let (strategy, local_size) = strategy(args, &device.info, task)?;
+        Ok(Casting { device: device.clone(), strategy, local_size })
+    };
+    devices.iter().map(casting).collect()
+}
+
+/// What all devices have alike.
+fn same<T: PartialEq>(rows: &[Row], of: impl Fn(&Row) -> T) -> Option<T> {
+    let mut all = rows.iter().map(of);
+    let first = all.next()?;
+    all.all(|other| other == first).then_some(first)
+}
+
 fn text(report: &Report) -> String {
-    let header = ["device", "rows", "build ms", "upload ms", "frame ms", "read ms"];
+    let header = ["device", "rows", "strategy", "build ms", "upload ms", "frame ms", "read ms"];
     let mut table = super::super::table(&header, 1);
     let ms = |value: f64| format!("{value:.2}");
     for row in &report.devices {
         let rows = format!("{} to {}", row.rows[0], row.rows[1]);
-        table.add_row([
-            row.device.clone(),
-            rows,
-            ms(row.build_ms),
-            ms(row.upload_ms),
-            ms(row.frame_ms),
-            ms(row.read_ms),
-        ]);
+        let strategy = row.preset.map_or_else(|| row.strategy.clone(), str::to_owned);
+        let times = [row.build_ms, row.upload_ms, row.frame_ms, row.read_ms].map(ms);
+        table.add_row([row.device.clone(), rows, strategy].into_iter().chain(times));
     }
     let [width, height] = report.image_size;
-    format!(
-        "scene     {}: {} triangles\nstrategy  {}\nsize      {width} x {height} pixels\n{table}\nframe     {:.2} ms, the \
-         longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down\n{}{}picture   {}",
-        report.scene,
-        report.triangles,
-        report.strategy,
-        report.frame_ms,
-        report.frames,
-        report.upload_ms,
-        report.read_ms,
-        report.verified.as_ref().map(|verified| verified.text() + "\n").unwrap_or_default(),
-        report.notes.iter().map(|note| format!("note      {note}\n")).collect::<String>(),
-        report.output
-    )
+    let mut lines = vec![format!("scene     {}: {} triangles", report.scene, report.triangles)];
+    lines.extend(report.strategy.iter().map(|strategy| format!("strategy  {strategy}")));
+    lines.push(format!("size      {width} x {height} pixels\n{table}"));
+    lines.push(format!(
+        "frame     {:.2} ms, the longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down",
+        report.frame_ms, report.frames, report.upload_ms, report.read_ms
+    ));
+    lines.extend(
+        report.left_out.iter().map(|LeftOut { device, reason }| format!("left out  {device}: {reason}")),
+    );
+    lines.extend(report.verified.iter().map(Verified::text));
+    lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
+    lines.push(format!("picture   {}", report.output));
+    lines.join("\n")
 }

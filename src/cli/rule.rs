@@ -1,0 +1,145 @@
+//! `raycl rule`, for contributors: the rule by which `render` chooses, held against measurements, and its constants made of them.
+
+use super::choice::one_device;
+use super::turn::hold;
+use crate::device::Device;
+use crate::error::{Error, Result};
+use crate::output::{Choice, Target};
+use crate::program::Sources;
+use crate::reader;
+use crate::rule::{Case, Measured, Sweep, cases, source};
+use crate::strategy::Class;
+use std::path::{Path, PathBuf};
+
+/// Rounds in turns, of which the least counts.
+const ROUNDS: u32 = 5;
+
+/// Arguments of `raycl rule`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  raycl rule docs/rule.toml --device cpu -o sweep.json    measure every way of every case
+  raycl rule --show docs/results/rule/*.json              what the rule chooses of stored sweeps
+  raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
+pub struct Args {
+    /// A file of cases
+    #[arg(required_unless_present_any = ["fit", "show"])]
+    cases: Option<PathBuf>,
+    /// A word of the device's name, platform or vendor, or cpu or gpu
+    #[arg(long)]
+    device: Option<String>,
+    /// Measure only cases whose name has this in it
+    #[arg(long, value_name = "WORD")]
+    only: Option<String>,
+    /// Rounds, of which the least counts
+    #[arg(long, default_value_t = ROUNDS, value_parser = clap::value_parser!(u32).range(1..=100))]
+    rounds: u32,
+    /// What a reader should know of the machine, stored beside the times
+    #[arg(long, value_name = "WORDS", default_value = "")]
+    conditions: String,
+    /// Store the sweep
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Print the rule's constants, as the program's text, made of stored sweeps
+    #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
+    fit: Vec<PathBuf>,
+    /// Print what the rule chooses of stored sweeps
+    #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with = "cases")]
+    show: Vec<PathBuf>,
+}
+
+/// Measures, shows or fits.
+pub fn run(args: Args) -> Result<()> {
+    if !args.fit.is_empty() {
+        let text = source(&read_all(&args.fit)?);
+        return super::print(text.trim_end());
+    }
+    for sweep in read_all(&args.show)? {
+        super::print(text(&sweep)?)?;
+    }
+    let Some(path) = &args.cases else { return Ok(()) };
+    let sweep = measure(&args, path)?;
+    super::print(text(&sweep)?)?;
+    match &args.output {
+        Some(path) => Target::new(path, Choice { force: false, elsewhere: "-o FILE" }).write_json(&sweep),
+        None => Ok(()),
+    }
+}
+
+fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
+    let read = |path: &PathBuf| {
+        let wrong = |why: &dyn std::fmt::Display| {
+            Error::input(format!("cannot read the sweep '{}': {why}", path.display()))
+                .with_help("`raycl rule CASES -o FILE` writes one")
+        };
+        let text = reader::text(path, reader::Kind::Results).map_err(|error| wrong(&error))?;
+        serde_json::from_str(&text).map_err(|error| wrong(&error))
+    };
+    paths.iter().map(read).collect()
+}
+
+fn measure(args: &Args, path: &Path) -> Result<Sweep> {
+    let device = one_device(args.device.as_deref(), &Sources::Embedded)?;
+    let kind = if device.info.limits.is_cpu { "cpu" } else { "gpu" };
+    let is_wanted = |case: &Case| {
+        let word = args.only.as_deref().unwrap_or("");
+        case.devices.iter().any(|name| name == kind) && case.name.contains(word)
+    };
+    let wanted: Vec<Case> = cases(path)?.into_iter().filter(is_wanted).collect();
+    let _held = hold(&[&device.info], false)?;
+    let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
+    Ok(Sweep {
+        device: device.info.label.clone(),
+        class: Class::of(&device.info.limits),
+        compute_units: device.info.limits.compute_units,
+        date: jiff::Timestamp::now().strftime("%Y-%m-%d").to_string(),
+        conditions: args.conditions.clone(),
+        rounds: args.rounds,
+        cases: measured.collect::<Result<_>>()?,
+    })
+}
+
+fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Measured> {
+    let scene = case.scene(path)?;
+    let task = case.task(&scene);
+    if !case.is_of_its_kinds(&task) {
+        let message = format!("the case '{}' is not of its kinds: {task:?}", case.name);
+        return Err(Error::input(message).with_help("its `kinds` are few, inside, watertight and dense"));
+    }
+    super::tell(false, format!("measuring {}", case.name))?;
+    Measured::of(case, scene, device, rounds)
+}
+
+/// The choice of each case beside the best.
+fn text(sweep: &Sweep) -> Result<String> {
+    let header = ["case", "triangles", "pixels", "chosen", "ms", "best", "ms", "ratio"];
+    let mut table = super::table(&header, 1);
+    let mut ratios = Vec::new();
+    for case in &sweep.cases {
+        let constants = sweep.class.constants(case.task.watertight);
+        let verdict = constants.and_then(|constants| case.verdict(constants, sweep.compute_units));
+        let Some(verdict) = verdict else { continue };
+        ratios.push(verdict.ratio());
+        let ms = |ms: f64| format!("{ms:.3}");
+        table.add_row([
+            case.name.clone(),
+            case.task.triangles.to_string(),
+            case.task.pixels.to_string(),
+            verdict.choice.name().to_owned(),
+            verdict.choice_ms.map_or("refused".to_owned(), ms),
+            verdict.best.0.clone(),
+            ms(verdict.best.1),
+            format!("{:.3}", verdict.ratio()),
+        ]);
+    }
+    let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
+    let worst = ratios.iter().copied().fold(1.0, f64::max);
+    Ok(format!(
+        "device    {}, {}: least of {} rounds in turns\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst takes {worst:.3} times as long",
+        sweep.device,
+        sweep.date,
+        sweep.rounds,
+        within(1.05),
+        ratios.len(),
+        within(1.10)
+    ))
+}

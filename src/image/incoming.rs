@@ -1,0 +1,65 @@
+//! An 8-bit picture whose rows come one after another, from the top.
+
+use super::encode::{JPEG_QUALITY, jpeg_of};
+use super::file::{is_jpeg, save_rgb8};
+use super::jpeg::Encoding;
+use crate::error::Result;
+use crate::output::Target;
+use image::RgbImage;
+use rayon::prelude::*;
+use std::io::Error;
+
+/// Bytes that a thread copies at a time.
+const COPIED_TOGETHER: usize = 1 << 18;
+
+/// A picture in the making.
+pub enum Incoming {
+    /// Kept until all rows are there, and how many of its bytes are.
+    Whole(RgbImage, usize),
+    /// Encoded band by band as they come.
+    Jpeg(Encoding),
+}
+
+impl Incoming {
+    /// Of pixels across and down, for a file of this name.
+    pub fn new(target: &Target, size: [u32; 2]) -> Self {
+        match is_jpeg(target.path()) {
+            true => Self::Jpeg(Encoding::new(size, JPEG_QUALITY)),
+            false => Self::Whole(RgbImage::new(size[0], size[1]), 0),
+        }
+    }
+
+    /// Rows that are to come together, or any multiple of them.
+    pub fn rows_together(&self) -> usize {
+        match self {
+            Self::Whole(..) => 1,
+            Self::Jpeg(encoding) => encoding.rows_together(),
+        }
+    }
+
+    /// Takes the next rows: red, green and blue of each pixel.
+    pub fn take(&mut self, rows: &[u8]) {
+        match self {
+            Self::Whole(picture, there) => {
+                let bytes: &mut [u8] = picture;
+                let place = &mut bytes[*there..*there + rows.len()];
+                // On all cores, as memory is touched for the first time.
+                let pairs = place.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
+                pairs.for_each(|(to, from)| to.copy_from_slice(from));
+                *there += rows.len();
+            }
+            Self::Jpeg(encoding) => encoding.take(rows),
+        }
+    }
+
+    /// Writes the picture when all of it is there; whole or not at all.
+    pub fn save(self, target: &Target) -> Result<()> {
+        match self {
+            Self::Whole(picture, _) => save_rgb8(&picture, target),
+            Self::Jpeg(encoding) => {
+                let encoded = encoding.finish();
+                target.write(|file| jpeg_of(&encoded.map_err(Error::other)?, file))
+            }
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! The display transform on the device, for devices with a memory of their own: three bytes per pixel come back, not sixteen.
+
+use super::buffers::{allocate, upload};
+use super::{LaunchError, Queue};
+use crate::error::Result;
+use crate::image::Shown;
+use crate::program::{BuildError, BuiltProgram, Kept, ProgramSpec, Sources};
+use ocl::prm::Float4;
+use ocl::{Buffer, Kernel};
+use std::ops::Range;
+
+/// The kernel's file.
+const FILE: &str = "display/show.cl";
+/// Pixels of a work-item, whose bytes fill whole words.
+const ITEM_PIXELS: usize = 4;
+/// Work-items of a work-group.
+const GROUP: usize = 64;
+/// Bytes of a pixel.
+const BYTES: usize = 3;
+
+/// The program that shows radiance in 8 bits.
+#[derive(Debug)]
+pub struct ShowProgram {
+    built: BuiltProgram,
+}
+
+/// Where a caster's image is, and its pixels across and down.
+pub(super) type Image<'a> = (&'a Buffer<Float4>, [u32; 2]);
+
+impl ShowProgram {
+    /// What is compiled.
+    pub fn spec(sources: &Sources) -> Result<ProgramSpec> {
+        let defines = format!(
+            "-D SHOWN_VALUES={} -D PLACE_SHIFT={} -D ITEM_PIXELS={ITEM_PIXELS} -D GROUP={GROUP} -cl-std=CL1.2",
+            Shown::VALUES,
+            Shown::PLACE_SHIFT
+        );
+        Ok(ProgramSpec { source: sources.read(FILE)?, options: defines, files: vec![FILE.to_owned()] })
+    }
+
+    /// Builds it for an open device, or takes what was kept of it.
+    pub fn build(queue: &Queue, spec: &ProgramSpec, kept: &Kept) -> std::result::Result<Self, BuildError> {
+        Ok(Self { built: BuiltProgram::build(&queue.context, queue.device, spec, kept)? })
+    }
+
+    /// How long its build took.
+    pub fn build_ms(&self) -> f64 {
+        self.built.build_ms
+    }
+
+    /// Shows an image's rows, which `take` gets from the top as red, green and blue, a multiple of `together` rows at a time but for
+    /// the last; gives how many pixels hit something, or none where a pixel is not finite, which cannot be shown.
+    pub(super) fn read(
+        &self,
+        queue: &Queue,
+        (image, [width, height]): Image<'_>,
+        shown: &Shown,
+        together: usize,
+        mut take: impl FnMut(&[u8]),
+    ) -> std::result::Result<Option<usize>, LaunchError> {
+        let (width, height) = (width as usize, height as usize);
+        let pins = queue.pins(BYTES * width * height);
+        let piece_rows = if pins { queue.staging.rows(BYTES * width, together).min(height) } else { height };
+        // Kernels and transfers take turns in one queue, so that one piece is enough.
+        let items = (piece_rows * width).div_ceil(ITEM_PIXELS);
+        let rows = allocate::<u8>(queue, BYTES * ITEM_PIXELS * items)?;
+        let (smallest, at_least) = shown.tables();
+        let (smallest, at_least) = (upload(queue, smallest)?, upload(queue, at_least)?);
+        let found = allocate::<u32>(queue, 2)?;
+        found.write(&[0, 0][..]).enq()?;
+        let kernel = Kernel::builder()
+            .program(&self.built.program)
+            .name("show_pixels")
+            .queue(queue.commands.clone())
+            .global_work_size(items.next_multiple_of(GROUP))
+            .local_work_size(GROUP)
+            .arg(image)
+            .arg_named("first", 0_u64)
+            .arg_named("count", 0_u32)
+            .arg(&smallest)
+            .arg(&at_least)
+            .arg(&rows)
+            .arg(&found)
+            .build()?;
+        let show = |piece: Range<usize>| -> ocl::Result<(Buffer<u8>, usize)> {
+            kernel.set_arg("first", (piece.start * width) as u64)?;
+            kernel.set_arg("count", (piece.len() * width) as u32)?;
+            // SAFETY: `rows` holds as many pixels as a piece has; the image holds those from the first on.
+            unsafe { kernel.enq()? };
+            Ok((rows.clone(), 0))
+        };
+        if pins {
+            let rows = (0..height, BYTES * width, together);
+            queue.staging.read(&queue.commands, rows, show, |_, piece| take(piece))?;
+        } else {
+            let mut copy = vec![0; BYTES * width * height];
+            show(0..height)?.0.read(&mut copy[..]).enq()?;
+            take(&copy);
+        }
+        let mut counted = [0_u32; 2];
+        found.read(&mut counted[..]).enq()?;
+        Ok((counted[1] == 0).then_some(counted[0] as usize))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+    use crate::scene::Display;
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Not a multiple of a work-item's pixels, and of no piece's rows.
+    const SIZE: [u32; 2] = [37, 101];
+
+    /// A CPU used as a device with a memory of its own, with pieces of some rows.
+    fn queue() -> Queue {
+        queue_of(2000)
+    }
+
+    fn queue_of(piece_bytes: usize) -> Queue {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        Queue::open(device.platform, device.device).unwrap().apart(piece_bytes)
+    }
+
+    fn display(exposure: f32, gamma: f32) -> Display {
+        Display { exposure, gamma }
+    }
+
+    /// What is shown, and how often something was hit.
+    fn show(
+        queue: &Queue,
+        spec: &ProgramSpec,
+        pixels: &[Float4],
+        display: Display,
+    ) -> (Vec<u8>, Option<usize>) {
+        let program = ShowProgram::build(queue, spec, &Kept::default()).unwrap();
+        let image = upload(queue, pixels).unwrap();
+        let mut bytes = Vec::new();
+        let take = |rows: &[u8]| bytes.extend_from_slice(rows);
+        let hits = program.read(queue, (&image, SIZE), &Shown::new(display), 8, take).unwrap();
+        (bytes, hits)
+    }
+
+    /// Radiances of every size, and those at the ends.
+    fn radiances() -> Vec<Float4> {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let steps = Shown::new(Display::default());
+        let ends = [0.0, -0.0, -1.0, 1.0, 1.5, f32::MAX, f32::MIN_POSITIVE, 1.0 / 15.0];
+        let mut radiance = |place: usize| match place % 4 {
+            0 => ends[place / 4 % ends.len()],
+            1 => rng.random_range(-0.1..1.2),
+            2 => steps.tables().0[place % (Shown::VALUES - 1)],
+            _ => rng.random_range(-30.0_f32..10.0).exp2(),
+        };
+        let mut pixel = |place: usize| {
+            Float4::new(radiance(place), radiance(place + 1), radiance(place / 3), (place % 3) as f32)
+        };
+        (0..SIZE[0] as usize * SIZE[1] as usize).map(&mut pixel).collect()
+    }
+
+    #[test]
+    fn every_byte_is_the_hosts() {
+        let spec = ShowProgram::spec(&Sources::Embedded).unwrap();
+        let pixels = radiances();
+        // In pieces, and all at once.
+        let queues = [queue(), queue_of(1 << 20)];
+        let displays = [Display::default(), display(1.0, 1.0), display(0.0, 2.2), display(1e6, 5.0)];
+        for (display, queue) in
+            displays.into_iter().flat_map(|display| queues.iter().map(move |q| (display, q)))
+        {
+            let (bytes, hits) = show(queue, &spec, &pixels, display);
+            let shown = Shown::new(display);
+            let expected: Vec<u8> =
+                pixels.iter().flat_map(|pixel| shown.pixel([pixel[0], pixel[1], pixel[2]])).collect();
+            assert!(bytes == expected, "{display:?}: other bytes");
+            assert_eq!(hits, Some(pixels.iter().filter(|pixel| pixel[3] > 0.0).count()));
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_is_not_shown() {
+        let (queue, spec) = (queue(), ShowProgram::spec(&Sources::Embedded).unwrap());
+        for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for channel in 0..3 {
+                let mut pixels = radiances();
+                let last = pixels.len() - 1;
+                pixels[last][channel] = wrong;
+                assert_eq!(show(&queue, &spec, &pixels, Display::default()).1, None, "{wrong}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_kernel_that_shows_otherwise_is_noticed() {
+        let (queue, right) = (queue(), ShowProgram::spec(&Sources::Embedded).unwrap());
+        let pixels = radiances();
+        let expected = show(&queue, &right, &pixels, Display::default());
+        for (from, to) in [
+            ("smallest[value] <= radiance", "smallest[value] < radiance"),
+            ("bytes[3 * i + 1] = shown(pixel.y", "bytes[3 * i + 1] = shown(pixel.x"),
+            ("own_hits += pixel.w > 0.0f", "own_hits += pixel.w >= 0.0f"),
+            ("image[first + begin + i]", "image[begin + i]"),
+            ("if (hits) atomic_add", "if (!hits) atomic_add"),
+        ] {
+            assert_eq!(right.source.matches(from).count(), 1, "{from}");
+            let wrong = ProgramSpec { source: right.source.replace(from, to), ..right.clone() };
+            assert!(
+                show(&queue, &wrong, &pixels, Display::default()) != expected,
+                "{from}: nothing notices {to}"
+            );
+        }
+    }
+}

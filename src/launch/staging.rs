@@ -1,0 +1,201 @@
+//! Pinned memory of the host: what a device with a memory of its own transfers to and from without the driver's copying it. It is in
+//! two pieces, so that one is filled or emptied while the other is on its way.
+
+use ocl::core::{enqueue_read_buffer, enqueue_write_buffer};
+use ocl::{Buffer, Event, MapFlags, MemFlags, MemMap, OclPrm, Queue};
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+/// Bytes of a piece: long enough that a transfer's start does not count, and that all cores are worth their while.
+const PIECE_BYTES: usize = 16 << 20;
+
+/// A queue's pinned memory, made when it is first needed: pinning takes longer than a short transfer.
+#[derive(Debug)]
+pub(super) struct Staging {
+    piece_bytes: usize,
+    pieces: Mutex<Option<Pieces>>,
+}
+
+impl Default for Staging {
+    fn default() -> Self {
+        Self::of(PIECE_BYTES)
+    }
+}
+
+impl Staging {
+    /// With pieces of so many bytes.
+    pub fn of(piece_bytes: usize) -> Self {
+        Self { piece_bytes, pieces: Mutex::new(None) }
+    }
+
+    /// Whether so many bytes are worth it.
+    pub fn pays(&self, bytes: usize) -> bool {
+        bytes > 2 * self.piece_bytes
+    }
+
+    /// Rows of so many bytes that a piece holds: one at least, and a multiple of `together`.
+    pub fn rows(&self, row_bytes: usize, together: usize) -> usize {
+        let unit = (row_bytes * together).max(1);
+        (self.piece_bytes / unit).max(1) * together
+    }
+
+    /// Writes a buffer's rows of `row` values, `fill`ed in piece by piece.
+    pub fn write<T: OclPrm>(
+        &self,
+        commands: &Queue,
+        buffer: &Buffer<T>,
+        row: usize,
+        fill: impl Fn(Range<usize>, &mut [T]),
+    ) -> ocl::Result<()> {
+        let cut = Cut::new(0..buffer.len() / row, self.rows(row * size_of::<T>(), 1));
+        self.with(commands, cut.most() * row * size_of::<T>(), |pieces| {
+            let mut under_way: [Option<Event>; 2] = [None, None];
+            for number in 0..cut.count() {
+                let (rows, half) = (cut.rows(number), number % 2);
+                if let Some(event) = under_way[half].take() {
+                    event.wait_for()?;
+                }
+                let values = pieces.values(half, rows.len() * row);
+                fill(rows.clone(), values);
+                let mut event = Event::empty();
+                // SAFETY: the values stay where they are until the event, for which this or `with` waits.
+                unsafe {
+                    enqueue_write_buffer(
+                        commands,
+                        buffer.as_core(),
+                        false,
+                        rows.start * row,
+                        values,
+                        NO_EVENTS,
+                        Some(&mut event),
+                    )?;
+                }
+                commands.flush()?;
+                under_way[half] = Some(event);
+            }
+            Ok(())
+        })
+    }
+
+    /// Reads rows of `row` values piece by piece, a multiple of `together` rows each but the last: `enqueue` makes the rows, in a
+    /// buffer from the place that it gives on; `take` gets them.
+    pub fn read<T: OclPrm>(
+        &self,
+        commands: &Queue,
+        (rows, row, together): (Range<usize>, usize, usize),
+        mut enqueue: impl FnMut(Range<usize>) -> ocl::Result<(Buffer<T>, usize)>,
+        mut take: impl FnMut(Range<usize>, &[T]),
+    ) -> ocl::Result<()> {
+        let cut = Cut::new(rows, self.rows(row * size_of::<T>(), together));
+        self.with(commands, cut.most() * row * size_of::<T>(), |pieces| {
+            let mut begin = |number: usize, pieces: &mut Pieces| -> ocl::Result<Event> {
+                let rows = cut.rows(number);
+                let (buffer, place) = enqueue(rows.clone())?;
+                let values: &mut [T] = pieces.values(number % 2, rows.len() * row);
+                let mut event = Event::empty();
+                // SAFETY: nobody looks at the values before the event; they stay where they are until then.
+                unsafe {
+                    enqueue_read_buffer(
+                        commands,
+                        buffer.as_core(),
+                        false,
+                        place,
+                        values,
+                        NO_EVENTS,
+                        Some(&mut event),
+                    )?;
+                }
+                commands.flush()?;
+                Ok(event)
+            };
+            let mut coming = (cut.count() > 0).then(|| begin(0, pieces)).transpose()?;
+            for number in 0..cut.count() {
+                let event = coming.take();
+                // The next one is under way while this one is taken.
+                if number + 1 < cut.count() {
+                    coming = Some(begin(number + 1, pieces)?);
+                }
+                event.map_or(Ok(()), |event| event.wait_for())?;
+                let rows = cut.rows(number);
+                take(rows.clone(), pieces.values(number % 2, rows.len() * row));
+            }
+            Ok(())
+        })
+    }
+
+    /// Works with pieces of as many bytes at least; nothing is under way afterwards.
+    fn with(
+        &self,
+        commands: &Queue,
+        bytes: usize,
+        work: impl FnOnce(&mut Pieces) -> ocl::Result<()>,
+    ) -> ocl::Result<()> {
+        // What a holder that panicked left is memory as good as any.
+        let mut kept = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
+        let pieces = match kept.take() {
+            Some(pieces) if pieces.bytes() >= bytes => pieces,
+            _ => Pieces::allocate(commands, bytes.max(self.piece_bytes))?,
+        };
+        let pieces = kept.insert(pieces);
+        let done = work(pieces);
+        commands.finish()?;
+        done
+    }
+}
+
+/// No event that a command waits for: the queue is in order.
+const NO_EVENTS: Option<&Event> = None;
+
+/// Rows cut into pieces of as many, the last of fewer.
+struct Cut {
+    rows: Range<usize>,
+    piece: usize,
+}
+
+impl Cut {
+    fn new(rows: Range<usize>, piece: usize) -> Self {
+        Self { rows, piece }
+    }
+
+    fn count(&self) -> usize {
+        self.rows.len().div_ceil(self.piece)
+    }
+
+    /// The most rows of a piece.
+    fn most(&self) -> usize {
+        self.piece.min(self.rows.len())
+    }
+
+    fn rows(&self, number: usize) -> Range<usize> {
+        let start = self.rows.start + number * self.piece;
+        start..(start + self.piece).min(self.rows.end)
+    }
+}
+
+/// The memory itself.
+#[derive(Debug)]
+struct Pieces([MemMap<u8>; 2]);
+
+impl Pieces {
+    fn allocate(commands: &Queue, bytes: usize) -> ocl::Result<Self> {
+        let piece = || -> ocl::Result<MemMap<u8>> {
+            let flags = MemFlags::READ_WRITE | MemFlags::ALLOC_HOST_PTR;
+            let buffer = Buffer::<u8>::builder().queue(commands.clone()).flags(flags).len(bytes).build()?;
+            let flags = MapFlags::new().read().write();
+            // SAFETY: the buffer is mapped once, used by no command, and kept by its mapping.
+            unsafe { buffer.map().flags(flags).enq() }
+        };
+        Ok(Self([piece()?, piece()?]))
+    }
+
+    fn bytes(&self) -> usize {
+        self.0[0].len()
+    }
+
+    /// A piece's first values.
+    fn values<T: OclPrm>(&mut self, half: usize, count: usize) -> &mut [T] {
+        let bytes = &mut self.0[half][..count * size_of::<T>()];
+        // SAFETY: as many bytes were taken; mapped memory is aligned for every type of OpenCL, of which each is numbers of any bits.
+        unsafe { std::slice::from_raw_parts_mut(bytes.as_mut_ptr().cast(), count) }
+    }
+}

@@ -1,0 +1,119 @@
+//! The cases that the rule is held against: a scene, a size, and what may not leak.
+
+use crate::error::{Error, Result};
+use crate::reader;
+use crate::scene::{Scene, load_scene_with};
+use crate::strategy::Task;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A scene of fewer triangles is one of few.
+const FEW: usize = 50;
+/// More triangles per pixel than this are dense.
+const DENSE: usize = 4;
+
+/// What makes a choice hard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Under 50 triangles.
+    Few,
+    /// Surfaces all around the eye.
+    Inside,
+    /// No ray may leak.
+    Watertight,
+    /// Over 4 triangles per pixel.
+    Dense,
+}
+
+/// One of them.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// What it is called.
+    pub name: String,
+    /// The scene's file, relative to the cases'.
+    pub scene: String,
+    /// Values set in it.
+    #[serde(default)]
+    pub set: BTreeMap<String, toml::Value>,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// What makes it hard, which a test compares with the scene.
+    #[serde(default)]
+    pub kinds: Vec<Kind>,
+    /// Kinds of devices that it is for.
+    pub devices: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    case: Vec<Case>,
+}
+
+/// The cases of a file.
+pub fn cases(path: &Path) -> Result<Vec<Case>> {
+    let wrong = |why: &dyn std::fmt::Display| {
+        Error::input(format!("cannot read the cases of '{}': {why}", path.display()))
+            .with_help("docs/rule.toml is such a file")
+    };
+    let text = reader::text(path, reader::Kind::Toml).map_err(|error| wrong(&error))?;
+    let File { case } = toml::from_str(&text).map_err(|error| wrong(&error))?;
+    Ok(case)
+}
+
+impl Case {
+    /// Loads its scene, whose file is named relative to the cases'.
+    pub fn scene(&self, cases: &Path) -> Result<Scene> {
+        let path = cases.parent().unwrap_or(Path::new("")).join(&self.scene);
+        let set: Vec<(String, toml::Value)> =
+            self.set.iter().map(|(key, value)| (key.clone(), value.clone())).collect();
+        Ok(load_scene_with(&path, &set)?.scene)
+    }
+
+    /// What is to be cast.
+    pub fn task(&self, scene: &Scene) -> Task {
+        Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
+    }
+
+    /// Whether it is what it says: each of its kinds, and no other.
+    pub fn is_of_its_kinds(&self, task: &Task) -> bool {
+        let is = [
+            (Kind::Few, task.triangles < FEW),
+            (Kind::Inside, task.inside),
+            (Kind::Dense, task.triangles > DENSE * task.pixels),
+        ];
+        is.iter().all(|(kind, holds)| self.kinds.contains(kind) == *holds)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    const KINDS: [Kind; 4] = [Kind::Few, Kind::Inside, Kind::Watertight, Kind::Dense];
+
+    #[test]
+    fn the_repositorys_cases_are_of_their_kinds_and_there_are_enough_of_each() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/rule.toml");
+        let cases = cases(&path).unwrap();
+        for (device, least) in [("cpu", 15), ("gpu", 10)] {
+            let of_device = || cases.iter().filter(|case| case.devices.iter().any(|name| name == device));
+            assert!(of_device().count() >= least, "{device}");
+            for kind in KINDS {
+                let count = of_device().filter(|case| case.kinds.contains(&kind)).count();
+                assert!(count >= 5, "{device}: {count} of {kind:?}");
+            }
+        }
+        // Making millions of triangles takes seconds; the command refuses what is not of its kinds.
+        for case in
+            cases.iter().filter(|case| !case.set.values().any(|value| value.as_integer() > Some(300_000)))
+        {
+            let task = case.task(&case.scene(&path).unwrap());
+            assert!(case.is_of_its_kinds(&task), "{}: {task:?}", case.name);
+        }
+    }
+}

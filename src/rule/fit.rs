@@ -1,0 +1,147 @@
+//! Constants fitted to sweeps: each in turn is put where the choices lose least, until none moves.
+
+use super::Sweep;
+use crate::strategy::{Class, Constants, Task};
+
+/// What a way counts that a device refused: as if it took so many times as long as the best.
+const REFUSED: f64 = 100.0;
+/// The least gain that moves a constant: of the logarithms of all ratios to the best, added up.
+const GAIN: f64 = 1e-3;
+/// Cases that differ by less are no neighbours between which a constant could lie.
+const ALIKE: f64 = 1.01;
+/// Rounds over all constants at most: each depends on the others.
+const ROUNDS: usize = 8;
+
+/// The constants of a class after its sweeps; what they do not tell stays as it is.
+pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Constants> {
+    let mut constants = class.constants(watertight)?;
+    let of_class: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.class == class).collect();
+    let mut loss = loss_of(&of_class, constants, watertight);
+    for _ in 0..ROUNDS {
+        let before = constants;
+        for place in 0..constants.of(&Task::default(), 1).len() {
+            for value in places(&of_class, constants, (place, watertight)) {
+                let mut moved = constants;
+                *moved.of(&Task::default(), 1)[place].1 = value;
+                let moved_loss = loss_of(&of_class, moved, watertight);
+                if moved_loss < loss - GAIN {
+                    (constants, loss) = (moved, moved_loss);
+                }
+            }
+        }
+        if constants == before {
+            break;
+        }
+    }
+    Some(constants)
+}
+
+/// How much longer than the best the choices take, as the logarithms of the ratios, added up.
+fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
+    let verdicts = sweeps.iter().flat_map(|sweep| {
+        let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
+        cases.filter_map(|case| case.verdict(constants, sweep.compute_units))
+    });
+    verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
+}
+
+/// Values that a constant may have: between two cases that are neighbours, rounded to two digits, or beyond all.
+fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
+    let mut seen: Vec<f64> = Vec::new();
+    for sweep in sweeps {
+        let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
+        seen.extend(cases.map(|case| constants.of(&case.task, sweep.compute_units)[place].2));
+    }
+    seen.sort_unstable_by(f64::total_cmp);
+    // Between cases that are all but alike there is no place.
+    seen.dedup_by(|next, last| *next < *last * ALIKE);
+    let between = seen.windows(2).map(|pair| between(pair[0], pair[1])).filter(|value| value.is_finite());
+    [0.0, f64::INFINITY].into_iter().chain(between).collect()
+}
+
+/// About the geometric mean, of as few digits as lie between.
+fn between(low: f64, high: f64) -> f64 {
+    let mean = (low * high).sqrt();
+    let rounded = |digits: usize| format!("{mean:.digits$e}").parse::<f64>().ok();
+    (1..=6).filter_map(rounded).find(|value| *value > low && *value <= high).unwrap_or(high)
+}
+
+/// The text of src/strategy/constants.rs.
+pub fn source(sweeps: &[Sweep]) -> String {
+    let mut text = HEAD.to_owned();
+    for (name, about, class, watertight) in [
+        ("CPU", "CPUs whose vectors hold the rays of tiles.", Class::TilesInVectors, false),
+        ("CPU_WATERTIGHT", "The same where no ray may leak.", Class::TilesInVectors, true),
+        ("GPU", "GPUs whose work-items can share tiles.", Class::SharedTiles, false),
+        ("GPU_WATERTIGHT", "The same where no ray may leak.", Class::SharedTiles, true),
+    ] {
+        let Some(mut constants) = fitted(sweeps, class, watertight) else { continue };
+        text.push_str(&format!("\n/// {about}\npub const {name}: Constants = Constants {{\n"));
+        for (field, value, _) in constants.of(&Task::default(), 1) {
+            let value = if value.is_finite() { format!("{value:?}") } else { "f64::INFINITY".to_owned() };
+            text.push_str(&format!("    {field}: {value},\n"));
+        }
+        text.push_str("};\n");
+    }
+    text
+}
+
+const HEAD: &str = "\
+//! Where one way of casting becomes faster than another: made of stored sweeps by `raycl rule --fit`, not by hand. A place between two
+//! cases of the sweeps is their geometric mean; what no sweep tells stays as it was.
+
+use super::fastest::Constants;
+";
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::Measured;
+    use super::*;
+
+    /// Triangles, pixels, and the time of each way.
+    type CaseTimes<'a> = (usize, usize, &'a [(&'a str, f64)]);
+
+    fn sweep(cases: &[CaseTimes<'_>]) -> Sweep {
+        let measured = |&(triangles, pixels, times): &CaseTimes<'_>| Measured {
+            name: format!("{triangles} in {pixels}"),
+            task: Task { triangles, pixels, ..Task::default() },
+            least_ms: times.iter().map(|(way, ms)| ((*way).to_owned(), *ms)).collect(),
+        };
+        Sweep {
+            device: "a test's".to_owned(),
+            class: Class::TilesInVectors,
+            compute_units: 2,
+            date: String::new(),
+            conditions: String::new(),
+            rounds: 5,
+            cases: cases.iter().map(measured).collect(),
+        }
+    }
+
+    #[test]
+    fn a_constant_goes_between_the_cases_that_it_tells_apart() {
+        let times =
+            |exhaustive, tiles, single| [("exhaustive", exhaustive), ("tiles", tiles), ("single", single)];
+        let [tiny, small, large, dense] =
+            [times(1.0, 2.0, 3.0), times(4.0, 2.0, 3.0), times(900.0, 5.0, 6.0), times(9e4, 12.0, 6.0)];
+        let sweep = sweep(&[
+            (4, 400_000, &tiny),
+            (9, 400_000, &small),
+            (100_000, 400_000, &large),
+            (4_000_000, 400_000, &dense),
+        ]);
+        let constants = fitted(std::slice::from_ref(&sweep), Class::TilesInVectors, false).unwrap();
+        assert_eq!(constants.tree_triangles, 6.0);
+        assert!(constants.single_triangles_a_pixel > 0.25 && constants.single_triangles_a_pixel <= 10.0);
+        assert!(loss_of(&[&sweep], constants, false) < 1e-9);
+    }
+
+    #[test]
+    fn without_a_sweep_nothing_moves() {
+        for watertight in [false, true] {
+            let constants = Class::SharedTiles.constants(watertight);
+            assert_eq!(fitted(&[], Class::SharedTiles, watertight), constants);
+        }
+    }
+}

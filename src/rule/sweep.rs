@@ -1,0 +1,122 @@
+//! A sweep: what every way that may be chosen takes for each case on a device, and how the rule's choice compares with the best.
+
+use super::Case;
+use crate::device::Device;
+use crate::error::Result;
+use crate::launch::{Caster, Queue, Refused, Session};
+use crate::program::Sources;
+use crate::scene::Scene;
+use crate::strategy::{Class, Constants, Task, Way};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A sample is as many frames as take so long: one frame of a GPU is shorter than what disturbs it.
+const SAMPLE_MS: f64 = 10.0;
+/// More triangles than this are not all tested: that would take minutes, and no rule would choose it.
+const MOST_TESTED: usize = 2000;
+/// The most frames of a sample.
+const MOST_FRAMES: f64 = 200.0;
+
+/// What was measured on one device.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Sweep {
+    /// The device's label.
+    pub device: String,
+    /// Which ways it has.
+    pub class: Class,
+    /// Its compute units.
+    pub compute_units: u32,
+    /// When it was measured.
+    pub date: String,
+    /// Under which conditions, in words.
+    #[serde(default)]
+    pub conditions: String,
+    /// Rounds, of which the least counts.
+    pub rounds: u32,
+    /// What was measured of each case.
+    pub cases: Vec<Measured>,
+}
+
+/// A case's times.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Measured {
+    /// The case's name.
+    pub name: String,
+    /// What was cast.
+    #[serde(flatten)]
+    pub task: Task,
+    /// Milliseconds of a frame, the least of all rounds, by the way's name. Ways that the device refused are missing.
+    pub least_ms: BTreeMap<String, f64>,
+}
+
+/// The rule's choice beside the best.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// The way that was chosen.
+    pub choice: Way,
+    /// Its time; none where the device refused it.
+    pub choice_ms: Option<f64>,
+    /// The fastest way, and its time.
+    pub best: (String, f64),
+}
+
+impl Verdict {
+    /// How many times as long as the best the choice takes.
+    pub fn ratio(&self) -> f64 {
+        self.choice_ms.map_or(f64::INFINITY, |ms| ms / self.best.1)
+    }
+}
+
+impl Measured {
+    /// What the rule chooses on a device of so many compute units, by some constants; none where nothing was measured.
+    pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
+        let choice = constants.way(&self.task, compute_units);
+        let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
+        let choice_ms = self.least_ms.get(choice.name()).copied();
+        Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
+    }
+
+    /// Measures a case: rounds in turns, there and back.
+    pub fn of(case: &Case, scene: Scene, device: &Device, rounds: u32) -> Result<Self> {
+        let (task, scene) = (case.task(&scene), Arc::new(scene));
+        let limits = &device.info.limits;
+        let queue = Queue::open(device.platform, device.device)?;
+        let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene);
+        let mut casters = Vec::new();
+        let may_be_fastest = |way: &Way| *way != Way::Exhaustive || task.triangles <= MOST_TESTED;
+        for way in Class::of(limits).ways().into_iter().filter(may_be_fastest) {
+            let (strategy, local_size) = way.strategy(limits, task.watertight)?;
+            let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
+            match caster {
+                Ok(caster) => casters.push((way, caster, f64::INFINITY)),
+                // No time is what says that it cannot be chosen.
+                Err(Refused::Device(_) | Refused::Host(_)) => {}
+                Err(refused) => return Err(refused.into_error(&device.info.name)),
+            }
+        }
+        let failed = |error| Refused::at("the launch")(error).into_error(&device.info.name);
+        let frames: Vec<u32> = casters
+            .iter()
+            .map(|(_, caster, _)| caster.cast().and_then(|_| frames_of_sample(caster)).map_err(failed))
+            .collect::<Result<_>>()?;
+        for round in 0..rounds {
+            let mut order: Vec<usize> = (0..casters.len()).collect();
+            if round % 2 == 1 {
+                order.reverse();
+            }
+            for place in order {
+                let (_, caster, least_ms) = &mut casters[place];
+                *least_ms = least_ms.min(caster.cast_batch(frames[place]).map_err(failed)?.frame_ms);
+            }
+        }
+        let least_ms = casters.iter().map(|(way, _, ms)| (way.name().to_owned(), *ms)).collect();
+        Ok(Self { name: case.name.clone(), task, least_ms })
+    }
+}
+
+/// As many as take long enough, by one that is warm.
+fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::LaunchError> {
+    let one_ms = caster.cast()?.frame_ms.max(1e-6);
+    Ok((SAMPLE_MS / one_ms).ceil().clamp(1.0, MOST_FRAMES) as u32)
+}

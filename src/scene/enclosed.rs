@@ -1,0 +1,42 @@
+//! Whether surfaces are all around the eye: inside, more rays hit, and shadow rays go farther, than where an object stands before it.
+
+use super::Scene;
+
+/// Triangles that are looked at; as many tell of a large scene what all would.
+const LOOKED_AT: usize = 4096;
+
+impl Scene {
+    /// Whether triangles lie in every direction from the eye: ahead and behind, left and right, above and below.
+    pub fn encloses_eye(&self) -> bool {
+        let (mesh, eye) = (&self.mesh, self.camera.position);
+        let step = mesh.triangles.len().div_ceil(LOOKED_AT).max(1);
+        let mut octants = [false; 8];
+        for triangle in mesh.triangles.iter().step_by(step) {
+            for corner in mesh.corners(triangle) {
+                let [x, y, z] =
+                    (corner.as_dvec3() - eye.as_dvec3()).to_array().map(|along| usize::from(along > 0.0));
+                octants[x | y << 1 | z << 2] = true;
+            }
+        }
+        octants.iter().all(|seen| *seen)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::scene::load_scene;
+    use std::path::Path;
+
+    #[test]
+    fn halls_enclose_the_eye_and_tables_do_not() {
+        let encloses = |name: &str| {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+            load_scene(&path).unwrap().scene.encloses_eye()
+        };
+        assert!(encloses("interior.toml") && encloses("atrium.toml"));
+        for name in ["still-life.toml", "teapot.toml", "triangle.toml", "terrain.toml", "table.toml"] {
+            assert!(!encloses(name), "{name}");
+        }
+    }
+}
