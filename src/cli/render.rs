@@ -152,7 +152,8 @@ fn render(args: &Args) -> Result<()> {
     let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene));
     let tree_was_built = tree.is_some();
-    let session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
+    let session =
+        session.verifying(args.verify.is_some()).sampling(args.samples).with_program(early).with_tree(tree);
     let prepared = prepare(args, session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };

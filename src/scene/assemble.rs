@@ -5,8 +5,10 @@ mod objects;
 use super::document::Document;
 use super::files::{self, FileLight};
 use super::validate::{Brightness, check_camera, check_light, check_positions};
-use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire};
-use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, framing, normals};
+use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire, SkyWire};
+use super::{
+    Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Sky, Textures, framing, normals,
+};
 use crate::error::{Error, Result};
 use framing::{Ball, View};
 use glam::{DVec3, Vec3};
@@ -56,6 +58,7 @@ pub(super) fn assemble(
         shadow_bias,
         mesh,
         lights,
+        sky: wire.sky.as_ref().map(|sky| of_wire(sky, wire.camera.upright())),
         camera,
         background: match wire.background {
             None => PAPER_BACKGROUND,
@@ -118,7 +121,7 @@ fn lights(
         (None, Some(ball)) => framing::lights(camera, ball),
         (lights, _) => lights.iter().flatten().map(light).collect(),
     };
-    if lights.is_empty() {
+    if lights.is_empty() && wire.sky.is_none() {
         notes.push(format!(
             "{}:{}: no light: every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
             document.name,
@@ -142,6 +145,13 @@ fn check_lights(
             .map_err(|error| document.place(wire.power.span(), error, "too much for single precision"))?;
     }
     Ok(())
+}
+
+/// The sky that a file asks for.
+fn of_wire(sky: &SkyWire, up: DVec3) -> Sky {
+    let zenith = Vec3::from_array(sky.zenith.0);
+    let horizon = sky.horizon.map_or(zenith, |horizon| Vec3::from_array(horizon.0));
+    Sky { zenith, horizon, up: up.as_vec3(), reach: sky.reach.map_or(f32::MAX, |reach| reach.0) }
 }
 
 fn default_bias(mesh: &Mesh) -> f32 {

@@ -47,7 +47,7 @@ pub fn cast(
     timeline.ends_with("buffers", &[("records", records_ms)]);
     // A picture alone disturbs, but it is no measurement: it never waits.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let samples = pixel_samples(&scene.lights, args.samples);
+    let samples = pixel_samples(args.samples);
     let mut summed = None;
     let mut frame = || -> Result<FrameTimes> {
         let launched = Refused::at("the launch");

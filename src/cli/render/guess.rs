@@ -25,6 +25,10 @@ struct Remembered {
     stack_size: usize,
     #[serde(default)]
     texture_words: usize,
+    #[serde(default)]
+    soft_lights: bool,
+    #[serde(default)]
+    sky: bool,
 }
 
 /// The cache, where nobody edits kernels.
@@ -49,8 +53,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let Workload { local_size, stack_size, texture_words, .. } = *workload;
-    let now = Remembered { axes, local_size, stack_size, texture_words };
+    let Workload { local_size, stack_size, texture_words, soft_lights, sky, .. } = *workload;
+    let now = Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -63,10 +67,12 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
 }
 
 fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    let Remembered { axes, local_size, stack_size, texture_words } = remembered(cache, args, device)?;
+    let Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky } =
+        remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
-    Some((strategy, Workload { local_size, stack_size, texture_words, ..Workload::default() }))
+    let known = Workload { local_size, stack_size, texture_words, soft_lights, sky, ..Workload::default() };
+    Some((strategy, known))
 }
 
 /// The strategy for a bare mesh of this size.
@@ -85,11 +91,12 @@ fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;
     let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
-    let Args { width, height, strategy, local_size, set, .. } = args;
+    let Args { width, height, strategy, local_size, set, samples, .. } = args;
     Some(format!(
-        "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?}\n{}",
+        "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?} {}\n{}",
         path.display(),
         found.len(),
+        if *samples > 1 { "several samples" } else { "" },
         device.identity()
     ))
 }

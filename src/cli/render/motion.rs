@@ -115,7 +115,8 @@ pub fn run(args: &Args) -> Result<()> {
     let mut seconds = 0.0;
     let mut output = sink.name();
     if frames > 0 {
-        let session = crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene));
+        let session = crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene))
+            .sampling(args.samples);
         let prepared = prepare(args, session, &strategy, local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
         let shown = Shown {
@@ -259,7 +260,7 @@ impl Shown<'_> {
         if lights != self.scene.lights || self.orbit.with_lights {
             self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
-        let samples = pixel_samples(&lights, self.samples);
+        let samples = pixel_samples(self.samples);
         let (image, _, times) = caster.cast_samples(&camera, &samples).map_err(Refused::at("the launch"))?;
         Ok((image, times.frame_ms))
     }
