@@ -163,6 +163,7 @@ impl Session {
             scene: Arc::clone(&self.scene),
             strategy: *strategy,
             workload: *workload,
+            samples: self.samples,
             spec,
             program,
             build_wait_ms,

@@ -20,6 +20,7 @@ mod overrides;
 mod samples;
 mod schema;
 mod shapes;
+mod studio;
 mod texture;
 mod transform;
 mod validate;

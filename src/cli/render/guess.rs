@@ -1,7 +1,7 @@
 //! The program that a picture will probably need, known before its scene is read: that of the last time, or one that the size of the
 //! mesh's file makes likely. A wrong guess costs time only.
 
-use super::{Args, strategy};
+use super::{Args, is_dressed, samples, strategy};
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 use crate::program::{ProgramSpec, Sources};
@@ -83,7 +83,9 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let triangles = args.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
     let (strategy, local_size) = strategy(args, device, triangles as usize).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
-    Some((strategy, Workload { local_size, stack_size, ..Workload::default() }))
+    let sky = is_dressed(args);
+    let soft_lights = sky && samples(args, sky) > 1;
+    Some((strategy, Workload { local_size, stack_size, soft_lights, sky, ..Workload::default() }))
 }
 
 /// The scene's file as it is, and all arguments that choose a program.
@@ -91,12 +93,13 @@ fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;
     let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
-    let Args { width, height, strategy, local_size, set, samples, .. } = args;
+    let Args { width, height, strategy, local_size, set, .. } = args;
+    let samples = args.samples;
     Some(format!(
         "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?} {}\n{}",
         path.display(),
         found.len(),
-        if *samples > 1 { "several samples" } else { "" },
+        format_args!("{samples:?} samples, dressed {}", is_dressed(args)),
         device.identity()
     ))
 }

@@ -64,7 +64,12 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
         return Ok(());
     }
     let has = if workload.sky { "sky" } else { "lights with a radius" };
-    Err(Infeasible { reason: format!("{} has no {has}, which the scene has", family.label) })
+    Err(Infeasible {
+        reason: format!(
+            "{} has no {has}, which the scene has (of a bare mesh --plain leaves them out)",
+            family.label
+        ),
+    })
 }
 
 /// Whether a family colours triangles by textures where the scene has some.
