@@ -40,6 +40,52 @@ fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
     );
 }
 
+/// A folder of all drivers of this machine and the broken one.
+fn among_good_ones(place: &Place, body: &str) -> std::path::PathBuf {
+    let vendors = driver(place, body);
+    for icd in std::fs::read_dir("/etc/OpenCL/vendors").expect("PoCL: `make setup`").flatten() {
+        std::fs::copy(icd.path(), vendors.join(icd.file_name())).expect("a copy");
+    }
+    vendors
+}
+
+/// Pictures and lists do without it: one driver's fault is not the others'.
+#[track_caller]
+fn is_left_out(body: &str, reason: &str) {
+    let place = one_point();
+    let vendors = among_good_ones(&place, body);
+    let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--device", "cpu"];
+    for arguments in [&picture[..], &["devices"]] {
+        let mut raycl = place.raycl(arguments);
+        // Long enough for good drivers on a busy machine.
+        raycl.env("OCL_ICD_VENDORS", &vendors).env("RAYCL_TEST_DRIVER_LIMIT_MS", "10000");
+        let output = raycl.assert().success().get_output().clone();
+        let said = String::from_utf8(output.stderr).expect("UTF-8");
+        has(&said, &["note: the driver", "bad.icd is left out", reason]);
+    }
+    assert!(place.path("a.png").is_file());
+}
+
+#[test]
+fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
+    is_left_out("abort()", "signal: 6");
+}
+
+#[test]
+fn a_driver_that_hangs_when_it_is_listed_is_left_out_of_pictures_and_lists() {
+    is_left_out("for (;;) pause()", "has not answered");
+}
+
+#[test]
+fn where_the_only_driver_dies_there_is_no_picture_but_a_message() {
+    let place = one_point();
+    let vendors = driver(&place, "abort()");
+    let mut raycl = place.raycl(&["render", "scene.toml", "-o", "a.png"]);
+    let output = raycl.env("OCL_ICD_VENDORS", vendors).assert().code(1).get_output().clone();
+    let said = String::from_utf8(output.stderr).expect("UTF-8");
+    has(&said, &["bad.icd is left out", "no OpenCL platform was found"]);
+}
+
 #[test]
 fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
     let place = one_point();

@@ -2,7 +2,9 @@
 //! all.
 
 use crate::binary::{Place, device, has, repository};
+use crate::common::apart::apart;
 use crate::common::{self, compiles_soon, is_long};
+use crate::watertight::faults;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::program::{ProgramSpec, Sources};
 use raycl::strategy::{AXES, Strategy, Workload, preset};
@@ -168,6 +170,23 @@ fn a_broken_kernel_is_a_wrong_picture() {
         }
     }
     assert!(pictures > 100 || chosen().is_some(), "{pictures}");
+}
+
+/// What no picture shows: rays that slip between neighbours, or are stopped beside a triangle, by a rounding.
+#[test]
+fn a_broken_edge_leaks() {
+    apart!();
+    for mutant in of_command(Some("leaks"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {
+        let place = Place::new();
+        let folder = place.path(&mutant.folder(&place));
+        let strategies = mutant.strategies();
+        assert!(!strategies.is_empty(), "{}: no strategy is made of it", mutant.file);
+        for (name, strategy) in strategies {
+            let faults = faults(&Sources::Folder(folder.clone()), &strategy);
+            println!("{}: {name}: {faults:?}", mutant.file);
+            assert!(faults.iter().any(|fault| *fault > 0), "{}: {:?}: {name}", mutant.file, mutant.to);
+        }
+    }
 }
 
 /// Only devices that have more than barriers have such code.

@@ -5,8 +5,10 @@
 use crate::common::apart::apart;
 use crate::common::edges::{
     ORIGINS, closed_meshes, is_stopped, net_before_the_eye, net_before_the_light, rays_at_edges,
+    rays_beside_edges,
 };
 use crate::common::{Stand, compiles_soon};
+use raycl::program::Sources;
 use raycl::scene::Scene;
 use raycl::strategy::{
     Intersector, NodeWidth, Passes, Records, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
@@ -80,7 +82,11 @@ fn meshes() -> (Stand, Scene) {
 
 /// Pixels of a frame that are lit, and that hit something.
 fn lit_and_hit(scene: Scene, strategy: &Strategy) -> (usize, usize) {
-    let stand = Stand::new(scene, [SIDE; 2]);
+    lit_and_hit_by(&Sources::Embedded, scene, strategy)
+}
+
+fn lit_and_hit_by(kernels: &Sources, scene: Scene, strategy: &Strategy) -> (usize, usize) {
+    let stand = Stand::of(kernels, scene, [SIDE; 2], |builtins| builtins);
     let (image, hits) = stand.cast_and_count(strategy, LOCAL_SIZE).expect("a strategy that fits");
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
@@ -88,6 +94,26 @@ fn lit_and_hit(scene: Scene, strategy: &Strategy) -> (usize, usize) {
 /// Primary rays, of [`PIXELS`], that go past the net before the eye.
 fn leaks_to(strategy: &Strategy) -> usize {
     PIXELS - lit_and_hit(net_before_the_eye(SIDE), strategy).1
+}
+
+/// Rays that go past nets, and rays that are stopped by a triangle beside them, by some kernels.
+pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
+    let primary = PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE), strategy).1;
+    let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;
+    [primary, shadow, stopped_beside_edges(kernels, strategy)]
+}
+
+/// How many of 2,000 rays that pass a triangle's edges at 7e-7 of their way, some roundings, are stopped all the same; where
+/// the test allows each triangle its own rounding, at ten times as much. Tiles cast no rays but the camera's.
+fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
+    if strategy.traversal == Traversal::Tile {
+        return 0;
+    }
+    let part = if strategy.intersector == Intersector::MOLLER_TRUMBORE { 7e-6 } else { 7e-7 };
+    let (scene, rays) = rays_beside_edges(part);
+    let stand = Stand::of(kernels, scene, [64, 64], |builtins| builtins);
+    let built = stand.build(strategy, LOCAL_SIZE).expect("a strategy that fits");
+    built.cast_rays(&rays).expect("a cast").into_iter().flatten().count()
 }
 
 /// Shadow rays, of as many, that go past the net before the light.
@@ -127,9 +153,20 @@ fn without_its_net_the_floor_is_lit() {
     assert_eq!(lit_and_hit(net_before_the_light(SIDE, false), &of("tile")), (PIXELS, PIXELS));
 }
 
-/// They are not watertight and promise nothing, but their edges overlap by a few roundings or are shared: more than one
-/// leak in a hundred edge rays would be a mistake. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted --
-/// --nocapture` prints the table of docs/reliability.md.
+#[test]
+fn rays_beside_an_edge_miss() {
+    apart!();
+    let [wide, tree] = ["wide", "bvh"].map(of);
+    for intersector in [Intersector::WATERTIGHT, Intersector::MOLLER_TRUMBORE, Intersector::COMMON_ORIGIN] {
+        for strategy in with(intersector, vec![wide, tree]) {
+            assert_eq!(stopped_beside_edges(&Sources::Embedded, &strategy), 0, "{strategy}");
+        }
+    }
+}
+
+/// They are not watertight and promise nothing, but their edges overlap by a few roundings or are shared, which sufficed
+/// wherever it was counted: none leaked. A device that rounds otherwise may let a ten-thousandth through. `RAYCL_TEST_LONG=1
+/// RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture` prints the table of docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();
@@ -152,7 +189,7 @@ fn the_other_tests_leaks_are_counted() {
 #[track_caller]
 fn few(rays: &str, leaks: usize, strategy: &Strategy) {
     println!("{leaks:6} {rays:12} {strategy}");
-    assert!(leaks < RAYS / 100, "{leaks} {rays}: {strategy}");
+    assert!(leaks <= RAYS / 10_000, "{leaks} {rays}: {strategy}");
 }
 
 #[test]
@@ -166,4 +203,8 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     let (primary, shadow) = (leaks_to(&wide), leaks_from(&wide));
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
+    // As many as docs/reliability.md says, or half or twice as many on devices that round otherwise.
+    let is_near = |found: usize, told: usize| found > told / 2 && found < 2 * told;
+    let near = is_near(rays, 4_241) && is_near(primary, 15_442) && is_near(shadow, 10_730);
+    assert!(near, "{rays} rays, {primary} primary, {shadow} shadow");
 }

@@ -9,6 +9,7 @@ pub mod compile;
 pub mod completions;
 pub mod devices;
 pub mod figures;
+mod guarded;
 pub mod kernel;
 pub mod man;
 pub mod merge;
@@ -120,6 +121,16 @@ enum Command {
     Schema(schema::Args),
 }
 
+impl Command {
+    /// Whether it starts drivers in its own process. Where points are measured, workers do.
+    fn starts_drivers(&self) -> bool {
+        matches!(
+            self,
+            Self::Render(_) | Self::Devices(_) | Self::Compile(_) | Self::Peak(_) | Self::Occupancy(_)
+        )
+    }
+}
+
 impl Cli {
     /// Reads the process's arguments. A mistake in them ends it with exit code 2 and a suggestion.
     ///
@@ -147,6 +158,12 @@ impl Cli {
 
     /// Runs the subcommand.
     pub fn run(self) -> Result<()> {
+        if self.command.starts_drivers() {
+            if !guarded::is_inside() {
+                return guarded::run();
+            }
+            guarded::ends_with_its_parent();
+        }
         match self.command {
             Command::Render(args) => render::run(args),
             Command::Run(args) => run::run(args),

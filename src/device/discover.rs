@@ -7,6 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::asked::Asked;
+use super::patience::Patience;
 use super::threads::threads_of;
 use super::variables;
 use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations};
@@ -39,6 +40,7 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
 /// Every device and every platform that has none. Errors at once when there is no platform.
 pub fn survey(sources: &Sources) -> Result<Survey> {
     let _turn = turn();
+    let _patience = Patience::of_guarded();
     let mut survey = Survey::default();
     for platform in platforms()? {
         let devices = devices_of(platform);
@@ -84,6 +86,7 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
 /// Of all platforms only its own starts its driver.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
+    let _patience = Patience::of_guarded();
     let name = |platform: &ocl::Platform| platform.name().unwrap_or_default().trim().to_owned();
     let namesakes = platforms().ok()?.filter(|platform| name(platform) == known.platform);
     let devices =

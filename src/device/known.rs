@@ -1,6 +1,7 @@
 //! Devices as an earlier start has found them: only the platform that is asked for is started, and nothing is tried out again.
 
 use super::discover::{again, discover};
+use super::drivers::VENDORS;
 use super::lanes::probe;
 use super::{Device, DeviceInfo, variables};
 use crate::cache::Cache;
@@ -10,8 +11,6 @@ use std::path::{Path, PathBuf};
 
 /// What entries of the cache are called.
 const KIND: &str = "devices";
-/// Where loaders look for drivers unless told.
-const VENDORS: &str = "/etc/OpenCL/vendors";
 /// Variables that tell loaders to look elsewhere.
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
 /// Where systems show what hardware there is.

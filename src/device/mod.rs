@@ -3,11 +3,13 @@
 mod alike;
 mod asked;
 mod discover;
+pub mod drivers;
 mod hardware;
 mod known;
 mod lanes;
 mod limits;
 pub mod occupancy;
+pub mod patience;
 mod select;
 mod threads;
 pub mod variables;

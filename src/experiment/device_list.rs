@@ -3,9 +3,11 @@
 //! in a process whose parent has started it.
 
 use super::protocol::DeviceList;
+use crate::device::patience::Patience;
 use crate::device::{DeviceInfo, discover};
 use crate::error::{Error, Result};
 use crate::sources::Sources;
+use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -34,19 +36,36 @@ fn failed(why: impl std::fmt::Display) -> Error {
     )
 }
 
-/// What a process of its own says; inside, how it ended if it said nothing of use.
+/// Why a process of its own lists no device, where these variables are set; none where it does.
+///
+/// # Errors
+/// Where that process cannot be started.
+pub fn lists_devices(variables: &[(&str, OsString)]) -> Result<Option<String>> {
+    let answer = ask_with(None, variables)?;
+    Ok(answer.err())
+}
+
 fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>> {
+    ask_with(cl_dir, &[])
+}
+
+/// What a process of its own says; inside, how it ended if it said nothing of use.
+fn ask_with(
+    cl_dir: Option<&Path>,
+    variables: &[(&str, OsString)],
+) -> Result<std::result::Result<DeviceList, String>> {
     let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
-    command.args(["worker", "--list"]);
+    command.args(["worker", "--list"]).envs(variables.iter().cloned());
     if let Some(folder) = cl_dir {
         command.arg("--cl-dir").arg(folder);
     }
     command.stdin(Stdio::null()).stderr(Stdio::piped()).stdout(Stdio::piped());
     let child = command.spawn().map_err(failed)?;
     let output = output_within(child, LIMIT).map_err(failed)?;
-    let output =
-        output.ok_or_else(|| failed(format!("a driver has not answered for {} s", LIMIT.as_secs())))?;
+    let Some(output) = output else {
+        return Ok(Err(format!("a driver has not answered for {} s", LIMIT.as_secs())));
+    };
     // Drivers may print lines of their own before ours, the last.
     let text = String::from_utf8_lossy(&output.stdout);
     let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
@@ -89,6 +108,7 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
 
 /// The line that a process which lists devices answers [`find_devices`] with.
 pub fn list_devices(sources: &Sources) -> Result<String> {
+    let _patience = Patience::begin();
     let list = match discover(sources) {
         Ok(devices) => DeviceList::Devices(devices.into_iter().map(|device| device.info).collect()),
         Err(error) => DeviceList::Failed { message: error.to_string(), help: error.remedy().to_owned() },

@@ -43,7 +43,7 @@ mod worker;
 
 pub use ahead::{Ahead, Tally};
 pub use complete::Taken;
-pub use device_list::{find_devices, list_devices};
+pub use device_list::{find_devices, list_devices, lists_devices};
 pub use dry_run::{Forecast, dry_run};
 pub use duration::Expected;
 pub use fault::{Fault, Step};

@@ -66,6 +66,7 @@ mod tests {
         assert_eq!(of(0.99, 1.01), Verdict::Same);
         assert_eq!(of(1.01, 1.2), Verdict::Unclear);
         assert_eq!(of(0.5, 2.0), Verdict::Unclear);
+        assert_eq!((of(0.5, 0.99), of(1.01, 1.9)), (Verdict::Unclear, Verdict::Unclear), "the end decides");
     }
 
     #[test]
@@ -75,5 +76,7 @@ mod tests {
         };
         assert_eq!(of(0.8, 1.25), Verdict::Same);
         assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));
+        // A quarter slower and a fifth faster are the same change, seen from either side.
+        assert_eq!((of(0.5, 0.79), of(0.78, 1.0)), (Verdict::Faster, Verdict::Unclear));
     }
 }

@@ -134,6 +134,23 @@ mod tests {
     }
 
     #[test]
+    fn precise_is_below_the_rules_sigma() {
+        let samples_of =
+            |sigma: f64| (0..10).map(|i| 1.0 + if i % 2 == 0 { sigma } else { -sigma }).collect();
+        let stop = |sigma: f64| RULE.stop(&[samples_of(sigma)], 10.0);
+        assert_eq!((stop(0.0046), stop(0.0054)), (Some(StopReason::Precise), None));
+    }
+
+    #[test]
+    fn noise_settles_where_it_varies_by_less_than_a_twentieth() {
+        let noise_of = |part: f64| -> Vec<f64> {
+            (0..SETTLING).map(|i| 0.1 * (1.0 + if i % 2 == 0 { part } else { -part })).collect()
+        };
+        assert!(settled(&noise_of(0.047)) && !settled(&noise_of(0.053)));
+        assert!(!settled(&noise_of(0.0)[1..]), "too few values");
+    }
+
+    #[test]
     fn one_noisy_point_keeps_its_group_going() {
         let noisy: Vec<f64> = (0..12).map(|i| 1.0 + 0.01 * f64::from(i)).collect();
         assert_eq!(RULE.stop(&[vec![1.0; 12], noisy], 12.0), None);

@@ -2,7 +2,7 @@
 //! the ray changes nothing that would have to be searched for again: what makes the reference fast.
 
 use super::ray::Ray;
-use super::tree::{Indexed, Tree};
+use super::tree::Tree;
 use crate::strategy::Culling;
 use glam::DVec3;
 
@@ -92,15 +92,15 @@ impl Beam {
         let reach = |best: &Option<(u32, [f64; 2])>| {
             best.map_or(f64::INFINITY, |(_, range)| range[1] * (1.0 + 2.0 * rival))
         };
-        tree.walk(&ray, around, |Indexed { corners, triangle }, far| {
-            match self.meet(corners, tree.culling()) {
+        tree.walk(&ray, around, |indexed, far| {
+            match self.meet(&indexed.corners(), tree.culling()) {
                 BeamHit::None => {}
                 BeamHit::Some(range) | BeamHit::All(range) if range[1] < nearest => {}
                 BeamHit::All(range) if range[0] > farthest => match best {
                     Some((_, known)) if known[1] <= range[1] => others = others.min(range[0]),
                     _ => {
                         others = others.min(best.map_or(f64::INFINITY, |(_, known)| known[0]));
-                        best = Some((*triangle, range));
+                        best = Some((indexed.triangle, range));
                     }
                 },
                 BeamHit::Some(range) | BeamHit::All(range) => others = others.min(range[0]),
@@ -122,12 +122,12 @@ impl Beam {
         let around = self.angle * tree.reach(self.origin);
         let ray = Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1] };
         let (mut stopped, mut open) = (false, false);
-        tree.walk(&ray, around, |Indexed { corners, triangle }, far| {
-            if stopped || *triangle == own {
+        tree.walk(&ray, around, |indexed, far| {
+            if stopped || indexed.triangle == own {
                 return far;
             }
             // They see its other side.
-            let [a, b, c] = *corners;
+            let [a, b, c] = indexed.corners();
             match self.meet(&[a, c, b], tree.culling()) {
                 BeamHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
                 BeamHit::Some(range) | BeamHit::All(range) if range[1] >= may[0] && range[0] <= may[1] => {

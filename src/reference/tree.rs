@@ -6,7 +6,7 @@ use super::ray::Ray;
 use super::traverse::Finder;
 use crate::scene::Mesh;
 use crate::strategy::Culling;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// At most this many triangles per leaf.
 const LEAF: usize = 4;
@@ -16,7 +16,7 @@ const PADDING: f64 = 1e-9;
 /// Parts of more triangles are built beside each other.
 const PARALLEL: usize = 1 << 14;
 
-/// Triangles under a binary tree of boxes, split at the median of their centres.
+/// Triangles under a binary tree of boxes.
 #[derive(Clone, Debug)]
 pub struct Tree {
     /// Depth first: an inner node's left child follows it.
@@ -26,10 +26,11 @@ pub struct Tree {
     culling: Culling,
 }
 
+/// In single precision, which halves what a walk reads: corners are given so, and boxes are rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    low: DVec3,
-    high: DVec3,
+    low: Vec3,
+    high: Vec3,
     children: Children,
 }
 
@@ -37,33 +38,40 @@ struct Node {
 enum Children {
     /// How many nodes after this one the right child is.
     Inner {
-        right: usize,
+        right: u32,
     },
     Leaf {
-        first: usize,
-        end: usize,
+        first: u32,
+        end: u32,
     },
 }
 
 /// A triangle, with its place in the mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Indexed {
-    /// Its corners.
-    pub corners: [DVec3; 3],
+    corners: [Vec3; 3],
     /// Its place in `Mesh::triangles`.
     pub triangle: u32,
+}
+
+impl Indexed {
+    /// Its corners.
+    pub fn corners(&self) -> [DVec3; 3] {
+        self.corners.map(Vec3::as_dvec3)
+    }
 }
 
 impl Tree {
     /// A tree over the mesh's triangles.
     pub fn new(mesh: &Mesh, culling: Culling) -> Self {
-        let indexed = |(i, t)| Indexed { corners: mesh.corners(t).map(|c| c.as_dvec3()), triangle: i as u32 };
+        let indexed = |(i, t)| Indexed { corners: mesh.corners(t), triangle: i as u32 };
         let mut triangles: Vec<_> = mesh.triangles.iter().enumerate().map(indexed).collect();
-        let mut nodes = build(&mut triangles, 0);
+        let mut nodes = build(&mut triangles, 0, 0);
         let scale = nodes.first().map_or(0.0, |root| root.low.abs().max(root.high.abs()).max_element());
+        let padding = PADDING * f64::from(scale);
         for node in &mut nodes {
-            node.low -= PADDING * scale;
-            node.high += PADDING * scale;
+            node.low = Vec3::from_array(node.low.to_array().map(|low| below(f64::from(low) - padding)));
+            node.high = Vec3::from_array(node.high.to_array().map(|high| -below(-f64::from(high) - padding)));
         }
         Self { nodes, triangles, culling }
     }
@@ -75,9 +83,9 @@ impl Tree {
 
     /// The farthest that anything is from a point.
     pub fn reach(&self, point: DVec3) -> f64 {
-        self.nodes
-            .first()
-            .map_or(0.0, |root| (root.low - point).abs().max((root.high - point).abs()).length())
+        self.nodes.first().map_or(0.0, |root| {
+            (root.low.as_dvec3() - point).abs().max((root.high.as_dvec3() - point).abs()).length()
+        })
     }
 
     /// Shows `visitor` every triangle whose box, grown by `around`, the ray meets before `far`, in about the order of their
@@ -86,8 +94,8 @@ impl Tree {
         // A component of zero would make NaN of 0 * infinity where the ray lies in a box's face.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
         let entry = |node: &Node, far: f64| {
-            let a = (node.low - around - ray.origin) * inverse;
-            let b = (node.high + around - ray.origin) * inverse;
+            let a = (node.low.as_dvec3() - around - ray.origin) * inverse;
+            let b = (node.high.as_dvec3() + around - ray.origin) * inverse;
             let enter = a.min(b).max_element().max(ray.near);
             let leave = a.max(b).min_element().min(far);
             if enter <= leave * (1.0 + PADDING) { enter } else { f64::INFINITY }
@@ -103,13 +111,13 @@ impl Tree {
             }
             match self.nodes[place].children {
                 Children::Leaf { first, end } => {
-                    for triangle in &self.triangles[first..end] {
+                    for triangle in &self.triangles[first as usize..end as usize] {
                         far = visitor(triangle, far);
                     }
                 }
                 Children::Inner { right } => {
-                    let children =
-                        [place + 1, place + right].map(|child| (child, entry(&self.nodes[child], far)));
+                    let children = [place + 1, place + right as usize]
+                        .map(|child| (child, entry(&self.nodes[child], far)));
                     let [near, other] = children;
                     let order = if near.1 <= other.1 { [other, near] } else { [near, other] };
                     for child in order.into_iter().filter(|child| child.1 < f64::INFINITY) {
@@ -122,53 +130,134 @@ impl Tree {
     }
 }
 
-/// More than a tree over any mesh has levels, as each halves what is left.
-const DEPTH: usize = 64;
+/// More than a tree over any mesh has levels: so many are split where it costs least, and each of the rest halves what is left.
+const DEPTH: usize = 72;
+const LEVELS_BY_COST: usize = 36;
+/// Places where a part may be split along an axis, and one more.
+const BINS: usize = 16;
 
-/// The nodes over a part of the triangles, the first of which is the whole tree's number `base`.
-fn build(part: &mut [Indexed], base: usize) -> Vec<Node> {
+/// The nodes over a part of the triangles, the first of which is the whole tree's number `base`, so many levels below the root.
+fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     if part.is_empty() {
         return Vec::new();
     }
     if part.len() <= LEAF {
-        let corners = || part.iter().flat_map(|t| t.corners);
-        let low = corners().fold(DVec3::INFINITY, DVec3::min);
-        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
-        return vec![Node { low, high, children: Children::Leaf { first: base, end: base + part.len() } }];
+        let Bounds { low, high } = part.iter().fold(Bounds::NONE, |bounds, t| bounds.with(t));
+        return vec![Node {
+            low,
+            high,
+            children: Children::Leaf { first: base, end: base + part.len() as u32 },
+        }];
     }
-    let middle = part.len() / 2;
-    halve(part, middle);
+    let middle = split(part, level);
     let (several, (first, second)) = (part.len() > PARALLEL, part.split_at_mut(middle));
     let (left, right) = match several {
-        true => rayon::join(|| build(first, base), || build(second, base + middle)),
-        false => (build(first, base), build(second, base + middle)),
+        true => {
+            rayon::join(|| build(first, base, level + 1), || build(second, base + middle as u32, level + 1))
+        }
+        false => (build(first, base, level + 1), build(second, base + middle as u32, level + 1)),
     };
     let (low, high) = (left[0].low.min(right[0].low), left[0].high.max(right[0].high));
     let mut nodes = Vec::with_capacity(1 + left.len() + right.len());
-    nodes.push(Node { low, high, children: Children::Inner { right: 1 + left.len() } });
+    nodes.push(Node { low, high, children: Children::Inner { right: 1 + left.len() as u32 } });
     nodes.extend(left);
     nodes.extend(right);
     nodes
 }
 
-/// Puts the triangles with the smaller centres before `middle`, along the axis on which centres spread most.
-fn halve(part: &mut [Indexed], middle: usize) {
-    let centre = |t: &Indexed| t.corners[0] + t.corners[1] + t.corners[2];
+/// The largest single that is no larger.
+fn below(value: f64) -> f32 {
+    let nearest = value as f32;
+    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
+}
+
+fn centre(t: &Indexed) -> DVec3 {
+    let [a, b, c] = t.corners();
+    a + b + c
+}
+
+/// Splits a part in two, neither of which is empty, along the axis on which centres spread most: where a ray is expected to meet the
+/// fewest triangles (the surface area heuristic over bins of centres; Wald 2007), or else in the middle.
+fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);
     let axis = (high - low).max_position();
+    let per_length = BINS as f64 / (high - low)[axis];
+    let bin = |t: &Indexed| (((centre(t)[axis] - low[axis]) * per_length) as usize).min(BINS - 1);
+    if level < LEVELS_BY_COST
+        && per_length.is_finite()
+        && let Some(first_of_right) = cheapest(part, bin)
+    {
+        return partition(part, |t| bin(t) < first_of_right);
+    }
+    let middle = part.len() / 2;
     part.select_nth_unstable_by(middle, |a, b| centre(a)[axis].total_cmp(&centre(b)[axis]));
+    middle
+}
+
+/// The first bin of the right part of the cheapest split: the least sum of areas times triangles. None where all are in one bin.
+fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
+    let mut bins = [(Bounds::NONE, 0_usize); BINS];
+    for t in part {
+        let (bounds, count) = &mut bins[bin(t)];
+        (*bounds, *count) = (bounds.with(t), *count + 1);
+    }
+    let join = |(a, n): (Bounds, usize), (b, m): (Bounds, usize)| (a.join(b), n + m);
+    let of = |bins: &[(Bounds, usize)]| bins.iter().copied().fold((Bounds::NONE, 0), join);
+    let cost = |at: usize| {
+        let sides = [of(&bins[..at]), of(&bins[at..])];
+        let is_whole = sides.iter().any(|(_, count)| *count == 0);
+        (!is_whole).then(|| sides.iter().map(|(bounds, count)| bounds.area() * *count as f64).sum::<f64>())
+    };
+    let splits = (1..BINS).filter_map(|at| Some((at, cost(at)?)));
+    splits.min_by(|(_, one), (_, other)| one.total_cmp(other)).map(|(at, _)| at)
+}
+
+/// Puts those that `is_left` holds of first, and says how many they are.
+fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize {
+    let mut left = 0;
+    for place in 0..part.len() {
+        if is_left(&part[place]) {
+            part.swap(left, place);
+            left += 1;
+        }
+    }
+    left
+}
+
+/// A box.
+#[derive(Clone, Copy)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Bounds {
+    const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+
+    fn with(self, t: &Indexed) -> Self {
+        let [a, b, c] = t.corners;
+        Self { low: self.low.min(a).min(b).min(c), high: self.high.max(a).max(b).max(c) }
+    }
+
+    fn join(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// Half of its surface.
+    fn area(self) -> f64 {
+        let side = (self.high.as_dvec3() - self.low.as_dvec3()).max(DVec3::ZERO);
+        side.x * side.y + side.y * side.z + side.z * side.x
+    }
 }
 
 impl Finder<f64> for Tree {
     fn visit(&self, ray: &Ray<f64>, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
-        self.walk(ray, 0.0, |Indexed { corners, triangle }, far| {
-            match moller_trumbore(ray, *corners, self.culling) {
-                Some((t, weights)) if t <= far && far > ray.near => {
-                    visitor(Hit { t, weights, triangle: *triangle })
-                }
-                _ => far,
+        self.walk(ray, 0.0, |indexed, far| match moller_trumbore(ray, indexed.corners(), self.culling) {
+            Some((t, weights)) if t <= far && far > ray.near => {
+                visitor(Hit { t, weights, triangle: indexed.triangle })
             }
+            _ => far,
         });
     }
 }
@@ -179,7 +268,7 @@ mod tests {
     use super::super::ray::Frame;
     use super::super::traverse::Exhaustive;
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::{Scene, Triangle};
 
     fn agree(scene: &Scene, culling: Culling) -> usize {
         let (tree, exhaustive) = (Tree::new(&scene.mesh, culling), Exhaustive::new(&scene.mesh, culling));
@@ -213,6 +302,27 @@ mod tests {
             for culling in [Culling::None, Culling::Back] {
                 assert!(agree(&scene, culling) > 100, "{}", scene.name);
             }
+        }
+    }
+
+    #[test]
+    fn a_tree_over_triangles_that_shrink_by_powers_is_no_deeper_than_its_stack() {
+        // Each split by cost cuts off the largest alone.
+        let mut mesh = fixtures::single_triangle().mesh;
+        for power in (0..56).map(|i| 1e36 * 0.05_f32.powi(i)) {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([Vec3::X, Vec3::Y, Vec3::Z].map(|corner| power * (Vec3::X + 0.1 * corner)));
+            let triangle = Triangle { positions: [first, first + 1, first + 2], ..mesh.triangles[0] };
+            mesh.triangles.push(triangle);
+        }
+        let levels = levels(&Tree::new(&mesh, Culling::None).nodes, 0);
+        assert!(levels > LEVELS_BY_COST && levels < LEVELS_BY_COST + 8, "{levels}");
+    }
+
+    fn levels(nodes: &[Node], at: usize) -> usize {
+        match nodes[at].children {
+            Children::Leaf { .. } => 1,
+            Children::Inner { right } => 1 + levels(nodes, at + 1).max(levels(nodes, at + right as usize)),
         }
     }
 

@@ -192,3 +192,26 @@ pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     add_flat(&mut mesh, [first, first + 2, first + 3]);
     before_black(mesh, camera, light.as_vec3())
 }
+
+/// One triangle, and rays from a point that pass its edges by a part of their way.
+pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
+    let corners = [Vec3::new(-1.0, -0.9, 0.0), Vec3::new(1.1, -0.8, 0.1), Vec3::new(0.2, 1.2, -0.2)];
+    let origin = Vec3::new(0.1, 0.05, 3.0);
+    let mut scene = super::scene("sphere.toml");
+    let materials = scene.mesh.materials[..1].to_vec();
+    scene.mesh =
+        Mesh { positions: corners.to_vec(), normals: vec![Vec3::Z; 3], materials, ..Mesh::default() };
+    add(&mut scene.mesh, [0, 1, 2]);
+    let ray = |number: u16| {
+        let edge = usize::from(number) % 3;
+        let [from, to] = [corners[edge], corners[(edge + 1) % 3]].map(Vec3::as_dvec3);
+        let start = origin.as_dvec3();
+        let way = from.lerp(to, 0.05 + 0.9 * f64::from(number) / 2000.0) - start;
+        // Away from the triangle, square to the plane of edge and origin.
+        let outwards = (from - start).cross(to - start).normalize();
+        let inwards = outwards.dot(corners[(edge + 2) % 3].as_dvec3() - start).signum();
+        let direction = (way - outwards * inwards * f64::from(part) * way.length()).normalize();
+        Ray { origin, direction: direction.as_vec3(), t_min: 0.0 }
+    };
+    (scene, (0..2000).map(ray).collect())
+}

@@ -132,6 +132,9 @@ mod tests {
         borrowing.borrow(&[alone, alone]);
         let (one, more) = (alone.of_level(rows[0]), borrowing.of_level(rows[0]));
         assert_eq!((one.degrees, more.degrees), (2.0, 6.0));
+        let mut of_many = alone;
+        of_many.borrow(&[alone; 9]);
+        assert_eq!(of_many.of_level(rows[0]).degrees, 8.0, "many tables count as six cases, no more");
         assert!((one.error - more.error).abs() < 1e-12 && more.reach(0.025) < 0.6 * one.reach(0.025));
         // Where launches lie farther apart elsewhere, they may here.
         let wide = [[0.0, 0.3, -0.3], [1.0, 1.3, 0.7]];

@@ -44,6 +44,16 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
 }
 
 #[test]
+fn apart_the_medians_of_all_samples_are_compared() {
+    // Two of three launches are slow: the median is theirs, the mean of the launches is not.
+    let mut slow = steady(2, 3, 9);
+    slow.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
+    let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
+    let ratio = standing(&slow).ratio_apart(&standing(&steady(2, 3, 9)));
+    assert!((ratio.middle - 4.0).abs() < 0.01, "{ratio:?}");
+}
+
+#[test]
 fn a_sample_that_took_long_in_each_launch_is_no_difference() {
     let mut samples = steady(4, 3, 9);
     for sample in samples.iter_mut().filter(|sample| sample.point == 3).step_by(9) {

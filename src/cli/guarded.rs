@@ -1,0 +1,111 @@
+//! Commands that start drivers work in a process of their own. A driver that crashes or hangs while it is asked for its devices ends that
+//! process, not the command: the drivers are then tried one by one, and the work begins again without those that fail.
+
+use crate::device::drivers::{Driver, installed, only};
+use crate::device::patience::{GUARDED, HUNG};
+use crate::error::{Error, Result};
+use crate::experiment::lists_devices;
+use crate::printer;
+use std::ffi::OsString;
+use std::process::{Command, ExitStatus};
+
+/// Whether this process is the one that works.
+pub fn is_inside() -> bool {
+    std::env::var_os(GUARDED).is_some()
+}
+
+/// Runs this process's own command line in a process of its own, and ends as that one does.
+///
+/// # Errors
+/// A driver that ended it, where leaving drivers out does not help.
+pub fn run() -> Result<()> {
+    let status = attempt(&[])?;
+    let Some(cause) = drivers_doing(status) else { return end_as(status) };
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let mut good = Vec::new();
+    let mut broken = Vec::new();
+    for driver in installed() {
+        match why_broken(&driver)? {
+            None => good.push(driver),
+            Some(why) => broken.push((driver, why)),
+        }
+    }
+    if broken.is_empty() {
+        return Err(Error::run(format!("{cause}, though every driver lists its devices"))
+            .with_help("try another device: `raycl devices` lists them, --device names one"));
+    }
+    for (driver, why) in &broken {
+        printer::tell(format!("note: the driver {driver} is left out: {why}"));
+    }
+    let status = attempt(&only(&good, folder.path()).map_err(failed)?)?;
+    match drivers_doing(status) {
+        None => end_as(status),
+        Some(cause) => Err(Error::run(format!("{cause}, with those drivers left out too"))
+            .with_help("remove or update the drivers that are named above")),
+    }
+}
+
+/// One run of the same command line, where these variables are set.
+fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
+    let mut command = Command::new(std::env::current_exe().map_err(failed)?);
+    command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
+    command.status().map_err(failed)
+}
+
+/// Why a driver alone does not list its devices.
+fn why_broken(driver: &Driver) -> Result<Option<String>> {
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let alone = only(std::slice::from_ref(driver), folder.path()).map_err(failed)?;
+    lists_devices(&alone)
+}
+
+/// How a process ended, where a driver may have ended it.
+fn drivers_doing(status: ExitStatus) -> Option<String> {
+    if status.code() == Some(HUNG) {
+        return Some("a driver did not answer".to_owned());
+    }
+    let (signal, name) = signal(status)?;
+    CRASHES.contains(&name).then(|| format!("a driver ended the process: {name} (signal {signal})"))
+}
+
+/// Signals by which a process brings itself down; others come from outside.
+const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
+
+#[cfg(unix)]
+fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {
+    use std::os::unix::process::ExitStatusExt as _;
+    let signal = status.signal()?;
+    Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or_default()))
+}
+
+#[cfg(not(unix))]
+fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
+    None
+}
+
+/// Ends this process as another has ended: with its exit code, or as shells say that a signal ended it.
+fn end_as(status: ExitStatus) -> Result<()> {
+    match status.code() {
+        Some(0) => Ok(()),
+        Some(code) => std::process::exit(code),
+        None => std::process::exit(128 + signal(status).map_or(0, |(signal, _)| signal)),
+    }
+}
+
+/// What ends the process that started this one ends it too.
+#[cfg(target_os = "linux")]
+pub fn ends_with_its_parent() {
+    use rustix::process::{Signal, set_parent_process_death_signal};
+    // Where the system cannot, the work goes on to its end.
+    let _ = set_parent_process_death_signal(Some(Signal::TERM));
+}
+
+/// Elsewhere the work goes on to its end.
+#[cfg(not(target_os = "linux"))]
+pub fn ends_with_its_parent() {}
+
+fn failed(error: impl std::fmt::Display) -> Error {
+    Error::run(format!("the process that does the work could not be started: {error}")).with_help(
+        "see that raycl's own file can be read and run, and that the temporary folder can be written",
+    )
+}
