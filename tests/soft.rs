@@ -58,7 +58,7 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     let point = ["--samples", "16", "--set", "light.0.radius=0"];
     let sharp = picture(&place, &[&point[..], &["--verify"]].concat());
     for strategy in FAMILIES {
-        let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify"]);
+        let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify=600"]);
         // Half-shadows lie on the ground around the square's shadow, and nowhere else.
         let differing =
             soft.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 8).count();
@@ -89,7 +89,7 @@ fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_referenc
     let place = Place::with(&[("scene.toml", SKY)]);
     for strategy in FAMILIES {
         for samples in ["1", "4"] {
-            picture(&place, &["--verify", "--strategy", strategy, "--samples", samples]);
+            picture(&place, &["--verify=500", "--strategy", strategy, "--samples", samples]);
         }
     }
     let shown = picture(&place, &["--samples", "64"]);
@@ -137,7 +137,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ] {
         let folder = place.kernels(file, from, to);
         let cast = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
-        let ends = ["--verify", "--samples", "2", "-o", "wrong.png", "--force", "--strategy", strategy];
+        let ends = ["--verify=800", "--samples", "2", "-o", "wrong.png", "--force", "--strategy", strategy];
         let said = place.mistake(&[&cast[..], &ends, &["--cl-dir", &folder]].concat(), 1);
         has(&said, &["the picture is wrong: "]);
         // The next change is of another file.
