@@ -95,10 +95,10 @@ fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_referenc
     let shown = picture(&place, &["--samples", "64"]);
     let ground = |picture: &RgbImage, x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
     // Beside the ball, where it stands on the ground, it is darker than far from it.
-    let (beside, far) = (ground(&shown, 30, 33), ground(&shown, 4, 38));
+    let (beside, far) = (ground(&shown, 30, 22), ground(&shown, 4, 30));
     assert!(beside + 15 < far, "{beside} {far}");
     let near = picture(&place, &["--samples", "64", "--set", "sky.reach=0.001"]);
-    assert!((ground(&near, 30, 33) - ground(&near, 4, 38)).abs() < 6);
+    assert!((ground(&near, 30, 22) - ground(&near, 4, 30)).abs() < 6);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
     has(&place.mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
@@ -163,7 +163,7 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
     // The ground is grey and fills the picture, nothing is burnt out, and all that the key light does not reach is still seen.
     let values = || dressed.pixels().map(|pixel| pixel.0[1]);
     assert!(
-        values().min() > Some(20) && values().max() < Some(250),
+        values().min() > Some(5) && values().max() < Some(250),
         "{:?} {:?}",
         values().min(),
         values().max()
