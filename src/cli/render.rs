@@ -152,15 +152,13 @@ fn render(args: &Args) -> Result<()> {
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = strategy(args, &device.info, scene.mesh.triangles.len())?;
-    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene));
+    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
     let tree_was_built = tree.is_some();
-    let session =
-        session.verifying(args.verify.is_some()).sampling(samples).with_program(early).with_tree(tree);
+    let session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
     let prepared = prepare(args, session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
-    let upload_ms = prepared.upload_ms();
-    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", upload_ms)];
+    let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
     timeline.ends_with("buffers", &parts);
     let shown = shown(args, &scene, &target);
     let cast = cast(args, &device, &prepared, (&scene, shown), &mut timeline)?;
