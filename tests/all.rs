@@ -53,6 +53,7 @@ mod session;
 mod settings;
 #[cfg(unix)]
 mod shards;
+mod soft;
 mod split;
 mod supervisor;
 mod textures;

@@ -78,7 +78,8 @@ fn packed(bytes: &[u8]) -> Vec<u8> {
 /// Renders a file, with options, and gives the picture and what was said.
 fn picture(place: &Place, name: &str, options: &[&str]) -> (RgbImage, String) {
     let device = device();
-    let size = ["--width", "96", "--height", "60", "--force", "-o", "out.png", "--device", &device];
+    let size =
+        ["--width", "96", "--height", "60", "--force", "--plain", "-o", "out.png", "--device", &device];
     let said = place.output(&[&["render", name], &size[..], options].concat());
     (image::open(place.path("out.png")).expect("a picture").to_rgb8(), said)
 }
@@ -109,7 +110,7 @@ fn all_formats_of_a_mesh_are_one_picture_packed_or_not_and_from_a_pipe() {
     std::fs::write(place.path("b.ply"), stl(&corners)).expect("a file");
     has(&picture(&place, "b.ply", &[]).1, &["b.ply: read as an STL mesh"]);
     let device = device();
-    let pipe = ["render", "-", "-o", "-", "--width", "96", "--height", "60", "--device", &device];
+    let pipe = ["render", "-", "-o", "-", "--plain", "--width", "96", "--height", "60", "--device", &device];
     let output = place.raycl(&pipe).write_stdin(packed(ply(&corners).as_bytes())).assert().success();
     let output = output.get_output();
     let piped = image::load_from_memory(&output.stdout).expect("a PNG").to_rgb8();

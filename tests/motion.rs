@@ -4,7 +4,8 @@ use crate::binary::{Place, TRIANGLE, device, has};
 use serde_json::Value;
 
 const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
-const SIZE: [&str; 4] = ["--width", "48", "--height", "30"];
+/// And without ground and samples.
+const SIZE: [&str; 5] = ["--width", "48", "--height", "30", "--plain"];
 
 fn place() -> Place {
     Place::with(&[("mesh.obj", MESH), ("scene.toml", TRIANGLE)])

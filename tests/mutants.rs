@@ -26,9 +26,18 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// No row changes them. The probe is there to find wrong answers; the anchor is never replaced by a folder of kernels, and is broken
 /// by a test beside it (src/anchor.rs).
-/// Textures are in scenes that have them alone; tests/textures.rs breaks them. What is shown is no radiance, and is broken by a test
-/// beside it (src/launch/show.rs).
-const UNTOUCHED: [&str; 4] = ["probe/lanes.cl", "anchor/spheres.cl", "common/textures.cl", "display/show.cl"];
+/// Textures and soft lights are in scenes that have them alone; tests/textures.rs and tests/soft.rs break them. What is shown is no radiance, and is
+/// broken by a test beside it (src/launch/show.rs).
+const UNTOUCHED: [&str; 8] = [
+    "probe/lanes.cl",
+    "anchor/spheres.cl",
+    "common/textures.cl",
+    "common/soft.cl",
+    "cast/soft.cl",
+    "tile_cpu/soft.cl",
+    "tile_gpu/soft.cl",
+    "display/show.cl",
+];
 
 /// A row of the table.
 #[derive(Deserialize)]

@@ -139,7 +139,7 @@ fn set_changes_the_scene() {
 #[test]
 fn a_bare_mesh_is_framed_lit_and_saved_under_its_name() {
     let place = place();
-    let report = report(&place, &["mesh.obj", "--width", "64", "--height", "40"]);
+    let report = report(&place, &["mesh.obj", "--width", "64", "--height", "40", "--plain"]);
     assert_eq!(report["output"], "mesh.png");
     assert_eq!((&report["triangles"], &report["lights"]), (&4.into(), &2.into()));
     has(&report["notes"].to_string(), &["none.mtl", "`red`", "k_L 0.8"]);

@@ -28,30 +28,3 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     }
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
-
-#[test]
-fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
-    // A square over the ground, and a light above it.
-    let scene = "[camera]\nposition = [0, 1.2, 1.5]\nlook_at = [0, -0.7, -3]\n[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n\
-                 [[light]]\nposition = [3, 2, 0]\npower = 10\n\
-                 [[object]]\nvertices = [[-0.7, 0, -3.7], [0.7, 0, -3.7], [0.7, 0, -2.3], [-0.7, 0, -2.3]]\nfaces = [[0, 3, 2, 1]]\n\
-                 [[object]]\nshape = \"ground\"\n";
-    let place = Place::with(&[("scene.toml", scene)]);
-    let hard = picture(&place, &["--samples", "1", "--verify"]);
-    let point = ["--samples", "16", "--set", "light.0.radius=0"];
-    let sharp = picture(&place, &[&point[..], &["--verify"]].concat());
-    for strategy in ["naive", "wide-common-origin", "tile", "bvh"] {
-        let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify"]);
-        // Half-shadows lie on the ground around the square's shadow, and nowhere else.
-        let differing =
-            soft.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 8).count();
-        assert!((20..600).contains(&differing), "{strategy}: {differing}");
-    }
-    let differing = hard.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 60).count();
-    assert!(differing < 120, "{differing}");
-    let device = device();
-    let render = ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &device, "--force"];
-    let said = place.output(&render);
-    assert!(said.contains("1 light has a radius: with one sample per pixel"), "{said}");
-    place.mistake(&[&render[..], &["--set", "light.0.radius=-1"]].concat(), 2);
-}

@@ -20,6 +20,9 @@
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"
 #endif
+#if !defined(SOFT) || !defined(SKY)
+#error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -39,6 +42,9 @@
 #else
 #define TEXTURED(surface, textures, triangle, w1, w2) surface
 #endif
+#if SOFT
+#include "common/soft.cl"
+#endif
 #include "cast/layout/{layout}.cl"
 #include "cast/intersect/{intersector}.cl"
 #if TREE
@@ -57,6 +63,9 @@
 #include "cast/exhaustive.cl"
 #endif
 #undef ANY_HIT
+#if SOFT
+#include "cast/soft.cl"
+#endif
 #include "cast/shade.cl"
 #include "cast/shading/{shading}.cl"
 #define ANY_HIT 0
@@ -95,6 +104,14 @@
 #define BIND_TEXTURES(scene)
 #endif
 
+#if SOFT
+#define BIND_SOFT(scene)         \
+    scene.soft.numbers = soft; \
+    scene.soft.sample = sample;
+#else
+#define BIND_SOFT(scene)
+#endif
+
 #define SCENE_LOCALS GEOMETRY_LOCALS TILE_LOCALS
 #define BIND_SCENE(scene)            \
     BIND_GEOMETRY(scene.geometry)    \
@@ -105,6 +122,7 @@
     BIND_RECORDS(scene)              \
     BIND_TREE(scene)                 \
     BIND_TEXTURES(scene)             \
+    BIND_SOFT(scene)                 \
     BIND_TILE(scene)                 \
     if (STAGE_VERTICES || STAGE_NORMALS || STAGE_MATERIALS) barrier(CLK_LOCAL_MEM_FENCE);
 

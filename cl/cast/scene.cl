@@ -17,6 +17,9 @@ typedef struct {
 #if TEXTURES
     Textures textures;
 #endif
+#if SOFT
+    Soft soft;
+#endif
 #if STREAM_TILES
     __local ROW_UNIT *tile;
 #endif

@@ -17,7 +17,13 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
     for (int light = 0; light < scene->light_count; light++) {
         const __global float *at = scene->lights + LIGHT_FLOATS * light;
         // w_i, and the cosine n . w_i: a light behind the surface gives nothing and needs no shadow ray.
+#if SOFT
+        const Pixels pixels = own_pixels((int2)(0, 0));
+        const Vec3 position = add(splat(LOAD3(at)), off_middle(&scene->soft, light, pixels.x, pixels.y));
+        const Vec3 offset = subtract(position, working_get(working, POINT));
+#else
         const Vec3 offset = subtract(splat(LOAD3(at)), working_get(working, POINT));
+#endif
         const varying squared = dot3(offset, offset);
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
@@ -28,7 +34,13 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         if (!ANY(lit)) continue;
 #endif
         // The shadow ray ends a bias before the light. Origins are counted from 1 for lights; 0 is the eye.
+#if SOFT && PLANES_OF_ORIGIN
+        const varying end = distance - scene->bias;
+        if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
+        else lit &= !any_hit(working, scene, 1 + light, end, lit);
+#else
         lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
+#endif
         // Here and not before the loop: where any_hit has barriers, a compiler for CPUs negates only after them, and then
         // the direction of another work-item, which is left in a register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
@@ -42,4 +54,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const Vec3 sum = working_get(working, RADIANCE);
         working_set(working, RADIANCE, select3(lit, add(sum, received), sum));
     }
+#if SKY
+    add_sky(working, scene, surface, active);
+#endif
 }

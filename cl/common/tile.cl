@@ -12,6 +12,9 @@
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"
 #endif
+#if !defined(SOFT) || !defined(SKY)
+#error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -26,4 +29,7 @@
 #include "common/textures.cl"
 #else
 #define TEXTURED(surface, textures, triangle, w1, w2) surface
+#endif
+#if SOFT
+#include "common/soft.cl"
 #endif

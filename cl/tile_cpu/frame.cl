@@ -28,12 +28,20 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
 #else
 #define BIND_TEXTURES(lighting)
 #endif
+#if SOFT
+#define BIND_SOFT(lighting)         \
+    lighting.soft.numbers = soft; \
+    lighting.soft.sample = sample;
+#else
+#define BIND_SOFT(lighting)
+#endif
 #define BIND_LIGHTING(lighting)         \
     lighting.lights = lights;           \
     lighting.light_count = light_count; \
     lighting.bias = bias;               \
     lighting.materials = materials;     \
-    BIND_TEXTURES(lighting)
+    BIND_TEXTURES(lighting)             \
+    BIND_SOFT(lighting)
 #define TREE_AND_LIGHTING     \
     SurfaceTree tree;         \
     BIND_SURFACE_TREE(tree)   \

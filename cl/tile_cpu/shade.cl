@@ -29,6 +29,9 @@ typedef struct {
 #if TEXTURES
     Textures textures;
 #endif
+#if SOFT
+    Soft soft;
+#endif
 } Lighting;
 
 Surface one_material(const __global float *material) {
@@ -141,11 +144,15 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         const Mask hits = bundle->place[vector] != NO_HIT;
+#if SOFT
+        const Shaded *surface = shaded + vector; // which is known
+#else
         Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // those of one light are not kept
         if (light == 0) {
             const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
             meet_vector(tree, lighting, ray, bundle->place[vector], hits, surface);
         }
+#endif
         const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
         open |= ANY(lit) ? 1u << vector : 0;
     }
@@ -195,6 +202,10 @@ void store_background(__global float4 *restrict image, int2 image_size, float4 b
         store_block(image, image_size, background, none, tile_pixels(vector, image_size), (Mask)(0));
 }
 
+#if SOFT
+#include "tile_cpu/soft.cl"
+#endif
+
 // For each light: the radiance of the tile's hits if nothing is in between, then a walk from the light, which finds the hits
 // that are in shadow.
 void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS, int2 image_size,
@@ -206,7 +217,20 @@ void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lightin
         sum[vector] = splat(uniform3(0.0f, 0.0f, 0.0f));
         hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
     }
+#if SOFT
+    for (uint left = hit; left; left &= left - 1) {
+        const int vector = LOWEST_BIT(left);
+        const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
+        meet_vector(tree, lighting, ray, bundle->place[vector], bundle->place[vector] != NO_HIT, shaded + vector);
+    }
+#endif
     for (int light = 0; light < lighting->light_count; light++) {
+#if SOFT
+        if (radius_of(&lighting->soft, light) > 0.0f) {
+            add_soft_light(bundle, tree, lighting, light, image_size, shaded, sum);
+            continue;
+        }
+#endif
         Slices slices;
         const uint open = make_light_rays(bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y, image_size,
                                           hit, shaded, arriving);
@@ -220,6 +244,9 @@ void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lightin
             sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }
+#if SKY
+    add_sky(bundle, tree, lighting, image_size, shaded, sum);
+#endif
     for (int vector = 0; vector < VECTORS; vector++)
         store_block(image, image_size, background, sum[vector], tile_pixels(vector, image_size),
                     bundle->place[vector] != NO_HIT);

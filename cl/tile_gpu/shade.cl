@@ -1,13 +1,22 @@
 // The end of a round of lights, when tiles have cast their shadow rays: leftover shadow rays, and shading.
 
 // Casts a pixel's leftover shadow rays, the whole group one ray at a time. Returns the lights that they reach.
-INLINED uint cast_left_over(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                            Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
+INLINED uint cast_left_over(SOURCES_PARAMETER const Group *group, const Tree *tree, const __global float4 *surfaces,
+                            CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
     uint reached = 0;
     for (uint left = left_over; left; left &= left - 1) {
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
+#if SOFT
+        if (goes_apart(sources, light)) {
+            Meeting hit = meet(tree, surfaces, pixel_ray(eye, corner, step_x, step_y, pixel), place);
+            hit.pixel = pixel;
+            if (reaches(group, tree, sources, light, at, &hit, bias, stack))
+                reached |= left & (0u - left);
+            continue;
+        }
+#endif
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
         // The ray again, from the light; alone in its shaft, whose box is a point.
         const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
@@ -35,10 +44,11 @@ INLINED Pixel pixel_of(uint index, int2 image_size) {
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
+    BIND_SOURCES
     const int groups = (int)get_num_groups(0) * LOCAL_Y, count = *queued;
     for (int i = (int)get_group_id(0) * LOCAL_Y + group.number; i < count; i += groups) {
         const uint2 entry = queue[i];
-        const uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y,
+        const uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                             pixel_of(entry.x, image_size), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
                                             entry.y, bias, stack);
         // One pixel per group and entry, so that no atomic is needed.
@@ -54,11 +64,23 @@ INLINED void load_material(const __global float *material, Surface *surface) {
 }
 
 // The radiance that a hit sends to the eye from the lights of a word.
-INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface *surface, Meeting meeting, Vec3 to_eye) {
+INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface, Meeting meeting,
+                      Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
     for (; reached; reached &= reached - 1) {
         const __global float *light = lights + LIGHT_FLOATS * LIGHT_OF_BIT(LOWEST_BIT(reached));
+#if SOFT
+        const Sight sight = sight_of(sources, LIGHT_OF_BIT(LOWEST_BIT(reached)), light, &meeting);
+#if SKY
+        if (sight.is_sky) {
+            sum = add(sum, multiply(surface->lambertian, radiance_of_sky(&sources->soft, sight.way)));
+            continue;
+        }
+#endif
+        const Vec3 offset = scale(sight.way, sight.distance);
+#else
         const Vec3 offset = subtract(load_vec3(light), meeting.point);
+#endif
         const float squared = dot3(offset, offset);
         const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
         const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // it faces the light, but for rounding
@@ -78,12 +100,15 @@ INLINED Vec3 arriving(const __global float *lights, uint reached, const Surface 
 #endif
 
 // Adds to a pixel the radiance from those of a round's lights that reach it: a bit each in `reached`.
-INLINED void shade_pixel(TEXTURE_PARAMETERS const Tree *tree, const __global float4 *surfaces,
+INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float4 *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, Pixel pixel, int place,
                          const __global float *lights, uint reached, float4 *sum) {
     const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
     Meeting meeting = meet(tree, surfaces, from_eye, place);
     meeting.normal = normalize_or_zero(meeting.normal);
+#if SOFT
+    meeting.pixel = pixel;
+#endif
     Surface surface;
     load_material(materials + MATERIAL_FLOATS * meeting.material, &surface);
 #if TEXTURES
@@ -92,7 +117,7 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS const Tree *tree, const __global flo
     textures.words = texture_words;
     surface = TEXTURED(surface, &textures, meeting.triangle, meeting.w1, meeting.w2);
 #endif
-    const Vec3 received = arriving(lights, reached, &surface, meeting, negate(from_eye.direction));
+    const Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
@@ -102,6 +127,7 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS const Tree *tree, const __global flo
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
+    BIND_SOURCES
     const __global float *lights_of_round = lights + LIGHT_FLOATS * first_light;
     const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
     if ((int)get_group_id(1) < queue_rows) {
@@ -112,13 +138,13 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             const uint2 entry = queue[i];
             const Pixel pixel = pixel_of(entry.x, image_size);
             const int place = nearest[entry.x];
-            uint reached = cast_left_over(&group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
+            uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
                                           lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
                 // Lights that were known to reach it, and those just found.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
                 float4 sum = first_light ? image[entry.x] : dark;
-                shade_pixel(TEXTURE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
+                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
                             reached, &sum);
                 image[entry.x] = sum;
             }
@@ -133,7 +159,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         }
         EACH_RAY(ray) {
             const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
-            reached[ray] = place[ray] != NO_HIT && light_count ? lit[index_of(pixel, image_size)] : 0;
+            reached[ray] = place[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(pixel, image_size)] : 0;
         }
         EACH_RAY(ray) {
             const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
@@ -142,7 +168,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
             if (first_light && pixel.inside) sum = image[at];
             if (reached[ray])
-                shade_pixel(TEXTURE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
+                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
                             reached[ray] & ~SOME_LEFT_OVER, &sum);
             // Pixels that wait for the queue are stored by the groups that empty it.
             if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;

@@ -30,6 +30,9 @@ typedef struct {
     int triangle;
     float w1, w2; // the weights of its second and third corner
 #endif
+#if SOFT
+    Pixel pixel;
+#endif
 } Meeting;
 
 INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray, int place) {
@@ -93,6 +96,27 @@ INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
 INLINED Vec3 way_to_hit(Vec3 offset, float bias) { return scale(offset, bias * rsqrt(dot3(offset, offset)) - 1.0f); }
 
 INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
+
+#if SOFT
+#include "tile_gpu/soft.cl"
+#endif
+// What functions take where lights have a radius, or there is a sky; the comma is theirs.
+#if SOFT
+#define SOURCES_PARAMETER const Sources *sources,
+#define SOURCES_ARGUMENT sources,
+#define BIND_SOURCES                       \
+    Sources own_sources;                   \
+    own_sources.soft.numbers = soft;       \
+    own_sources.soft.sample = sample;      \
+    own_sources.light_count = light_count; \
+    own_sources.first_light = first_light; \
+    const Sources *sources = &own_sources;
+#else
+#define SOURCES_PARAMETER
+#define SOURCES_ARGUMENT
+#define BIND_SOURCES
+#define SOURCE_COUNT(light_count) light_count
+#endif
 
 // The rays from a light to the tile's hits, where they are wanted. Returns those that are to be cast.
 INLINED uint light_ways(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
@@ -169,11 +193,17 @@ typedef struct {
 INLINED void find_lit(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                       int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
-                      Found found) {
+                      SOURCES_PARAMETER Found found) {
     uint reached = 0, left_over = 0;
-    const int end = min(light_count - first_light, LIGHTS_OF_ROUND);
+    const int end = min(SOURCE_COUNT(light_count) - first_light, LIGHTS_OF_ROUND);
     for (int light = 0; light < end; light++) {
         uint left;
+#if SOFT
+        if (goes_apart(sources, light)) {
+            left_over |= BITS_OF_LIGHT(hits, light);
+            continue;
+        }
+#endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
         // A light after the other; its results are shifted to its own bits of both words.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, origin,
@@ -206,13 +236,14 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
     LEAF_LOCALS
     TREE_OF_TILES
     BIND_FOUND
+    BIND_SOURCES
     uint hits = 0;
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(&group, ray, image_size);
         hits |= pixel.inside && nearest[index_of(pixel, image_size)] != NO_HIT ? 1u << ray : 0u;
     }
     find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
-             first_light, bias, stack, &candidates, found);
+             first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
 
 // Both, one after the other: while the last tiles' rays from the eye are cast, other tiles are at their shadow rays.
@@ -221,8 +252,9 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     LEAF_LOCALS
     TREE_OF_TILES
     BIND_FOUND
+    BIND_SOURCES
     const uint hits =
         find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
     find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
-             first_light, bias, stack, &candidates, found);
+             first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }

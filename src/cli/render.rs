@@ -92,9 +92,10 @@ pub struct Args {
     look: Look,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; takes as many frames' time (Blackman-Harris filter, 1.5 pixels wide)
-    #[arg(long, default_value_t = 1, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    samples: u32,
+    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; takes as many frames' time (Blackman-Harris filter, 1.5 pixels
+    /// wide) [default: 4 for a bare mesh, else 1]
+    #[arg(long, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    samples: Option<u32>,
     /// Cast the frame this many times and report medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
@@ -150,10 +151,11 @@ fn render(args: &Args) -> Result<()> {
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
     let Opened { loaded, device, queue, early, tree, show, .. } = opened;
+    let samples = samples(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = strategy(args, &device.info, task(args, &scene))?;
-    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene));
+    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
     let tree_was_built = tree.is_some();
     let session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
     let prepared = prepare(args, session, &strategy, local_size);
@@ -173,7 +175,7 @@ fn render(args: &Args) -> Result<()> {
     let mut verified = None;
     if let Some(image) = &radiance {
         refuse_not_finite(image, target.path())?;
-        let with = (&strategy, args.samples);
+        let with = (&strategy, samples);
         let check = |some| check(&scene, (image, cast.hits), with, target.path(), some);
         verified = args.verify.map(check).transpose()?;
     }
@@ -198,7 +200,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, args.samples)).chain(keeping).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, samples)).chain(keeping).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -295,9 +297,23 @@ fn layer_files(args: &Args) -> Result<Vec<Target>> {
 
 /// The scene, as large as the picture has room for where it has no camera of its own.
 fn load(args: &Args) -> Result<Loaded> {
-    let shot = Shot { aspect: f64::from(args.width) / f64::from(args.height), turns: args.motion.turns() };
+    let aspect = f64::from(args.width) / f64::from(args.height);
+    let shot = Shot { aspect, turns: args.motion.turns(), dressed: is_dressed(args) };
     load_scene_for(&args.scene, &scene_overrides(args)?, shot)
 }
+
+/// Whether a bare mesh is to have a ground, soft light and a sky; several devices take no samples.
+fn is_dressed(args: &Args) -> bool {
+    !args.look.plain && args.devices.is_none()
+}
+
+/// Samples of each pixel: so many as are asked for, or what looks good.
+fn samples(args: &Args, dressed: bool) -> u32 {
+    args.samples.unwrap_or(if dressed { DRESSED_SAMPLES } else { 1 })
+}
+
+/// Of a bare mesh.
+const DRESSED_SAMPLES: u32 = 4;
 
 fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3

@@ -21,6 +21,7 @@ pub(super) enum Argument<'a> {
     Uint(u32),
     Float4(Float4),
     Int2(Int2),
+    Uint2(Uint2),
 }
 
 macro_rules! argument_from {
@@ -44,6 +45,7 @@ argument_from! {
     u32 => Uint,
     Float4 => Float4,
     Int2 => Int2,
+    Uint2 => Uint2,
 }
 
 impl<'a> Argument<'a> {
@@ -66,11 +68,12 @@ impl<'a> Argument<'a> {
             Self::Uint(_) => (false, &["uint"]),
             Self::Float4(_) => (false, &["float4"]),
             Self::Int2(_) => (false, &["int2"]),
+            Self::Uint2(_) => (false, &["uint2"]),
         };
         points == of_type.contains('*') && elements.contains(&element)
     }
 
-    /// Binds the next parameter; what a camera decides can be bound again, by its name.
+    /// Binds the next parameter; what a camera or a sample decides can be bound again, by its name.
     fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
@@ -84,12 +87,15 @@ impl<'a> Argument<'a> {
             Self::Uint(value) => kernel.arg(value),
             Self::Float4(value) => kernel.arg_named(name, value),
             Self::Int2(value) => kernel.arg(value),
+            Self::Uint2(value) => kernel.arg_named(name, value),
         };
     }
 }
 
 /// An argument that a scene with textures has.
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
+/// An argument of a scene whose soft lights or sky are sampled.
+pub(super) const SOFT: &str = "soft";
 
 /// Arguments by their parameters' names. Kernels take those they have a parameter for.
 #[derive(Clone, Default)]
@@ -110,8 +116,12 @@ impl<'a> Arguments<'a> {
         strategy: &Strategy,
         builder: &mut KernelBuilder<'a>,
     ) -> Result<(), LaunchError> {
-        let textured = self.0.iter().any(|(name, _)| *name == TEXTURE_ROWS);
-        let holds = |fact| if fact == Fact::Textured { textured } else { strategy.holds(fact) };
+        let has = |wanted: &str| self.0.iter().any(|(name, _)| *name == wanted);
+        let holds = |fact| match fact {
+            Fact::Textured => has(TEXTURE_ROWS),
+            Fact::Soft => has(SOFT),
+            of_strategy => strategy.holds(of_strategy),
+        };
         for parameter in kernel.parameters(holds) {
             let found = self.0.iter().rev().find(|(name, _)| *name == parameter.name);
             let argument =
@@ -125,11 +135,13 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Binds those again that a kernel has a parameter for and that a camera decides.
+    /// Binds those again that a kernel has a parameter for and that a camera or a sample decides.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
-            if let (Some(place), Argument::Float4(value)) = (kernel.named_arg_idx(name), argument) {
-                kernel.set_arg(place, *value)?;
+            match (kernel.named_arg_idx(name), argument) {
+                (Some(place), Argument::Float4(value)) => kernel.set_arg(place, *value)?,
+                (Some(place), Argument::Uint2(value)) => kernel.set_arg(place, *value)?,
+                _ => {}
             }
         }
         Ok(())

@@ -8,8 +8,7 @@ use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
 use super::rounds::Rounds;
-use super::scene::move_lights;
-use super::setup::{Setup, Working, camera_arguments, scene_arguments};
+use super::setup::{Setup, Working, camera_arguments, sample_argument, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue, ShowProgram};
@@ -29,7 +28,6 @@ pub struct Caster {
     steps: Steps,
     image: Buffer<Float4>,
     working: Working,
-    lights: Buffer<f32>,
     size: [u32; 2],
     records_ms: Option<f64>,
     _bytes: FrameBytes,
@@ -68,8 +66,7 @@ impl Caster {
             }
         };
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
-        let (queue, lights) = (queue.clone(), uploaded.lights.clone());
-        Ok(Self { queue, steps, image, working, lights, size, records_ms, _bytes: bytes })
+        Ok(Self { queue: queue.clone(), steps, image, working, size, records_ms, _bytes: bytes })
     }
 
     /// Device time of preparing records of triangles, where there are any: once, and part of no frame.
@@ -115,9 +112,10 @@ impl Caster {
     ) -> Result<(Radiance, usize, FrameTimes), LaunchError> {
         let mut sum = Radiance::new(self.size[0], self.size[1]);
         let (mut hits, mut times) = (0, FrameTimes::default());
-        for Sample { offset, lights } in samples {
-            self.look_from(&Camera { shift: *offset, ..*camera })?;
-            lights.iter().try_for_each(|lights| move_lights(&self.queue, &self.lights, lights))?;
+        for sample in samples {
+            self.look_from(&Camera { shift: sample.offset, ..*camera })?;
+            let arguments = sample_argument(Arguments::default(), sample);
+            self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
             times = times.and(&self.cast()?);
             let (image, hit) = self.read()?;
             hits = hit;

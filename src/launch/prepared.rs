@@ -15,6 +15,8 @@ use std::sync::Arc;
 pub struct Prepared {
     /// At which sizes.
     pub workload: Workload,
+    /// Samples of each pixel.
+    pub samples: u32,
     /// What was compiled.
     pub spec: ProgramSpec,
     /// What became of it.

@@ -4,7 +4,7 @@ use super::buffers::{allocate, upload};
 use super::parts::{builder, size_for_preparing};
 use super::records::Records;
 use super::scene::DeviceScene;
-use super::setup::scene_arguments;
+use super::setup::{scene_arguments, soft_arguments};
 use super::{LaunchError, Prepared, Queue};
 use crate::manifest::{self, NO_HIT, ROW_FLOATS, Role};
 use crate::program::BuiltProgram;
@@ -39,7 +39,7 @@ impl Prepared {
         let prepared = prepare(queue, program, strategy, scene, first.origin)?;
         let of_scene = scene_arguments(scene, self.tree.as_deref());
         let records = Records::prepare(queue, program, strategy, scene.triangle_count, of_scene.clone())?;
-        let mut arguments = of_scene
+        let mut arguments = soft_arguments(of_scene, scene, &self.workload)
             .with("bias", 0.0_f32)
             .with("rays", &packed)
             .with("ray_count", rays.len() as i32)

@@ -2,6 +2,7 @@
 
 use super::frame::Phase;
 use super::parts::{Parts, size_for_preparing};
+use super::setup::Setup;
 use super::shared::Shared;
 use super::steps::{Step, Steps};
 use super::{LaunchError, arguments::Arguments};
@@ -32,14 +33,14 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = parts.arguments.clone().with("image", image).with("nearest", nearest);
         let arguments = arguments.with("lit", &shared.lit).with("queue", &shared.queue);
         let arguments = arguments.with("queued", &shared.queued);
-        let fused = parts.setup.strategy.passes == Passes::Fused && parts.setup.uploaded.light_count > 0;
+        let fused = parts.setup.strategy.passes == Passes::Fused && sources(&parts.setup) > 0;
         Self { parts, shared, arguments, fused }
     }
 
     /// For every so many lights ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)) there is a round: shadow
     /// rays, those that were left over, a group to each, and shading.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
-        let lights = self.parts.setup.uploaded.light_count;
+        let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
         if !self.fused {
             steps.extend(self.prepare(0..1, 0, Phase::Primary)?);
@@ -47,8 +48,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
             let kernel = self.parts.pixel_kernel(kernel, &self.arguments, None)?;
             steps.push((Phase::Primary, Step::Run(kernel)));
         }
-        for first_light in (0..lights.max(1)).step_by(self.parts.setup.strategy.lights_of_round()) {
-            if lights > 0 {
+        for first_light in (0..sources.max(1)).step_by(self.parts.setup.strategy.lights_of_round()) {
+            if sources > 0 {
                 steps.extend(self.cast_shadow_rays(first_light)?);
             }
             steps.push(self.shade(first_light)?);
@@ -72,7 +73,9 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let first = self.fused && first_light == 0;
         let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
         let setup = &self.parts.setup;
-        let lights = (setup.uploaded.light_count - first_light).min(setup.strategy.lights_of_round());
+        // The sky, which is the last source, needs no planes.
+        let left = setup.uploaded.light_count.saturating_sub(first_light);
+        let lights = left.min(setup.strategy.lights_of_round());
         let origins = if first { 0 } else { 1 }..1 + lights;
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
         let cast = |kernel, items| {
@@ -116,4 +119,9 @@ impl<'p, 'a> Rounds<'p, 'a> {
         size_for_preparing(&mut kernel, triangles, origins.len());
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
+}
+
+/// The lights, and the sky.
+fn sources(setup: &Setup<'_>) -> usize {
+    setup.uploaded.light_count + usize::from(setup.workload.sky)
 }

@@ -4,8 +4,8 @@ use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_rows};
 use super::textures::{DeviceTextures, word_count};
 use super::{LaunchError, Queue};
-use crate::manifest::{LIGHT_FLOATS, SOUP_FLOATS};
-use crate::scene::{Light, Mesh, Scene, Triangle};
+use crate::manifest::{LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
+use crate::scene::{Light, Mesh, Scene, Sky, Triangle};
 use crate::strategy::{Strategy, Task, Workload};
 use ocl::Buffer;
 use rayon::prelude::*;
@@ -49,6 +49,8 @@ pub(super) struct DeviceScene {
     pub(super) geometry: Geometry,
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,
+    /// The sky, then the lights' radii.
+    pub(super) soft: Buffer<f32>,
     pub(super) triangle_count: usize,
     pub(super) textures: Option<DeviceTextures>,
     /// How long making and uploading the buffers took.
@@ -67,12 +69,14 @@ impl DeviceScene {
             Some(_) => Geometry::Indexed32(sets(queue, mesh, |index| index)?),
         };
         let lights = upload(queue, &light_floats(&scene.lights))?;
+        let soft = upload(queue, &soft_floats(scene))?;
         let textures = DeviceTextures::upload(queue, &mesh.textures)?;
         queue.commands.finish()?;
         Ok(Self {
             geometry,
             lights,
             light_count: scene.lights.len(),
+            soft,
             triangle_count: mesh.triangles.len(),
             textures,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
@@ -94,6 +98,18 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
 }
 
+/// The sky as `cl/common/soft.cl` has it, dark where there is none, and the lights' radii.
+fn soft_floats(scene: &Scene) -> Vec<f32> {
+    let mut floats = vec![0.0; SOFT_HEAD_FLOATS];
+    if let Some(Sky { zenith, horizon, up, reach }) = &scene.sky {
+        floats.clear();
+        floats.extend([zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array()));
+        floats.push(*reach);
+    }
+    floats.extend(scene.lights.iter().map(|light| light.radius));
+    floats
+}
+
 impl Task {
     /// A scene in so many pixels across and down.
     pub fn of(scene: &Scene, [width, height]: [u32; 2], watertight: bool) -> Self {
@@ -103,7 +119,7 @@ impl Task {
 }
 
 impl Workload {
-    /// The sizes of `scene` at an image and a local size.
+    /// The sizes of `scene` at an image and a local size, with one sample per pixel.
     pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
         Self {
             triangles: scene.mesh.triangles.len(),
@@ -112,10 +128,19 @@ impl Workload {
             materials: scene.mesh.materials.len(),
             lights: scene.lights.len(),
             texture_words: word_count(&scene.mesh.textures),
+            soft_lights: false,
+            sky: scene.sky.is_some(),
             stack_size: 0,
             image_size,
             local_size,
         }
+    }
+
+    /// The same with several samples per pixel.
+    #[must_use]
+    pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
+        let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
+        Self { soft_lights, ..self }
     }
 }
 

@@ -24,6 +24,7 @@ pub struct Session {
     builtins: Builtins,
     compute_capability: Option<String>,
     verifies: bool,
+    samples: u32,
     kept: Kept,
     early: Option<(ProgramSpec, BuiltProgram)>,
     early_tree: Option<(Strategy, HostTree)>,
@@ -47,6 +48,7 @@ impl Session {
             builtins: info.builtins(),
             compute_capability: info.hardware.compute_capability.clone(),
             verifies: false,
+            samples: 1,
             kept: Kept::of(Cache::of_user(), info),
             early: None,
             early_tree: None,
@@ -91,6 +93,12 @@ impl Session {
         Self { verifies, ..self }
     }
 
+    /// With several samples per pixel, which decide whether lights with a radius are soft.
+    #[must_use]
+    pub fn sampling(self, samples: u32) -> Self {
+        Self { samples, ..self }
+    }
+
     /// Whether it is of this scene.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.scene, scene)
@@ -121,7 +129,8 @@ impl Session {
         local_size: [u32; 2],
     ) -> std::result::Result<Workload, Refused> {
         strategy.check()?;
-        let mut workload = Workload::of(&self.scene, image_size, local_size);
+        let mut workload =
+            Workload::of(&self.scene, image_size, local_size).sampled(&self.scene, self.samples);
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
@@ -154,6 +163,7 @@ impl Session {
             scene: Arc::clone(&self.scene),
             strategy: *strategy,
             workload: *workload,
+            samples: self.samples,
             spec,
             program,
             build_wait_ms,

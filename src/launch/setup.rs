@@ -1,13 +1,13 @@
 //! What a frame is cast with, and the arguments that follow from it.
 
-use super::arguments::{Arguments, TEXTURE_ROWS};
+use super::arguments::{Arguments, SOFT, TEXTURE_ROWS};
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, Queue};
 use crate::program::BuiltProgram;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Sample, Scene};
 use crate::strategy::{Strategy, Workload};
 use ocl::Buffer;
-use ocl::prm::{Float4, Int2};
+use ocl::prm::{Float4, Int2, Uint2};
 
 /// What a frame is cast with.
 #[derive(Clone, Copy)]
@@ -34,6 +34,7 @@ impl<'a> Setup<'a> {
         let [width, height] = self.workload.image_size;
         let [red, green, blue] = self.scene.background.to_array();
         let arguments = scene_arguments(self.uploaded, self.tree);
+        let arguments = soft_arguments(arguments, self.uploaded, self.workload);
         camera_arguments(arguments, &self.scene.camera, [width, height])
             .with("bias", self.scene.shadow_bias)
             .with("image_size", Int2::new(width as i32, height as i32))
@@ -85,6 +86,23 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("surfaces", &surfaces.normals)
         .with("materials", &surfaces.materials)
         .with("material_count", surfaces.material_count as i32)
+}
+
+/// The sky and the lights' radii, where they are sampled; the first sample is the only one.
+pub(super) fn soft_arguments<'a>(
+    arguments: Arguments<'a>,
+    scene: &'a DeviceScene,
+    workload: &Workload,
+) -> Arguments<'a> {
+    if !workload.is_soft() {
+        return arguments;
+    }
+    sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
+}
+
+/// Which sample of every pixel is cast.
+pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
+    arguments.with("sample", Uint2::new(sample.number, sample.count))
 }
 
 /// Where rays start and go.

@@ -13,6 +13,8 @@ pub const WORKING_VECTORS: usize = 9;
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
 /// Floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
+/// Floats of the sky, before the lights' radii: its radiance at zenith and horizon, the direction up, its reach.
+pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Words that tell of a texture before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// Work-items that share a tile.

@@ -1,6 +1,6 @@
 //! The table.
 
-use super::Fact::{self, Always, Indexed, Planes, Soup, Textured, Tiled, Tree};
+use super::Fact::{self, Always, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
 use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
@@ -15,7 +15,7 @@ pub static EXHAUSTIVE: Family = Family {
     label: "traversal = exhaustive",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, CAST_DEFINES],
+    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SOFT_DEFINES, SIGN_DEFINES, CAST_DEFINES],
     rules: &[
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
@@ -30,7 +30,7 @@ pub static BVH: Family = Family {
     label: "traversal = bvh",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
+    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SOFT_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
     rules: &[
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
@@ -84,15 +84,23 @@ pub static TILE_CPU: Family = Family {
     label: "traversal = tile with vectors of rays (width = 16)",
     entry: "tile_cpu/entry.cl",
     kernels: &[
-        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, CAMERA, SIZE, IMAGE]),
+        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE]),
         kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, TILE_NEAREST_OUT]),
         kernel(
             "tile_shade",
             Shade,
-            &[LIGHTS, TREE, SURFACES, TEXTURES, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
+            &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
         ),
     ],
-    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, VECTOR_DEFINES],
+    defines: &[
+        COMMON_DEFINES,
+        TEXTURE_DEFINES,
+        SOFT_DEFINES,
+        SIGN_DEFINES,
+        TREE_DEFINES,
+        TILE_DEFINES,
+        VECTOR_DEFINES,
+    ],
     rules: &[
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -117,7 +125,18 @@ pub static TILE_GPU: Family = Family {
         kernel(
             "tile_cast",
             Frame,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, FIRST_LIGHT, TILE_NEAREST_OUT, FOUND],
+            &[
+                LIGHTS,
+                TREE,
+                SURFACES,
+                PREPARED_ROWS,
+                CAMERA,
+                SIZE,
+                SOFT,
+                FIRST_LIGHT,
+                TILE_NEAREST_OUT,
+                FOUND,
+            ],
         ),
         kernel(
             "tile_primary",
@@ -127,12 +146,23 @@ pub static TILE_GPU: Family = Family {
         kernel(
             "tile_shadow",
             Shadow,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, FIRST_LIGHT, TILE_NEAREST_IN, FOUND],
+            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, SOFT, FIRST_LIGHT, TILE_NEAREST_IN, FOUND],
         ),
         kernel(
             "tile_left_over",
             LeftOver,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, FIRST_LIGHT, TILE_NEAREST_IN, LEFT_OVER],
+            &[
+                LIGHTS,
+                TREE,
+                SURFACES,
+                PREPARED_ROWS,
+                CAMERA,
+                SIZE,
+                SOFT,
+                FIRST_LIGHT,
+                TILE_NEAREST_IN,
+                LEFT_OVER,
+            ],
         ),
         kernel(
             "tile_shade",
@@ -142,6 +172,7 @@ pub static TILE_GPU: Family = Family {
                 TREE,
                 SURFACES,
                 TEXTURES,
+                SOFT,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -152,7 +183,15 @@ pub static TILE_GPU: Family = Family {
             ],
         ),
     ],
-    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SIGN_DEFINES, TREE_DEFINES, TILE_DEFINES, GROUP_DEFINES],
+    defines: &[
+        COMMON_DEFINES,
+        TEXTURE_DEFINES,
+        SOFT_DEFINES,
+        SIGN_DEFINES,
+        TREE_DEFINES,
+        TILE_DEFINES,
+        GROUP_DEFINES,
+    ],
     rules: &[
         only("vectors", &["private"], "keeps a tile's rays in private memory"),
         only("shading", &["deferred"], SHADES_ONCE),
@@ -183,22 +222,25 @@ const CAST_KERNELS: &[Kernel] = &[
     kernel(
         "cast_frame",
         Frame,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, CAMERA, SIZE, IMAGE, WORKING],
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, WORKING],
     ),
     kernel(
         "cast_primary",
         Primary,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, CAMERA, SIZE, NEAREST_OUT, WORKING],
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, NEAREST_OUT, WORKING],
     ),
     kernel(
         "shade_nearest",
         Shade,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
+        &[
+            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, NEAREST_IN,
+            WORKING,
+        ],
     ),
     kernel(
         "cast_rays",
         Rays,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, RAYS, NEAREST_OUT, WORKING],
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, RAYS, NEAREST_OUT, WORKING],
     ),
 ];
 
@@ -217,6 +259,8 @@ const COMMON_DEFINES: Defines = &[
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
     (Always, "TEXTURES"),
+    (Always, "SOFT"),
+    (Always, "SKY"),
 ];
 const TEXTURE_DEFINES: Defines = &[
     (Textured, "TEXTURE_HEAD_WORDS"),
@@ -224,6 +268,7 @@ const TEXTURE_DEFINES: Defines = &[
     (Textured, "WRAP_CLAMP"),
     (Textured, "WRAP_MIRROR"),
 ];
+const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
 /// For tests that need exact signs.
 const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
 const CAST_DEFINES: Defines = &[

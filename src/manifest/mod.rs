@@ -13,8 +13,8 @@ mod parameters;
 mod tests;
 
 pub use constants::{
-    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
-    WORKING_VECTORS,
+    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS,
+    TILE_TRIANGLES, WORKING_VECTORS,
 };
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
@@ -42,6 +42,8 @@ pub enum Fact {
     Heap,
     /// Triangles of the scene have textures: a fact of what is cast, not of the strategy.
     Textured,
+    /// Lights with a radius or a sky are sampled: a fact of what is cast, too.
+    Soft,
 }
 
 /// What a kernel is for in a frame.
@@ -154,10 +156,10 @@ impl Family {
         self.kernels.iter().find(|kernel| kernel.role == role)
     }
 
-    /// Whether it colours triangles by textures.
-    pub fn takes_textures(&self) -> bool {
+    /// Whether it takes a scene of which this is true: textures, soft lights or a sky.
+    pub fn takes(&self, fact: Fact) -> bool {
         let parameters = self.kernels.iter().flat_map(|kernel| kernel.parameters.iter().copied().flatten());
-        parameters.into_iter().any(|parameter| parameter.when == Fact::Textured)
+        parameters.into_iter().any(|parameter| parameter.when == fact)
     }
 
     /// Its kernel of this name.

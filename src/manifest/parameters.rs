@@ -1,7 +1,7 @@
 //! The parameters of kernels, in the groups that kernels share.
 
 use super::Fact;
-use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soup, Textured, Tree};
+use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soft, Soup, Textured, Tree};
 
 /// A parameter of a kernel: an argument is bound to it by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +51,8 @@ pub const SURFACES: &[Parameter] =
 /// Where triangles' corners lie in textures, and all textures.
 pub const TEXTURES: &[Parameter] =
     &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
+/// The sky and the lights' radii, and which of how many samples of each pixel is cast.
+pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// What is prepared for the eye and a round's lights, and the triangles of a row of it.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];

@@ -30,12 +30,17 @@ pub(super) fn spec(strategy: &Strategy) -> ProgramSpec {
 }
 
 pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
-    spec_for(sources, strategy, 0)
+    spec_for(sources, strategy, Workload::CUBE)
 }
 
-/// The same for a scene with so many words of textures.
-fn spec_for(sources: &Sources, strategy: &Strategy, texture_words: usize) -> ProgramSpec {
-    let workload = Workload { local_size: [32, 1], texture_words, ..Workload::CUBE };
+/// A scene with textures.
+const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
+/// A scene with soft lights and a sky.
+const SOFT: Workload = Workload { soft_lights: true, sky: true, ..Workload::CUBE };
+
+/// The same for other scenes.
+fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
+    let workload = Workload { local_size: [32, 1], ..workload };
     let builtins =
         Builtins { reduce: true, prefetch: false, lanes: LaneOperations::Barriers, opencl_3: true };
     ProgramSpec::new(sources, strategy, &workload, builtins).unwrap_or_else(|error| panic!("{error}"))
@@ -82,8 +87,8 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
     for family in FAMILIES {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
-        let textured = |strategy: &Strategy| spec_for(&Sources::Embedded, strategy, 1);
-        let texts: Vec<_> = members.iter().map(spec).chain(members.iter().map(textured)).collect();
+        let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
+        let texts: Vec<_> = members.iter().map(spec).chain(with(TEXTURED)).chain(with(SOFT)).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
             let given = |spec: &ProgramSpec| spec.options.contains(&option);
@@ -107,8 +112,9 @@ fn every_file_belongs_to_a_family_or_to_what_measures_a_device() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // In programs of scenes with textures.
+    // In programs of scenes with textures, and with soft lights.
     named.insert("common/textures.cl".to_owned());
+    named.extend(SOFT_FILES.map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
 }
@@ -129,16 +135,24 @@ fn a_program_holds_no_file_of_another_family() {
     }
 }
 
+const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
+
 #[test]
-fn textures_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
-    let file = "common/textures.cl".to_owned();
+fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
+    let textures = "common/textures.cl".to_owned();
+    let soft =
+        |spec: &ProgramSpec| spec.files.iter().filter(|file| SOFT_FILES.contains(&file.as_str())).count();
     for strategy in strategies() {
-        assert!(!spec(&strategy).files.contains(&file), "{strategy}");
-        let of_textures = spec_for(&Sources::Embedded, &strategy, 1).files.contains(&file);
-        assert_eq!(of_textures, strategy.family().takes_textures(), "{strategy}");
+        let [without, textured, lit] =
+            [Workload::CUBE, TEXTURED, SOFT].map(|of| spec_for(&Sources::Embedded, &strategy, of));
+        assert!(!without.files.contains(&textures) && soft(&without) == 0, "{strategy}");
+        let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
+        assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
     }
-    let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes_textures()).map(|f| f.name).collect();
-    assert_eq!(without, ["raster"]);
+    for fact in [Fact::Textured, Fact::Soft] {
+        let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();
+        assert_eq!(without, ["raster"]);
+    }
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use crate::accel::{PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
 use crate::manifest::{
-    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES,
-    WORKING_VECTORS,
+    Fact, GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS,
+    TILE_TRIANGLES, WORKING_VECTORS,
 };
 use crate::scene::{Material, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
@@ -57,7 +57,9 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "NORMALS" => if_staged(workload.normals),
         "MATERIALS" => if_staged(workload.materials),
         "STACK_SIZE" => workload.stack_size as u64,
-        "TEXTURES" => u64::from(workload.is_textured() && strategy.family().takes_textures()),
+        "TEXTURES" => u64::from(workload.is_textured() && strategy.family().takes(Fact::Textured)),
+        "SOFT" => u64::from(workload.is_soft() && strategy.family().takes(Fact::Soft)),
+        "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
     })
@@ -79,6 +81,7 @@ fn constant(name: &str) -> Option<u64> {
         "LIGHT_FLOATS" => LIGHT_FLOATS as u64,
         "MATERIAL_FLOATS" => Material::FLOATS as u64,
         "SOUP_STRIDE" => SOUP_FLOATS as u64,
+        "SOFT_HEAD_FLOATS" => SOFT_HEAD_FLOATS as u64,
         "TEXTURE_HEAD_WORDS" => TEXTURE_HEAD_WORDS as u64,
         "WRAP_REPEAT" => Wrap::Repeat as u64,
         "WRAP_CLAMP" => Wrap::Clamp as u64,

@@ -3,10 +3,11 @@
 use super::intersect::Hit;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
-use super::shade::{Reaches, Sight, shade, towards};
+use super::shade::{Reaches, Sight, shade, sights, surface_at};
+use super::soft::Seen;
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
-use crate::scene::Scene;
+use crate::scene::{Sample, Scene};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 
@@ -73,15 +74,21 @@ impl<'a, R: Real> Caster<'a, R> {
         rivals
     }
 
-    /// The radiance along a ray that was looked along.
-    pub fn radiance(&self, ray: &Ray<R>, hit: Option<&Hit<R>>, bias: R) -> R::Vector {
-        self.shaded(ray, hit, &|sight| self.reaches(sight, bias))
+    /// The radiance along a ray that was looked along, from lights as they are seen there.
+    pub fn radiance(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: Option<&Hit<R>>, bias: R) -> R::Vector {
+        self.shaded(seen, ray, hit, &|sight| self.reaches(sight, bias))
     }
 
     /// The same by what somebody else says of lights: whether nothing is in their way.
-    pub fn shaded(&self, ray: &Ray<R>, hit: Option<&Hit<R>>, reaches: Reaches<'_, R>) -> R::Vector {
+    pub fn shaded(
+        &self,
+        seen: &Seen<'_>,
+        ray: &Ray<R>,
+        hit: Option<&Hit<R>>,
+        reaches: Reaches<'_, R>,
+    ) -> R::Vector {
         match hit {
-            Some(hit) => shade(self.scene, ray, hit, reaches),
+            Some(hit) => shade(self.scene, seen, ray, hit, reaches),
             None => R::Vector::of(self.scene.background),
         }
     }
@@ -102,20 +109,26 @@ impl<'a, R: Real> Caster<'a, R> {
 
     /// Which lights stand so low over the hit's triangle that rounding decides what shadow rays meet first. Rounding moves a
     /// hit by a `part` of its distance, or of how far it is from the scene's origin if that is more.
-    pub fn grazing(&self, ray: &Ray<R>, hit: &Hit<R>, bias: R, part: R) -> Option<Grazing<R>> {
+    pub fn grazing(
+        &self,
+        seen: &Seen<'_>,
+        ray: &Ray<R>,
+        hit: &Hit<R>,
+        bias: R,
+        part: R,
+    ) -> Option<Grazing<R>> {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        let point = ray.origin + ray.direction * hit.t;
+        let [point, shading_normal] = surface_at(self.scene, ray, hit);
         let rounding = hit.t.max(point.dot(point).sqrt()) * part;
         let grazing = Grazing { normal, rounding, bias };
-        let lights = &mut self.scene.lights.iter();
-        lights.any(|light| grazing.is_of(towards::<R>(light, point).0)).then_some(grazing)
+        sights::<R>(seen, point, shading_normal).any(|sight| grazing.is_of(sight.w_i)).then_some(grazing)
     }
 
     /// What the radiance may be there: with the hit in its plane, above and below it; with the starts of shadow rays on the
     /// wrong side of the triangle; and where a light lies in the plane, in which rays run along surfaces, with and without it.
-    pub fn grazed(&self, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
+    pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);
         let wrong_side = |sight: &Sight<R>| {
@@ -129,7 +142,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let answers: [Reaches<'_, R>; 4] = [&usual, &wrong_side, &with, &without];
         let places = [R::ZERO, rounding, R::ZERO - rounding];
         let places = places.map(|off| Ray { origin: ray.origin + normal * off, ..*ray });
-        let all = places.iter().flat_map(|ray| answers.map(|reaches| shade(self.scene, ray, hit, reaches)));
+        let all =
+            places.iter().flat_map(|ray| answers.map(|reaches| self.shaded(seen, ray, Some(hit), reaches)));
         all.collect()
     }
 
@@ -137,7 +151,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let (half, bias) = (R::from(0.5), R::from(self.scene.shadow_bias));
         for (x, pixel) in row.iter_mut().enumerate() {
             let (ray, hit) = self.look(R::of(x as f64) + half, R::of(y as f64) + half);
-            *pixel = self.radiance(&ray, hit.as_ref(), bias).to_f32();
+            let seen = Seen::of(self.scene, Sample::CENTRE, [x as u32, y as u32]);
+            *pixel = self.radiance(&seen, &ray, hit.as_ref(), bias).to_f32();
         }
     }
 }

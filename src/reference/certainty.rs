@@ -5,9 +5,10 @@ use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
 use super::shade::Sight;
+use super::soft::Seen;
 use super::tree::Tree;
 use crate::image::RELATIVE_LIMIT;
-use crate::scene::{PixelFrame, Scene};
+use crate::scene::PixelFrame;
 use glam::DVec3;
 use std::cell::RefCell;
 
@@ -21,6 +22,9 @@ const RIVAL: f64 = 1e-6;
 /// How far off its triangle's plane rounding may put a hit, as a part of its distance or of its own coordinates. Where light
 /// grazes, that decides whether a shadow ray starts above or below its own surface, and no turn of the ray shows it.
 const OFF_PLANE: f64 = 1e-6;
+
+/// How far rounding may turn the direction in which a pixel sees the sky, or twice that: its sines and its normal are rounded.
+const SKY_NUDGE: f64 = 1e-6;
 
 /// How near to a light a surface may or may not be in its way, as a part of the light's distance or of its own coordinates.
 const AT_LIGHT: f64 = 1e-6;
@@ -42,58 +46,88 @@ pub struct PixelSample {
     pub range: [DVec3; 2],
 }
 
-/// Casts the pixel (x, y), then again with its ray nudged each way along the image's axes, with half and twice the shadow
+/// A pixel of which a sample is asked for.
+pub struct Asked<'a> {
+    /// What casts it.
+    pub caster: &'a Caster<'a, f64>,
+    /// The rays of the image.
+    pub frame: &'a PixelFrame,
+    /// How far a shadow ray starts from its surface.
+    pub bias: f64,
+    /// The lights and the sky as the sample sees them.
+    pub seen: Seen<'a>,
+    /// The pixel coordinates of its centre.
+    pub centre: [f64; 2],
+}
+
+impl Asked<'_> {
+    /// Considers what becomes of a hit where rounding turns the direction in which the sky is seen.
+    fn turn_sky(&self, sample: &mut PixelSample, radiance: impl Fn(&Seen<'_>) -> DVec3) {
+        if self.seen.sky.is_none() {
+            return;
+        }
+        for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * SKY_NUDGE, axis * -SKY_NUDGE]) {
+            sample.consider(radiance(&self.seen.turned(turn)));
+        }
+    }
+
+    /// What rounding at a light is relative to.
+    fn scale(&self, sight: &Sight<f64>) -> f64 {
+        let position =
+            self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());
+        sight.distance.max(position)
+    }
+}
+
+/// Casts the pixel, then again with its ray nudged each way along the image's axes, with half and twice the shadow
 /// bias, with surfaces at lights in their way and not, and as rounding may have it where light grazes. Where two surfaces
 /// coincide either is right, so those behind are asked too.
-pub fn sample(caster: &Caster<'_, f64>, frame: &PixelFrame, bias: f64, [x, y]: [f64; 2]) -> PixelSample {
+pub fn sample(asked: &Asked<'_>) -> PixelSample {
+    let Asked { caster, frame, bias, seen, centre } = asked;
+    let (bias, [x, y]) = (*bias, *centre);
     let (ray, hit) = caster.look(x, y);
-    let mut sample = PixelSample::of(caster.radiance(&ray, hit.as_ref(), bias), hit.is_some());
+    let mut sample = PixelSample::of(caster.radiance(seen, &ray, hit.as_ref(), bias), hit.is_some());
     for (reach, [x, y]) in nudges(frame, [x, y]) {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
             sample.turn(reach);
         }
-        sample.nudge(reach, caster.radiance(&ray, other.as_ref(), bias));
+        sample.nudge(reach, caster.radiance(seen, &ray, other.as_ref(), bias));
     }
     if let Some(hit) = &hit {
         for factor in [0.5, 2.0] {
-            sample.consider(caster.radiance(&ray, Some(hit), bias * factor));
+            sample.consider(caster.radiance(seen, &ray, Some(hit), bias * factor));
         }
         for part in [AT_LIGHT, -AT_LIGHT] {
             let reaches = |sight: &Sight<f64>| {
-                caster.reaches_within(sight, bias, sight.distance - part * scale(caster.scene(), sight))
+                caster.reaches_within(sight, bias, sight.distance - part * asked.scale(sight))
             };
-            sample.consider(caster.shaded(&ray, Some(hit), &reaches));
+            sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
         }
-        if let Some(grazing) = caster.grazing(&ray, hit, bias, OFF_PLANE) {
-            caster.grazed(&ray, hit, grazing).into_iter().for_each(|radiance| sample.consider(radiance));
+        if let Some(grazing) = caster.grazing(seen, &ray, hit, bias, OFF_PLANE) {
+            caster
+                .grazed(seen, &ray, hit, grazing)
+                .into_iter()
+                .for_each(|radiance| sample.consider(radiance));
         }
         for rival in caster.rivals(&ray, hit, RIVAL) {
-            sample.consider(caster.radiance(&ray, Some(&rival), bias));
+            sample.consider(caster.radiance(seen, &ray, Some(&rival), bias));
         }
+        asked.turn_sky(&mut sample, |seen| caster.radiance(seen, &ray, Some(hit), bias));
     }
     sample
-}
-
-/// What rounding at a light is relative to.
-fn scale(scene: &Scene, sight: &Sight<f64>) -> f64 {
-    sight.distance.max(scene.lights[sight.light].position.as_dvec3().length())
 }
 
 /// What [`sample`] gives, without searching for what every nudge finds alike: where the whole beam of nudged rays meets one
 /// triangle first, or nothing, and of lights, where the beam from one to where they meet it is stopped as a whole, or not at
 /// all. `None` where it is not sure what they meet.
-pub fn quick_sample(
-    caster: &Caster<'_, f64>,
-    tree: &Tree,
-    frame: &PixelFrame,
-    bias: f64,
-    [x, y]: [f64; 2],
-) -> Option<PixelSample> {
+pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
+    let Asked { caster, frame, bias, seen, centre } = asked;
+    let (bias, [x, y]) = (*bias, *centre);
     let ray = caster.ray(x, y);
     let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
     let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
-        return Some(PixelSample::of(caster.radiance(&ray, None, bias), false));
+        return Some(PixelSample::of(caster.radiance(seen, &ray, None, bias), false));
     };
     let mesh = &caster.scene().mesh;
     let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -102,7 +136,7 @@ pub fn quick_sample(
         Some((ray, Hit { t, weights, triangle }))
     };
     let (ray, hit) = meet(ray)?;
-    if caster.grazing(&ray, &hit, bias, OFF_PLANE).is_some() {
+    if caster.grazing(seen, &ray, &hit, bias, OFF_PLANE).is_some() {
         return None;
     }
     let mut nudged = [(Reach::Wide, (ray, hit)); NUDGES];
@@ -112,14 +146,16 @@ pub fn quick_sample(
     let point = |(ray, hit): &(Ray<f64>, Hit<f64>)| ray.origin + ray.direction * hit.t;
     let centre = point(&(ray, hit));
     let spread = nudged.iter().map(|(_, other)| point(other).distance(centre)).fold(0.0, f64::max);
-    let shadows = Shadows::new(caster.scene(), tree, triangle, centre, 1.01 * spread, bias);
-    let radiance = |(ray, hit): &(Ray<f64>, Hit<f64>), bias: f64, part: f64| {
+    let known = RefCell::new(vec![None; seen.lights.len()]);
+    let shadows = Shadows { seen, tree, triangle, point: centre, spread: 1.01 * spread, bias, known };
+    let radiance_of = |seen: &Seen<'_>, (ray, hit): &(Ray<f64>, Hit<f64>), bias: f64, part: f64| {
         let reaches = |sight: &Sight<f64>| {
-            let end = sight.distance - part * scale(caster.scene(), sight);
+            let end = sight.distance - part * asked.scale(sight);
             shadows.reaches(sight.light).unwrap_or_else(|| caster.reaches_within(sight, bias, end))
         };
-        caster.shaded(ray, Some(hit), &reaches)
+        caster.shaded(seen, ray, Some(hit), &reaches)
     };
+    let radiance = |at: &(Ray<f64>, Hit<f64>), bias: f64, part: f64| radiance_of(seen, at, bias, part);
     let mut sample = PixelSample::of(radiance(&(ray, hit), bias, 0.0), true);
     for (reach, other) in &nudged {
         sample.nudge(*reach, radiance(other, bias, 0.0));
@@ -129,12 +165,13 @@ pub fn quick_sample(
             sample.consider(radiance(&(ray, hit), bias * factor, part));
         }
     }
+    asked.turn_sky(&mut sample, |seen| radiance_of(seen, &(ray, hit), bias, 0.0));
     Some(sample)
 }
 
 /// Which lights reach all points near one, or none of them, found out when first asked for.
 struct Shadows<'a> {
-    scene: &'a Scene,
+    seen: &'a Seen<'a>,
     tree: &'a Tree,
     triangle: u32,
     point: DVec3,
@@ -146,14 +183,10 @@ struct Shadows<'a> {
 /// What was found out: whether the light reaches them; none where that is not sure.
 type Reaches = Option<bool>;
 
-impl<'a> Shadows<'a> {
-    fn new(scene: &'a Scene, tree: &'a Tree, triangle: u32, point: DVec3, spread: f64, bias: f64) -> Self {
-        let known = RefCell::new(vec![None; scene.lights.len()]);
-        Self { scene, tree, triangle, point, spread, bias, known }
-    }
-
+impl Shadows<'_> {
     fn reaches(&self, light: usize) -> Reaches {
-        let known = self.known.borrow()[light];
+        // The sky is seen in another direction from each of them.
+        let known = *self.known.borrow().get(light)?;
         known.unwrap_or_else(|| {
             let found = self.find(light);
             self.known.borrow_mut()[light] = Some(found);
@@ -162,12 +195,12 @@ impl<'a> Shadows<'a> {
     }
 
     fn some_are_unsure(&self) -> bool {
-        self.known.borrow().contains(&Some(None))
+        self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
     }
 
     /// Looks from the light, where all shadow rays meet.
     fn find(&self, light: usize) -> Reaches {
-        let position = self.scene.lights[light].position.as_dvec3();
+        let position = self.seen.lights[light].position.as_dvec3();
         let off = self.point - position;
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
@@ -275,8 +308,9 @@ mod tests {
     use super::super::fixtures;
     use super::super::traverse::Exhaustive;
     use super::*;
+    use crate::scene::{Sample, Scene, Sky};
     use crate::strategy::Culling;
-    use glam::vec3;
+    use glam::{Vec3, vec3};
 
     /// How many pixels of a hundred are found quickly, each of which is what the plain caster makes of it.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
@@ -288,9 +322,11 @@ mod tests {
         let mut quick = 0;
         for (y, x) in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (y, x))) {
             let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-            let Some(found) = quick_sample(&caster, &tree, &frame, bias, centre) else { continue };
+            let seen = Seen::of(scene, Sample::CENTRE, [x, y]);
+            let asked = Asked { caster: &caster, frame: &frame, bias, seen, centre };
+            let Some(found) = quick_sample(&asked, &tree) else { continue };
             quick += 1;
-            let plain = sample(&caster, &frame, bias, centre);
+            let plain = sample(&asked);
             assert_eq!(found, plain, "{} at ({x}, {y})", scene.name);
         }
         100 * quick / (size[0] * size[1]) as usize
@@ -324,7 +360,9 @@ mod tests {
         light_in_triangle.lights[0].position = (a + b + c) / 3.0;
         let mut twice = fixtures::figure_4();
         twice.mesh.append(fixtures::figure_4().mesh);
-        for scene in [near, light_in_ground, light_in_triangle, twice] {
+        let mut under_sky = fixtures::pyramid_upper();
+        under_sky.sky = Some(Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX });
+        for scene in [near, light_in_ground, light_in_triangle, twice, under_sky] {
             for culling in [Culling::None, Culling::Back] {
                 quickly(&scene, culling);
             }

@@ -3,11 +3,12 @@
 use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
+use super::soft::Seen;
 use super::traverse::Finder;
 use super::tree::Tree;
 use crate::accel::{Bvh, WideBvh};
 use crate::error::Result;
-use crate::scene::{Mesh, Scene};
+use crate::scene::{Mesh, Sample, Scene};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -61,7 +62,8 @@ fn each_pixel<'a, F: Finder<f64> + 'a>(
         let tally = Arc::<Tally>::default();
         let caster = Caster::new(scene, [width, height], finder(Arc::clone(&tally)));
         let (ray, hit) = caster.look(f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
-        caster.radiance(&ray, hit.as_ref(), f64::from(scene.shadow_bias));
+        let seen = Seen::of(scene, Sample::CENTRE, [pixel % width, pixel / width]);
+        caster.radiance(&seen, &ray, hit.as_ref(), f64::from(scene.shadow_bias));
         let read = |count: &AtomicU32| count.load(Ordering::Relaxed);
         Cost { tests: read(&tally.tests), nodes: read(&tally.nodes) }
     };

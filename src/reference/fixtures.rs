@@ -70,6 +70,7 @@ fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
         mesh,
         lights: vec![Light { position: light, power: Vec3::splat(10.0), radius: 0.0 }],
         camera: Camera::PAPER,
+        sky: None,
         background: PAPER_BACKGROUND,
         shadow_bias: 1e-4,
         display: Display::default(),

@@ -14,6 +14,7 @@ pub mod layers;
 pub mod ray;
 pub mod real;
 pub mod shade;
+pub mod soft;
 pub mod texture;
 pub mod traverse;
 pub mod tree;
@@ -28,11 +29,12 @@ use crate::image::{Radiance, dark_floor};
 use crate::scene::{Display, Sample, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
-use certainty::{PixelSample, is_certain, is_nearly_certain, quick_sample, sample};
+use certainty::{Asked, PixelSample, is_certain, is_nearly_certain, quick_sample, sample};
 use rand::SeedableRng as _;
 use rand::seq::index::sample as sample_indices;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use soft::Seen;
 use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
@@ -98,8 +100,7 @@ pub fn reference_of(
     let mut scene = scene.clone();
     let mut at = |sample: &Sample| {
         scene.camera.shift = sample.offset;
-        sample.lights.iter().for_each(|lights| scene.lights.clone_from(lights));
-        samples(&scene, &tree, size, pixels)
+        samples(&scene, &tree, *sample, size, pixels)
     };
     let mut each = of_pixel.iter();
     let mut all = each.next().map(&mut at).unwrap_or_default();
@@ -150,8 +151,14 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], display: Di
     Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
 }
 
-/// What the reference makes of these pixels, in their order.
-fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) -> Vec<PixelSample> {
+/// What the reference makes of a sample of these pixels, in their order.
+fn samples(
+    scene: &Scene,
+    tree: &Arc<Tree>,
+    of_pixel: Sample,
+    size: [u32; 2],
+    pixels: &[usize],
+) -> Vec<PixelSample> {
     let caster = if scene.mesh.triangles.len() > EXHAUSTIVE_TRIANGLES {
         Caster::new(scene, size, Arc::clone(tree))
     } else {
@@ -161,9 +168,15 @@ fn samples(scene: &Scene, tree: &Arc<Tree>, size: [u32; 2], pixels: &[usize]) ->
     let frame = scene.camera.pixel_frame(size[0], size[1]);
     let bias = f64::from(scene.shadow_bias);
     let at = |&pixel: &usize| {
-        let centre = [pixel % width, pixel / width].map(|place| place as f64 + 0.5);
-        quick_sample(&caster, tree, &frame, bias, centre)
-            .unwrap_or_else(|| sample(&caster, &frame, bias, centre))
+        let place = [pixel % width, pixel / width];
+        let asked = Asked {
+            caster: &caster,
+            frame: &frame,
+            bias,
+            seen: Seen::of(scene, of_pixel, place.map(|place| place as u32)),
+            centre: place.map(|place| place as f64 + 0.5),
+        };
+        quick_sample(&asked, tree).unwrap_or_else(|| sample(&asked))
     };
     pixels.par_iter().map(at).collect()
 }

@@ -1,23 +1,50 @@
 //! How a hit is shaded: the twin of `cl/cast/shade`. Hughes et al., section 15.4:
-//! direct light only, no ambient, no emission.
+//! direct light only, no emission; and of a sky what arrives from one direction.
 
 use super::intersect::Hit;
 use super::ray::Ray;
 use super::real::{Real, Vector};
+use super::soft::{Seen, radiance_of_sky, way_to_sky};
 use super::texture::texture_colour;
-use crate::scene::{Light, Material, MaterialKind, Scene};
+use crate::scene::{Material, MaterialKind, Scene};
 
-/// A light as a point of a surface sees it.
+/// A light, or the sky, as a point of a surface sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<R: Real> {
-    /// Its place in the scene.
+    /// Its place in the scene; the sky comes after the lights.
     pub light: usize,
     /// From where it is seen.
     pub point: R::Vector,
     /// The unit vector to it.
     pub w_i: R::Vector,
-    /// How far it is.
+    /// How far it is; of the sky its reach.
     pub distance: R,
+}
+
+/// The lights as a point of a surface with this normal sees them, then the sky.
+pub fn sights<'a, R: Real>(
+    seen: &'a Seen<'_>,
+    point: R::Vector,
+    normal: R::Vector,
+) -> impl Iterator<Item = Sight<R>> + 'a {
+    let lights = seen.lights.iter().enumerate().map(move |(number, light)| {
+        let off = R::Vector::of(light.position) - point;
+        let distance = off.dot(off).sqrt();
+        Sight { light: number, point, w_i: off.normalize_or_zero(), distance }
+    });
+    let sky = seen.sky.iter().map(move |(sky, way)| {
+        let w_i = way_to_sky::<R>(*way, normal);
+        Sight { light: seen.lights.len(), point, w_i, distance: R::from(sky.reach) }
+    });
+    lights.chain(sky)
+}
+
+/// Where a ray hits, and the unit normal there.
+pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vector; 2] {
+    let triangle = &scene.mesh.triangles[hit.triangle as usize];
+    let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
+    let [w0, w1, w2] = hit.weights;
+    [ray.origin + ray.direction * hit.t, (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero()]
 }
 
 /// What says whether nothing is in a light's way.
@@ -25,33 +52,37 @@ pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 
 /// The radiance that leaves a hit towards the ray's origin; `reaches` says of lights before the surface whether nothing is
 /// in their way.
-pub fn shade<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>, reaches: Reaches<'_, R>) -> R::Vector {
+pub fn shade<R: Real>(
+    scene: &Scene,
+    seen: &Seen<'_>,
+    ray: &Ray<R>,
+    hit: &Hit<R>,
+    reaches: Reaches<'_, R>,
+) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
     let own = R::Vector::of(material.lambertian);
     let colour = texture_colour::<R>(&scene.mesh, hit.triangle, hit.weights);
     let lambertian = colour.map_or(own, |colour| own * colour);
-    let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
-    let [w0, w1, w2] = hit.weights;
-    let normal = (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero();
-    let point = ray.origin + ray.direction * hit.t;
+    let [point, normal] = surface_at(scene, ray, hit);
     let w_o = -ray.direction;
-    scene.lights.iter().enumerate().fold(R::Vector::ZERO, |sum, (number, light)| {
-        let (w_i, distance) = towards::<R>(light, point);
+    sights::<R>(seen, point, normal).fold(R::Vector::ZERO, |sum, sight| {
+        let Sight { light, w_i, distance, .. } = sight;
         let cosine = w_i.dot(normal);
-        if cosine <= R::ZERO || !reaches(&Sight { light: number, point, w_i, distance }) {
+        if cosine <= R::ZERO || !reaches(&sight) {
             return sum;
         }
-        let falloff = R::from(4.0) * R::PI * distance * distance;
-        let irradiance = R::Vector::of(light.power) * (cosine / falloff);
-        sum + irradiance * reflectance::<R>((material, lambertian), w_i, w_o, normal)
+        match (seen.lights.get(light), seen.sky) {
+            (Some(light), _) => {
+                let falloff = R::from(4.0) * R::PI * distance * distance;
+                let irradiance = R::Vector::of(light.power) * (cosine / falloff);
+                sum + irradiance * reflectance::<R>((material, lambertian), w_i, w_o, normal)
+            }
+            // A direction as likely as its cosine is large: k_L / pi times the cosine, over that likelihood, is k_L.
+            (None, Some((sky, _))) => sum + lambertian * radiance_of_sky::<R>(sky, w_i),
+            (None, None) => sum,
+        }
     })
-}
-
-/// The unit direction from a point to a light, and how far it is.
-pub(super) fn towards<R: Real>(light: &Light, point: R::Vector) -> (R::Vector, R) {
-    let off = R::Vector::of(light.position) - point;
-    (off.normalize_or_zero(), off.dot(off).sqrt())
 }
 
 /// How much of the light from `w_i` a surface of this k_L sends towards `w_o`, a steradian.

@@ -4,9 +4,12 @@ mod objects;
 
 use super::document::Document;
 use super::files::{self, FileLight};
+use super::studio::Studio;
 use super::validate::{Brightness, check_camera, check_light, check_positions};
-use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire};
-use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, framing, normals};
+use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire, SkyWire};
+use super::{
+    Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Sky, Textures, framing, normals,
+};
 use crate::error::{Error, Result};
 use framing::{Ball, View};
 use glam::{DVec3, Vec3};
@@ -14,14 +17,25 @@ use glam::{DVec3, Vec3};
 /// A shadow ray starts this part of the scene's diagonal from its surface.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
-/// Builds the scene a document describes, for a shot, what it turns about, and where its objects begin.
+/// What a document describes.
+pub(super) struct Assembled {
+    pub scene: Scene,
+    /// What it turns about.
+    pub orbit: Orbit,
+    /// The number of each object's first triangle.
+    pub starts: Vec<u32>,
+    /// Whether a ground, soft light and a sky are around a bare mesh.
+    pub dressed: bool,
+}
+
+/// Builds the scene a document describes, for a shot.
 pub(super) fn assemble(
     document: &Document,
     wire: SceneWire,
     shot: Shot,
     notes: &mut Vec<String>,
-) -> Result<(Scene, Orbit, Vec<u32>)> {
-    let Joined { mut mesh, seen, starts } = join(document, &wire, notes)?;
+) -> Result<Assembled> {
+    let Joined { mut mesh, seen, mut starts } = join(document, &wire, notes)?;
     if wire.textures == Some(false) {
         mesh.textures = Textures::default();
     }
@@ -43,28 +57,51 @@ pub(super) fn assemble(
         up: wire.camera.upright(),
         with_lights: document.bare && wire.light.is_none(),
     };
-    let lights = lights(document, &wire, &seen, &camera, ball, notes);
     let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(&mesh), |bias| bias.0);
-    check_lights(document, &wire, &lights, &Brightness::of(&mesh, lights.len(), shadow_bias))?;
-    let display = Display::default();
-    let display = Display {
-        exposure: wire.display.exposure.map_or(display.exposure, |value| value.0),
-        gamma: wire.display.gamma.map_or(display.gamma, |value| value.0),
+    let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
+    let around = ball.filter(|_| document.bare && shot.dressed && !has_light);
+    let studio = around.map(|ball| Studio::around(&mesh, ball, &camera, wire.camera.upright()));
+    let lights = match &studio {
+        Some(studio) => studio.lights.clone(),
+        None => lights(document, &wire, &seen, &camera, ball, notes),
     };
+    let sky = wire.sky.as_ref().map(|sky| of_wire(sky, wire.camera.upright()));
+    // A picture with a background of its own is to be put on something else.
+    if let Some(ground) =
+        studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())
+    {
+        starts.push(mesh.triangles.len() as u32);
+        mesh.append(ground);
+    }
+    check_lights(document, &wire, &lights, &Brightness::of(&mesh, lights.len(), shadow_bias))?;
+    let display = display(&wire);
     let scene = Scene {
-        name: wire.name.unwrap_or_else(|| document.stem.clone()),
+        name: wire.name.clone().unwrap_or_else(|| document.stem.clone()),
         shadow_bias,
         mesh,
         lights,
+        sky: sky.or(studio.as_ref().map(|studio| studio.sky)),
         camera,
-        background: match wire.background {
-            None => PAPER_BACKGROUND,
-            Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
-            Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
-        },
+        background: background(&wire, studio.as_ref(), display),
         display,
     };
-    Ok((scene, orbit, starts))
+    Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
+}
+
+fn display(wire: &SceneWire) -> Display {
+    let usual = Display::default();
+    Display {
+        exposure: wire.display.exposure.map_or(usual.exposure, |value| value.0),
+        gamma: wire.display.gamma.map_or(usual.gamma, |value| value.0),
+    }
+}
+
+fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Vec3 {
+    match wire.background {
+        None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
+        Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
+        Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
+    }
 }
 
 /// The objects of a scene as one mesh.
@@ -118,7 +155,7 @@ fn lights(
         (None, Some(ball)) => framing::lights(camera, ball),
         (lights, _) => lights.iter().flatten().map(light).collect(),
     };
-    if lights.is_empty() {
+    if lights.is_empty() && wire.sky.is_none() {
         notes.push(format!(
             "{}:{}: no light: every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
             document.name,
@@ -142,6 +179,13 @@ fn check_lights(
             .map_err(|error| document.place(wire.power.span(), error, "too much for single precision"))?;
     }
     Ok(())
+}
+
+/// The sky that a file asks for.
+fn of_wire(sky: &SkyWire, up: DVec3) -> Sky {
+    let zenith = Vec3::from_array(sky.zenith.0);
+    let horizon = sky.horizon.map_or(zenith, |horizon| Vec3::from_array(horizon.0));
+    Sky { zenith, horizon, up: up.as_vec3(), reach: sky.reach.map_or(f32::MAX, |reach| reach.0) }
 }
 
 fn default_bias(mesh: &Mesh) -> f32 {

@@ -44,6 +44,11 @@ impl Ball {
     pub fn place(&self) -> (DVec3, f64) {
         (self.centre, self.radius)
     }
+
+    /// Whether it is a room that is looked into.
+    pub fn is_open(&self) -> bool {
+        self.opening.is_some()
+    }
 }
 
 /// From where a mesh is seen.

@@ -1,6 +1,6 @@
 //! From a path to a [`Scene`].
 
-use super::assemble::assemble;
+use super::assemble::{Assembled, assemble};
 use super::document::Document;
 use super::wire::SceneWire;
 use super::{Orbit, Scene, facing};
@@ -19,6 +19,8 @@ pub struct Loaded {
     pub orbit: Orbit,
     /// The number of each object's first triangle: of a TOML scene its objects, of a bare glTF its nodes with meshes.
     pub object_starts: Vec<u32>,
+    /// Whether it is a bare mesh with a ground, soft light and a sky around it.
+    pub dressed: bool,
     /// Sentences about what was passed over or made up, such as a missing material file.
     pub notes: Vec<String>,
 }
@@ -30,15 +32,18 @@ pub struct Shot {
     pub aspect: f64,
     /// Whether it turns: it is then seen whole from all around.
     pub turns: bool,
+    /// Whether a bare mesh gets a ground, soft light and a sky where it has no lights of its own.
+    pub dressed: bool,
 }
 
 impl Shot {
     /// What fits pictures of any shape at least as wide as high.
-    pub const SQUARE: Self = Self { aspect: 1.0, turns: false };
+    pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false };
 }
 
 /// Loads a scene file (TOML) or a bare mesh (OBJ, PLY, STL, glTF), told apart by what they hold. A bare mesh is seen whole
-/// from three quarters, in images at least as wide as high, lit by a key and a fill light, its normals turned to the viewer.
+/// from three quarters, in images at least as wide as high, lit by a key and a fill light, its normals turned to the viewer:
+/// plain, as experiments cast it.
 ///
 /// # Errors
 /// The user's mistake with its file and line: a file that cannot be read, an
@@ -82,8 +87,14 @@ fn load(path: &Path, overrides: &[(String, Value)], shot: Shot, quotes: bool) ->
     })?;
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
     let turned = wire.two_sided.unwrap_or(document.bare);
-    let (scene, orbit, object_starts) = assemble(&document, wire, shot, &mut notes)?;
+    let Assembled { scene, orbit, starts, dressed } = assemble(&document, wire, shot, &mut notes)?;
     scene.validate()?;
     notes.extend((!turned).then(|| facing::note(&scene, shot.aspect)).flatten());
-    Ok(Loaded { scene, orbit, object_starts, notes: notes.into_iter().map(shortened).collect() })
+    Ok(Loaded {
+        scene,
+        orbit,
+        object_starts: starts,
+        dressed,
+        notes: notes.into_iter().map(shortened).collect(),
+    })
 }

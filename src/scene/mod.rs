@@ -21,6 +21,7 @@ mod overrides;
 mod samples;
 mod schema;
 mod shapes;
+mod studio;
 mod texture;
 mod transform;
 mod validate;
@@ -31,7 +32,7 @@ pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, lo
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};
 pub use orbit::Orbit;
-pub use samples::{Sample, pixel_samples};
+pub use samples::{Sample, pixel_samples, scrambled, sobol};
 pub use shapes::{Shape, generate};
 pub use texture::{Mapped, Texture, Textures, Wrap, linear_values};
 pub use validate::MAX_COORDINATE;
@@ -52,6 +53,19 @@ pub struct Light {
     pub power: Vec3,
     /// Of the ball, in the scene's units; 0 for a point.
     pub radius: f32,
+}
+
+/// Light from all around, where nothing is in its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sky {
+    /// The radiance from straight above.
+    pub zenith: Vec3,
+    /// From the horizon, and from below it.
+    pub horizon: Vec3,
+    /// The direction of the zenith, of unit length.
+    pub up: Vec3,
+    /// What is farther away than this, in the scene's units, hides nothing of it.
+    pub reach: f32,
 }
 
 /// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
@@ -94,6 +108,8 @@ pub struct Scene {
     pub mesh: Mesh,
     /// The lights, in the order of the file.
     pub lights: Vec<Light>,
+    /// What shines from all around, if anything does.
+    pub sky: Option<Sky>,
     /// From where it is seen.
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
@@ -128,7 +144,7 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // Of a scene without textures and soft lights nothing is hashed, so that it keeps the hash that records have.
+        // Of a scene without textures, soft lights and a sky nothing is hashed, so that it keeps the hash that records have.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
@@ -136,6 +152,10 @@ impl Scene {
         }
         if self.lights.iter().any(|light| light.radius > 0.0) {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
+        }
+        if let Some(Sky { zenith, horizon, up, reach }) = &self.sky {
+            let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
+            hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
         }
         hash_words(&mut hasher, mesh.textures.mapped.iter().flat_map(|row| row.to_words()));
         hasher.finalize().to_hex()[..16].to_string()

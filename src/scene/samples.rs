@@ -1,11 +1,6 @@
 //! What each sample of a pixel looks at: a place in the pixel, drawn from the filter itself, so that all samples weigh the same
-//! (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray Tracing 2006), and a point
-//! in each soft light. All pixels share them (Haeberli and Akeley, "The Accumulation Buffer", 1990): rays stay coherent, and
-//! a light's shadow rays have a common origin.
-
-use super::Light;
-use glam::DVec3;
-use std::f64::consts::TAU;
+//! (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray Tracing 2006). All pixels
+//! share them (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that rays stay coherent.
 
 /// The Blackman-Harris filter's width, in pixels.
 const WIDTH: f64 = 1.5;
@@ -16,48 +11,26 @@ const HALVINGS: u32 = 54;
 /// Any two numbers: they decide how Owen's scrambling permutes.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
-/// The number of the samples of a light, and of its axes, decides these.
-const LIGHT_SEED: u32 = 0x9e37_79b9;
-
 /// A sample of every pixel.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// How far from a pixel's centre it lies, in pixels.
     pub offset: [f32; 2],
-    /// The lights as it sees them; none where they are where the scene has them.
-    pub lights: Option<Vec<Light>>,
+    /// Which it is, from 0.
+    pub number: u32,
+    /// Of how many.
+    pub count: u32,
 }
 
 impl Sample {
-    /// Through pixels' centres, with lights in their middle.
-    pub const CENTRE: Self = Self { offset: [0.0; 2], lights: None };
+    /// The only one, through pixels' centres.
+    pub const CENTRE: Self = Self { offset: [0.0; 2], number: 0, count: 1 };
 }
 
-/// Several samples of every pixel, under these lights. One sample alone sees lights as points.
-pub fn pixel_samples(lights: &[Light], count: u32) -> Vec<Sample> {
-    let soft = count > 1 && lights.iter().any(|light| light.radius > 0.0);
-    let offsets = pixel_offsets(count).into_iter().enumerate();
-    let lights_of = |number: u32| (0..).zip(lights).map(|(light, at)| placed(at, light, number)).collect();
-    offsets
-        .map(|(number, offset)| Sample { offset, lights: soft.then(|| lights_of(number as u32)) })
-        .collect()
-}
-
-/// A light as a sample sees it: at a point in its ball. Points are spread as the uniform ones of a sphere in four dimensions
-/// are seen in three, so that from afar the ball looks equally bright all over from every side, as a disc does.
-fn placed(light: &Light, number: u32, sample: u32) -> Light {
-    if light.radius == 0.0 {
-        return *light;
-    }
-    let seed = number.wrapping_add(1).wrapping_mul(LIGHT_SEED);
-    // Another order than that of the places in a pixel: else a place in the light would go with a place in the pixel.
-    let shuffled = scrambled(sample, seed);
-    let [a, b, c] = [0_u32, 1, 2]
-        .map(|axis| unit(scrambled(sobol(shuffled, axis as usize), seed.rotate_left(8 * (axis + 1)) ^ axis)));
-    let (ring, turn) = ((1.0 - a).sqrt(), TAU * b);
-    let off = DVec3::new(ring * turn.sin(), ring * turn.cos(), a.sqrt() * (TAU * c).sin());
-    let position = (light.position.as_dvec3() + f64::from(light.radius) * off).as_vec3();
-    Light { position, ..*light }
+/// Several samples of every pixel.
+pub fn pixel_samples(count: u32) -> Vec<Sample> {
+    let offsets = (0..).zip(pixel_offsets(count));
+    offsets.map(|(number, offset)| Sample { offset, number, count: count.max(1) }).collect()
 }
 
 /// How far from a pixel's centre its samples are, in pixels: one sample is at the centre, several are spread as Sobol's
@@ -75,29 +48,24 @@ fn unit(bits: u32) -> f64 {
     (f64::from(bits) + 0.5) / 4_294_967_296.0
 }
 
-/// The first three dimensions of Sobol's sequence: van der Corput's, and those of the polynomials x + 1 and x^2 + x + 1 (the
-/// direction numbers of Joe and Kuo, 2008).
-fn sobol(number: u32, axis: usize) -> u32 {
+/// The first two dimensions of Sobol's sequence: van der Corput's, and that of the polynomial x + 1.
+pub fn sobol(number: u32, axis: usize) -> u32 {
     if axis == 0 {
         return number.reverse_bits();
     }
-    let (mut direction, mut next) = (1_u32 << 31, 3_u32 << 30);
-    let mut bits = 0;
+    let (mut direction, mut bits) = (1_u32 << 31, 0);
     for place in 0..32 {
         if number >> place & 1 == 1 {
             bits ^= direction;
         }
-        (direction, next) = match axis {
-            1 => (direction ^ direction >> 1, 0),
-            _ => (next, next ^ direction ^ direction >> 2),
-        };
+        direction ^= direction >> 1;
     }
     bits
 }
 
 /// Owen's scrambling by a hash of the reversed bits (Laine and Karras, "Stratified Sampling for Stochastic Transparency",
 /// 2011, with the constants of Burley, "Practical Hash-based Owen Scrambling", 2020).
-fn scrambled(bits: u32, seed: u32) -> u32 {
+pub fn scrambled(bits: u32, seed: u32) -> u32 {
     let mut hash = bits.reverse_bits();
     hash = hash.wrapping_add(seed);
     for factor in [0x6c50_b47c, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6_u32] {
@@ -145,49 +113,6 @@ mod tests {
             );
             assert!(values().all(|value| value.abs() < WIDTH / 2.0));
         }
-    }
-
-    fn light(radius: f32) -> Light {
-        Light { position: glam::Vec3::new(5.0, 6.0, 7.0), power: glam::Vec3::ONE, radius }
-    }
-
-    #[test]
-    fn three_dimensions_are_spread_over_cubes() {
-        for (across, down) in [(0, 1), (0, 2), (1, 2)] {
-            let cell = |number| (sobol(number, across) >> 28, sobol(number, down) >> 28);
-            let cells: std::collections::BTreeSet<_> = (0..256).map(cell).collect();
-            assert!(cells.len() >= 128, "{across} {down}: {}", cells.len());
-        }
-        let mut eighths: Vec<_> = (0..8).map(|number| sobol(number, 2) >> 29).collect();
-        eighths.sort_unstable();
-        assert_eq!(eighths, (0..8).collect::<Vec<_>>());
-    }
-
-    #[test]
-    fn a_ball_looks_equally_bright_all_over() {
-        let samples = pixel_samples(&[light(2.0), light(0.0)], 1024);
-        let offs: Vec<_> = samples
-            .iter()
-            .map(|sample| {
-                let lights = sample.lights.as_ref().expect("a soft light");
-                assert_eq!(lights[1], light(0.0));
-                (lights[0].position - light(0.0).position) / 2.0
-            })
-            .collect();
-        for axis in [glam::Vec3::X, glam::Vec3::Y, glam::Vec3::Z, glam::Vec3::ONE.normalize()] {
-            // Of a disc, the part of its area within a part of its radius is that part's square.
-            for part in [0.25_f32, 0.5, 0.75, 1.0] {
-                let inside = offs.iter().filter(|off| off.reject_from(axis).length() <= part).count();
-                let expected = part * part * 1024.0;
-                assert!((inside as f32 - expected).abs() < 30.0, "{axis} {part}: {inside} of {expected}");
-            }
-        }
-    }
-
-    #[test]
-    fn one_sample_and_points_leave_lights_where_they_are() {
-        assert_eq!(pixel_samples(&[light(2.0)], 1), [Sample::CENTRE]);
-        assert!(pixel_samples(&[light(0.0)], 4).iter().all(|sample| sample.lights.is_none()));
     }
 
     #[test]

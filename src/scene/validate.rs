@@ -2,7 +2,7 @@
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
-use super::{Camera, Light, Mapped, Material, Scene, Texture, Textures};
+use super::{Camera, Light, Mapped, Material, Scene, Sky, Texture, Textures};
 use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -42,6 +42,7 @@ impl Scene {
         require(gamma > 0.0 && gamma.is_finite(), || format!("gamma is {gamma}; expected more than 0"))?;
         check_camera(&self.camera)?;
         self.lights.iter().try_for_each(check_light)?;
+        self.sky.iter().try_for_each(check_sky)?;
         check_mesh(&self.mesh)?;
         let brightness = Brightness::of(&self.mesh, self.lights.len(), self.shadow_bias);
         self.lights.iter().try_for_each(|light| brightness.check(light))
@@ -89,6 +90,19 @@ pub(super) fn check_light(light: &Light) -> Result<()> {
     require((0.0..=MAX_COORDINATE).contains(&radius), || {
         format!("a light's radius is {radius}; expected a length from 0 to {MAX_COORDINATE:e}")
     })
+}
+
+fn check_sky(sky: &Sky) -> Result<()> {
+    let Sky { zenith, horizon, up, reach } = sky;
+    let valid = |radiance: &Vec3| radiance.is_finite() && radiance.min_element() >= 0.0;
+    let most = zenith.max(*horizon).max_element();
+    require(valid(zenith) && valid(horizon) && most <= MAX_POWER, || {
+        format!("the sky's radiance is {zenith} to {horizon}; expected values from 0 to {MAX_POWER:e}")
+    })?;
+    require((up.length() - 1.0).abs() < 1e-3, || {
+        format!("the sky's zenith is towards {up}, of no unit length")
+    })?;
+    require(*reach > 0.0 && reach.is_finite(), || format!("the sky's reach is {reach}; expected more than 0"))
 }
 
 /// How bright a scene's lights make its surfaces at most.

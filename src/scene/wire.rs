@@ -27,6 +27,8 @@ pub(super) struct SceneWire {
     pub object: Vec<Spanned<ObjectWire>>,
     /// Lights at points [default: none: everything that is hit is black].
     pub light: Option<Vec<LightWire>>,
+    /// Light from all around, where nothing is in its way [default: none].
+    pub sky: Option<SkyWire>,
     /// Radiance of a ray that hits nothing, one number or three, or a display colour such as "#204060".
     pub background: Option<BackgroundWire>,
     /// Turn the normals of triangles whose back is to the camera, so that they are lit as fronts [default: false].
@@ -147,6 +149,18 @@ pub(super) struct LightWire {
     pub radius: Option<Number<NonNegative>>,
 }
 
+/// Light from all around: a surface under all of it, and with k_L 1, has its radiance.
+#[derive(serde::Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SkyWire {
+    /// Radiance from straight above: one number is white, three are red, green and blue.
+    pub zenith: Triple<Power>,
+    /// Radiance from the horizon and below [default: the zenith's].
+    pub horizon: Option<Triple<Power>>,
+    /// What is farther from a surface than this hides nothing of it [default: however far].
+    pub reach: Option<Number<Positive>>,
+}
+
 /// How radiance becomes colours of 8 bits: 255 * clamp(exposure * L, 0, 1)^(1 / gamma).
 #[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -194,7 +208,7 @@ ranges! {
     /// For s.
     Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
         { "minimum": 0, "maximum": MAX_SHININESS };
-    /// For lights.
+    /// For lights and the sky.
     Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value),
         { "minimum": 0, "maximum": 1e28 };
     /// For divisors.

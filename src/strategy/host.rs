@@ -105,6 +105,8 @@ mod tests {
             materials: 1,
             lights: 1,
             texture_words: 0,
+            soft_lights: false,
+            sky: false,
             stack_size: 0,
             image_size: [side, side],
             local_size: [1, 1],

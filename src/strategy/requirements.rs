@@ -2,7 +2,7 @@
 
 mod fits;
 
-use fits::{groups, indices, shape, textures};
+use fits::{groups, indices, shape, soft, textures};
 
 use super::infeasible::Infeasible;
 use super::sum::Sum;
@@ -83,6 +83,7 @@ impl Requirements {
         shape(workload, limits)?;
         groups(strategy, workload, limits)?;
         textures(strategy, workload)?;
+        soft(strategy, workload)?;
         indices(strategy, workload)?;
         local(strategy, workload).within("__local memory", limits.local_bytes)?;
         constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;

@@ -18,6 +18,10 @@ pub struct Workload {
     pub lights: usize,
     /// Words of all textures of the scene, 0 where it has none.
     pub texture_words: usize,
+    /// Whether lights with a radius are sampled.
+    pub soft_lights: bool,
+    /// Whether there is a sky.
+    pub sky: bool,
     /// Entries of a traversal's stack; 0 where there is no tree, or none is built yet.
     pub stack_size: usize,
     /// Pixels across and down.
@@ -35,6 +39,8 @@ impl Workload {
         materials: 1,
         lights: 1,
         texture_words: 0,
+        soft_lights: false,
+        sky: false,
         stack_size: 32,
         image_size: [64, 64],
         local_size: [8, 8],
@@ -43,6 +49,11 @@ impl Workload {
     /// Whether triangles have textures.
     pub fn is_textured(&self) -> bool {
         self.texture_words > 0
+    }
+
+    /// Whether rays are cast to points of lights, or to a sky, that each pixel has its own of.
+    pub fn is_soft(&self) -> bool {
+        self.soft_lights || self.sky
     }
 
     /// Work-items across and down: one per block of pixels or 32 per tile, whole work-groups.

@@ -56,7 +56,7 @@ pub fn cast(
     timeline.ends_with("buffers", &[("records", records_ms)]);
     // A picture alone disturbs, but it is no measurement: it never waits.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let samples = pixel_samples(&scene.lights, args.samples);
+    let samples = pixel_samples(prepared.samples);
     let mut summed = None;
     let mut frame = || -> Result<FrameTimes> {
         let launched = Refused::at("the launch");
@@ -85,7 +85,7 @@ pub fn cast(
     timeline.ends("read");
     let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
-    let (times, samples) = (medians(&frames), args.samples);
+    let (times, samples) = (medians(&frames), prepared.samples);
     Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, samples }))
 }
 

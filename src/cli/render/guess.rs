@@ -1,7 +1,7 @@
 //! The program that a picture will probably need, known before its scene is read: that of the last time, or one that the size of the
 //! mesh's file makes likely. A wrong guess costs time only.
 
-use super::{Args, strategy};
+use super::{Args, is_dressed, samples, strategy};
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 use crate::program::{ProgramSpec, Sources};
@@ -25,6 +25,10 @@ struct Remembered {
     stack_size: usize,
     #[serde(default)]
     texture_words: usize,
+    #[serde(default)]
+    soft_lights: bool,
+    #[serde(default)]
+    sky: bool,
 }
 
 /// The cache, where nobody edits kernels.
@@ -49,8 +53,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let Workload { local_size, stack_size, texture_words, .. } = *workload;
-    let now = Remembered { axes, local_size, stack_size, texture_words };
+    let Workload { local_size, stack_size, texture_words, soft_lights, sky, .. } = *workload;
+    let now = Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -63,10 +67,12 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
 }
 
 fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    let Remembered { axes, local_size, stack_size, texture_words } = remembered(cache, args, device)?;
+    let Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky } =
+        remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
-    Some((strategy, Workload { local_size, stack_size, texture_words, ..Workload::default() }))
+    let known = Workload { local_size, stack_size, texture_words, soft_lights, sky, ..Workload::default() };
+    Some((strategy, known))
 }
 
 /// The strategy for a bare mesh of this size.
@@ -80,7 +86,9 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let task = Task { triangles: triangles as usize, pixels, ..Task::default() };
     let (strategy, local_size) = strategy(args, device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
-    Some((strategy, Workload { local_size, stack_size, ..Workload::default() }))
+    let sky = is_dressed(args);
+    let soft_lights = sky && samples(args, sky) > 1;
+    Some((strategy, Workload { local_size, stack_size, soft_lights, sky, ..Workload::default() }))
 }
 
 /// The scene's file as it is, and all arguments that choose a program.
@@ -89,10 +97,12 @@ fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let found = path.metadata().ok()?;
     let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
     let Args { width, height, strategy, local_size, set, .. } = args;
+    let samples = args.samples;
     Some(format!(
-        "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?}\n{}",
+        "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?} {}\n{}",
         path.display(),
         found.len(),
+        format_args!("{samples:?} samples, dressed {}", is_dressed(args)),
         device.identity()
     ))
 }

@@ -35,8 +35,7 @@ pub(super) fn check(
         Some(some) => some_pixels(size, some as usize),
         None => all_pixels(size),
     };
-    let expected =
-        reference_of(scene, size, strategy.culling, &pixels, &pixel_samples(&scene.lights, samples));
+    let expected = reference_of(scene, size, strategy.culling, &pixels, &pixel_samples(samples));
     let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {

@@ -24,6 +24,9 @@ pub struct Look {
     /// Turn normals to the viewer, so that back faces are lit as front faces; a bare mesh always does
     #[arg(long)]
     two_sided: bool,
+    /// Show a bare mesh without ground, soft light and sky, by two lights at points, with one sample per pixel
+    #[arg(long)]
+    pub plain: bool,
 }
 
 impl Look {

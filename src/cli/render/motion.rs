@@ -103,11 +103,14 @@ pub fn run(args: &Args) -> Result<()> {
     let sink = sink(args, wanted, count)?;
     let sources = Sources::of(args.cl_dir.clone())?;
     let Opened { loaded, device, queue, .. } = open(args, &sources)?;
+    let samples = super::samples(args, loaded.dressed);
     let Loaded { scene, orbit, notes, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = strategy(args, &device.info, task(args, &scene))?;
     let missing = match &sink {
-        Sink::Numbered(numbered) => numbered.missing(&keys(args, &scene, &strategy, wanted, count))?,
+        Sink::Numbered(numbered) => {
+            numbered.missing(&keys(args, (&scene, samples), &strategy, wanted, count))?
+        }
         Sink::Movie(_) => wanted.numbers().map(|number| (number, String::new())).collect(),
     };
     let (frames, skipped) = (missing.len() as u32, wanted.len() - missing.len() as u32);
@@ -115,17 +118,11 @@ pub fn run(args: &Args) -> Result<()> {
     let mut seconds = 0.0;
     let mut output = sink.name();
     if frames > 0 {
-        let session = crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene));
+        let session =
+            crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
         let prepared = prepare(args, session, &strategy, local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
-        let shown = Shown {
-            device: &device,
-            prepared: &prepared,
-            scene: &scene,
-            orbit,
-            count,
-            samples: args.samples,
-        };
+        let shown = Shown { device: &device, prepared: &prepared, scene: &scene, orbit, count, samples };
         let casting = Instant::now();
         frame_ms = shown.cast_into(sink, &missing)?;
         seconds = casting.elapsed().as_secs_f64();
@@ -190,12 +187,17 @@ impl Sink {
 }
 
 /// The identity of each frame: the scene's content, the strategy, its place in the turn, and raycl's version.
-fn keys(args: &Args, scene: &Scene, strategy: &Strategy, wanted: Frames, count: u32) -> Vec<(u32, String)> {
+fn keys(
+    args: &Args,
+    (scene, samples): (&Scene, u32),
+    strategy: &Strategy,
+    wanted: Frames,
+    count: u32,
+) -> Vec<(u32, String)> {
     let (width, height, version) = (args.width, args.height, env!("CARGO_PKG_VERSION"));
     let shared = format!(
-        "{version} {} {strategy} {width}x{height} samples {} turntable {count}",
-        scene.content_hash(),
-        args.samples
+        "{version} {} {strategy} {width}x{height} samples {samples} turntable {count}",
+        scene.content_hash()
     );
     let kernels = args.cl_dir.as_ref().map(|folder| folder.display().to_string()).unwrap_or_default();
     let key =
@@ -259,7 +261,7 @@ impl Shown<'_> {
         if lights != self.scene.lights || self.orbit.with_lights {
             self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
-        let samples = pixel_samples(&lights, self.samples);
+        let samples = pixel_samples(self.samples);
         let (image, _, times) = caster.cast_samples(&camera, &samples).map_err(Refused::at("the launch"))?;
         Ok((image, times.frame_ms))
     }

@@ -3,7 +3,12 @@ use crate::scene::{Shape, generate};
 
 /// From three quarters, for images of an aspect.
 const fn three_quarter(aspect: f64) -> View {
-    View { up: DVec3::Y, azimuth_degrees: None, elevation_degrees: None, shot: Shot { aspect, turns: false } }
+    View {
+        up: DVec3::Y,
+        azimuth_degrees: None,
+        elevation_degrees: None,
+        shot: Shot { aspect, turns: false, dressed: false },
+    }
 }
 
 fn from(azimuth: f64, elevation: f64, up: DVec3) -> View {
@@ -55,7 +60,7 @@ fn the_whole_mesh_fills_a_picture_across_or_down_at_any_scale_and_length() {
 #[test]
 fn what_turns_is_seen_whole_from_all_around() {
     let mesh = block(Vec3::new(20.0, 1.0, 3.0), Vec3::new(4.0, 0.0, 0.0));
-    let view = View { shot: Shot { aspect: 1.6, turns: true }, ..from(0.0, 20.0, DVec3::Y) };
+    let view = View { shot: Shot { aspect: 1.6, turns: true, dressed: false }, ..from(0.0, 20.0, DVec3::Y) };
     let camera = camera(&mesh, Ball::around(&mesh, view.up), &view);
     let mut widest: f64 = 0.0;
     for step in 0..90 {

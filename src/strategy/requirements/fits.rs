@@ -2,7 +2,7 @@
 
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
-use crate::manifest::GROUP_LANES;
+use crate::manifest::{Fact, GROUP_LANES};
 use crate::strategy::{Infeasible, Strategy, Workload};
 
 /// Whether a work-group of this shape exists on the device at all.
@@ -57,10 +57,25 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     Ok(())
 }
 
+/// Whether a family samples soft lights or a sky where the scene has some.
+pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
+    let family = strategy.family();
+    if !workload.is_soft() || family.takes(Fact::Soft) {
+        return Ok(());
+    }
+    let has = if workload.sky { "sky" } else { "lights with a radius" };
+    Err(Infeasible {
+        reason: format!(
+            "{} has no {has}, which the scene has (of a bare mesh --plain leaves them out)",
+            family.label
+        ),
+    })
+}
+
 /// Whether a family colours triangles by textures where the scene has some.
 pub fn textures(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let family = strategy.family();
-    if !workload.is_textured() || family.takes_textures() {
+    if !workload.is_textured() || family.takes(Fact::Textured) {
         return Ok(());
     }
     let label = family.label;

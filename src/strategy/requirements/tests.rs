@@ -27,6 +27,8 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         materials: 2,
         lights: 1,
         texture_words: 0,
+        soft_lights: false,
+        sky: false,
         stack_size: 0,
         image_size: [800, 500],
         local_size: [local, local],

@@ -1,0 +1,32 @@
+// Shadow rays that have no origin in common: to points of a light with a radius, and to the sky.
+
+#if PLANES_OF_ORIGIN
+// The same as any_hit: planes that were prepared for one origin are of no use here, so that every ray tests the triangles themselves.
+Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
+    Mask open = wanted;
+    for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
+        const Vec3 way = working_get(working, TO_LIGHT);
+        const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
+        open &= !is_stopped_by(corners(&scene->geometry, triangle), from, way, t_max);
+    }
+    return wanted & !open;
+}
+#else
+#define any_hit_apart(working, scene, t_max, wanted) any_hit(working, scene, 0, t_max, wanted)
+#endif
+
+#if SKY
+// Adds to RADIANCE of `active` lanes what the sky sends them: one ray in a direction as likely as its cosine with the normal is
+// large, so that its radiance times k_L is the estimate.
+void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
+    const Pixels pixels = own_pixels((int2)(0, 0));
+    const Vec3 normal = working_get(working, NORMAL);
+    const Vec3 way = way_to_sky(&scene->soft, scene->light_count, pixels.x, pixels.y, normal);
+    working_set(working, TO_LIGHT, way);
+    Mask lit = active & (dot3(way, normal) > 0.0f);
+    lit &= !any_hit_apart(working, scene, (varying)(reach_of_sky(&scene->soft) - scene->bias), lit);
+    const Vec3 received = multiply(surface->lambertian, radiance_of_sky(&scene->soft, working_get(working, TO_LIGHT)));
+    const Vec3 sum = working_get(working, RADIANCE);
+    working_set(working, RADIANCE, select3(lit, add(sum, received), sum));
+}
+#endif

@@ -1,0 +1,80 @@
+// Rays that have no origin in common: to points of a light with a radius, and to the sky. All of them are left over: a group
+// casts one after the other, and tests a node's children or a leaf's triangles with it, one per lane.
+
+// The lights of a round, and after all lights the sky. Lights are counted from the round's first here.
+typedef struct {
+    Soft soft;
+    int light_count, first_light;
+} Sources;
+#define SOURCE_COUNT(light_count) ((light_count) + SKY)
+
+// Whether a source's rays have no origin in common.
+INLINED int goes_apart(const Sources *sources, int light) {
+    const int source = sources->first_light + light;
+    return source >= sources->light_count || radius_of(&sources->soft, source) > 0.0f;
+}
+
+// Whether something stops a ray before t_max.
+INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way, float t_max, __local uint2 *stack) {
+    Shaft shaft;
+    aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(way.x, way.y, way.z), &shaft);
+    const float depth = fabs(component(way.x, way.y, way.z, shaft.along)), per_depth = reciprocal(depth);
+    const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
+    const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
+    widen(&shaft, x, x, y, y);
+    const float reach = t_max < FAR ? 1.00001f * t_max * depth : FAR;
+    uint word = 0;
+    int waiting = 0, going = 1, stopped = 0;
+    while (going) {
+        uint met = 0;
+        if (!IS_LEAF(word)) {
+            const Child child = meet_child(group, tree, &shaft, word, reach);
+            met = lane_ballot(group, child.met);
+            if (met) word = push(group, child, met, 0, stack, &waiting);
+        } else {
+            const int own = LEAF_FIRST(word) + group->lane;
+            const int hit = group->lane < LEAF_COUNT(word) && is_stopped_by(leaf_corners(tree, own), from, way, t_max);
+            stopped = lane_any(group, hit);
+        }
+        if (met) continue;
+        going = waiting && !stopped;
+        if (going) word = stack[--waiting].x;
+    }
+    lane_sync(group); // the stack has been read
+    return stopped;
+}
+
+// From a hit to the point of a source that its pixel's sample sees; of unit length, with the distance.
+typedef struct {
+    Vec3 way;
+    float distance;
+    int is_sky;
+} Sight;
+
+INLINED Sight sight_of(const Sources *sources, int light, const __global float *at, const Meeting *meeting) {
+    const Soft *soft = &sources->soft;
+    const int source = sources->first_light + light;
+    Sight sight;
+    sight.is_sky = source >= sources->light_count;
+#if SKY
+    if (sight.is_sky) {
+        const Vec3 normal = normalize_or_zero(meeting->normal);
+        sight.way = way_to_sky(soft, source, meeting->pixel.x, meeting->pixel.y, normal);
+        sight.distance = reach_of_sky(soft);
+        return sight;
+    }
+#endif
+    const Vec3 position = add(load_vec3(at), off_middle(soft, source, meeting->pixel.x, meeting->pixel.y));
+    const Vec3 offset = subtract(position, meeting->point);
+    sight.distance = sqrt(dot3(offset, offset));
+    sight.way = scale(offset, 1.0f / sight.distance);
+    return sight;
+}
+
+// Whether a source reaches a pixel's hit.
+INLINED int reaches(const Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
+                    const Meeting *meeting, float bias, __local uint2 *stack) {
+    const Sight sight = sight_of(sources, light, at, meeting);
+    const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.distance > bias);
+    return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
+}

@@ -1,0 +1,180 @@
+//! What a pixel's sample sees of lights with a radius and of the sky: the twin of `cl/common/soft.cl`, bit by bit.
+
+use super::real::{Real, Vector};
+use crate::scene::{Light, Sample, Scene, Sky, scrambled, sobol};
+use glam::DVec3;
+use std::borrow::Cow;
+use std::f64::consts::TAU;
+
+/// The lights, each where a pixel's sample sees it, and the sky.
+#[derive(Clone, Debug)]
+pub struct Seen<'a> {
+    /// As the scene has them, but for those with a radius.
+    pub lights: Cow<'a, [Light]>,
+    /// The sky, and the point of the unit sphere that says in which direction it is seen.
+    pub sky: Option<(&'a Sky, DVec3)>,
+}
+
+impl<'a> Seen<'a> {
+    /// By a sample of a pixel. One sample alone sees lights as points.
+    pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
+        let soft = sample.count > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
+        let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
+        let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };
+        let source = scene.lights.len() as u32;
+        Self { lights, sky: scene.sky.as_ref().map(|sky| (sky, on_sphere(numbers(source, sample, pixel)))) }
+    }
+
+    /// The same with the point of the sphere moved.
+    pub fn turned(&self, by: DVec3) -> Self {
+        Self { lights: self.lights.clone(), sky: self.sky.map(|(sky, point)| (sky, point + by)) }
+    }
+}
+
+/// A unit vector about a normal, as likely as its cosine is large.
+pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
+    (normal + R::Vector::round(point)).normalize_or_zero()
+}
+
+/// The sky's radiance in a direction; below the horizon it is the horizon's.
+pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
+    let height = way.dot(R::Vector::of(sky.up)).max(R::ZERO);
+    R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
+}
+
+/// A light with a radius as a sample sees it: at a point of its ball. Points are spread as the uniform ones of a sphere in four
+/// dimensions are seen in three, so that from afar the ball looks equally bright all over from every side, as a disc does.
+fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light {
+    if light.radius == 0.0 {
+        return *light;
+    }
+    let [a, b, c] = numbers(number, sample, pixel);
+    let (ring, turn) = ((1.0 - a).sqrt(), TAU * b);
+    let off = DVec3::new(ring * turn.sin(), ring * turn.cos(), a.sqrt() * (TAU * c).sin());
+    let position = (light.position.as_dvec3() + f64::from(light.radius) * off).as_vec3();
+    Light { position, ..*light }
+}
+
+/// A point of the unit sphere, all equally likely.
+fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
+    let (ring, turn) = (2.0 * (a * (1.0 - a)).sqrt(), TAU * b);
+    DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)
+}
+
+/// Three numbers from 0 to 1 for a light, or for the sky, which comes after the lights; the first two are spread together.
+fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
+    let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);
+    // Each source in an order of its own: else a place in one would go with a place in the next.
+    let [first, second] = [0, 1].map(|which| scrambled(number, seed(source, which)));
+    let unit = |bits, which| unit(scrambled(bits, seed(source, which)));
+    [unit(sobol(first, 0), 2), unit(sobol(first, 1), 3), unit(sobol(second, 0), 4)]
+}
+
+fn seed(source: u32, which: u32) -> u32 {
+    (8 * source + which + 1).wrapping_mul(0x9e37_79b9)
+}
+
+/// The number of a pixel along a Z curve: its coordinates' bits in turn.
+fn along_curve(x: u32, y: u32) -> u32 {
+    let spread = |value: u32| (0..16).map(|bit| (value >> bit & 1) << (2 * bit)).sum::<u32>();
+    spread(x) | spread(y) << 1
+}
+
+/// 23 bits as a number between 0 and 1.
+fn unit(bits: u32) -> f64 {
+    (f64::from(bits >> 9) + 0.5) / f64::from(1 << 23)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures;
+    use super::*;
+    use glam::Vec3;
+    use std::collections::BTreeSet;
+
+    const RADIUS: f32 = 2.0;
+
+    fn scene() -> Scene {
+        let mut scene = fixtures::single_triangle();
+        scene.lights = vec![
+            Light { position: Vec3::new(5.0, 6.0, 7.0), power: Vec3::ONE, radius: RADIUS },
+            Light { position: Vec3::ONE, power: Vec3::ONE, radius: 0.0 },
+        ];
+        let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX };
+        scene.sky = Some(sky);
+        scene
+    }
+
+    fn samples(count: u32) -> impl Iterator<Item = Sample> {
+        (0..count).map(move |number| Sample { number, count, ..Sample::CENTRE })
+    }
+
+    #[test]
+    fn a_ball_looks_equally_bright_all_over_from_every_pixel() {
+        let scene = scene();
+        for pixel in [[0, 0], [1, 0], [639, 357]] {
+            let offs: Vec<_> = samples(1024)
+                .map(|sample| {
+                    let lights = Seen::of(&scene, sample, pixel).lights;
+                    assert_eq!(lights[1], scene.lights[1]);
+                    (lights[0].position - scene.lights[0].position) / RADIUS
+                })
+                .collect();
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()] {
+                // Of a disc, the part of its area within a part of its radius is that part's square.
+                for part in [0.25_f32, 0.5, 0.75, 1.0] {
+                    let inside = offs.iter().filter(|off| off.reject_from(axis).length() <= part).count();
+                    let expected = part * part * 1024.0;
+                    assert!((inside as f32 - expected).abs() < 30.0, "{axis} {part}: {inside} of {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_sample_sees_points_and_a_sky() {
+        let scene = scene();
+        let seen = Seen::of(&scene, Sample::CENTRE, [3, 4]);
+        assert_eq!(*seen.lights, scene.lights[..]);
+        assert!(seen.sky.is_some_and(|(_, point)| (point.length() - 1.0).abs() < 1e-12));
+        let other = Seen::of(&scene, Sample::CENTRE, [4, 4]);
+        assert_ne!(seen.sky.map(|(_, point)| point), other.sky.map(|(_, point)| point));
+    }
+
+    #[test]
+    fn samples_of_a_pixel_and_of_a_square_of_pixels_are_one_to_each_stratum() {
+        let strata = |numbers: &[[f64; 3]], axis: usize| {
+            let stratum = |number: &[f64; 3]| (number[axis] * numbers.len() as f64) as u32;
+            numbers.iter().map(stratum).collect::<BTreeSet<_>>().len()
+        };
+        for source in [0, 1, 5] {
+            let of_pixel: Vec<_> = samples(16).map(|sample| numbers(source, sample, [12, 7])).collect();
+            let square = (0..64).map(|place| [32 + place % 8, 8 + place / 8]);
+            let of_square: Vec<_> = square.map(|pixel| numbers(source, Sample::CENTRE, pixel)).collect();
+            for axis in 0..3 {
+                assert_eq!((strata(&of_pixel, axis), strata(&of_square, axis)), (16, 64), "{source} {axis}");
+            }
+            // The first two are spread together, over a square too.
+            let cells: BTreeSet<_> =
+                of_pixel.iter().map(|[a, b, _]| ((a * 4.0) as u32, (b * 4.0) as u32)).collect();
+            assert_eq!(cells.len(), 16);
+        }
+    }
+
+    #[test]
+    fn directions_to_the_sky_are_as_likely_as_their_cosine() {
+        let scene = scene();
+        let normal = DVec3::new(0.6, -0.48, 0.64);
+        let cosines: Vec<_> = samples(4096)
+            .map(|sample| {
+                let point = Seen::of(&scene, sample, [9, 9]).sky.map_or(DVec3::ZERO, |(_, point)| point);
+                way_to_sky::<f64>(point, normal).dot(normal)
+            })
+            .collect();
+        // Of a hemisphere weighed by the cosine, the part below a cosine is its square.
+        for part in [0.1, 0.3, 0.7, 0.9] {
+            let below = cosines.iter().filter(|cosine| **cosine < part).count() as f64 / 4096.0;
+            assert!((below - part * part).abs() < 5e-3, "{part}: {below}");
+        }
+    }
+}

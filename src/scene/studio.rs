@@ -1,0 +1,128 @@
+//! How a bare mesh looks unless it is to be plain: on a ground, in a soft key light and a weak fill, under a sky.
+
+use super::framing::{self, Ball};
+use super::mesh::PARALLEL_TRIANGLES;
+use super::{Camera, Light, MAX_COORDINATE, Material, Mesh, Sky, Triangle};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Key and fill, as parts of the lights of a plain mesh: the sky adds what they lack.
+const STRENGTHS: [f32; 2] = [0.74, 0.3];
+/// Of the key light: a little warmer than the sky.
+const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
+/// Its radius, of that of the mesh's ball: ten radii away, it looks nine degrees wide. A larger one is grainy with four samples.
+const KEY_RADII: f64 = 0.8;
+/// The sky's radiance. White is 1/15.
+const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
+const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
+/// What is farther away than so many radii hides nothing of it; within a room, so many.
+const REACH_RADII: f64 = 3.0;
+const REACH_RADII_INSIDE: f64 = 0.4;
+/// The ground's k_L: darker than meshes without a colour of their own.
+const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
+/// It reaches so many radii from the middle, beyond where a usual view ends.
+const GROUND_RADII: f64 = 60.0;
+/// It lies so much of the radius below the mesh, so that a flat bottom is not in it.
+const GAP_RADII: f64 = 1e-3;
+
+/// What stands around a mesh.
+#[derive(Debug)]
+pub(super) struct Studio {
+    pub lights: Vec<Light>,
+    pub sky: Sky,
+    /// Not under a room, nor where the eye is below it.
+    pub ground: Option<Mesh>,
+    /// Where nothing is hit: as the ground is far away.
+    pub background: Vec3,
+}
+
+impl Studio {
+    /// Around a mesh that is seen from somewhere.
+    pub fn around(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Self {
+        let (_, radius) = ball.place();
+        let mut lights = framing::lights(camera, ball);
+        for (light, strength) in lights.iter_mut().zip(STRENGTHS) {
+            light.power *= strength;
+        }
+        if let Some(key) = lights.first_mut() {
+            key.power *= KEY_COLOUR;
+            key.radius = (KEY_RADII * radius) as f32;
+        }
+        let reach = if ball.is_open() { REACH_RADII_INSIDE } else { REACH_RADII };
+        let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach: (reach * radius) as f32 };
+        let ground = (!ball.is_open()).then(|| ground(mesh, ball, camera, up)).flatten();
+        // A level surface sees the mean of the sky, weighed by the cosine: radiance grows with the height's sine.
+        let background = GROUND * HORIZON.lerp(ZENITH, 2.0 / 3.0);
+        Self { lights, sky, ground, background }
+    }
+}
+
+/// A square under a mesh; none where the eye is not above it, nor where it would be larger than coordinates may be.
+fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
+    let (centre, radius) = ball.place();
+    let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);
+    let heights = mesh
+        .triangles
+        .par_iter()
+        .with_min_len(PARALLEL_TRIANGLES)
+        .map(|triangle| mesh.corners(triangle).into_iter().map(height).fold(f64::INFINITY, f64::min));
+    let lowest = heights.reduce(|| f64::INFINITY, f64::min) - GAP_RADII * radius;
+    if height(camera.position) < lowest + GAP_RADII * radius {
+        return None;
+    }
+    let across = up.any_orthonormal_vector() * (GROUND_RADII * radius);
+    let along = up.cross(across);
+    let middle = centre + up * lowest;
+    let corners = [-across - along, across - along, across + along, along - across];
+    let positions = corners.map(|corner| (middle + corner).as_vec3());
+    if positions.iter().any(|position| position.abs().max_element() > MAX_COORDINATE) {
+        return None;
+    }
+    let faces = [[0, 1, 2], [0, 2, 3]];
+    Some(Mesh {
+        positions: positions.to_vec(),
+        normals: vec![up.as_vec3()],
+        triangles: faces.map(|positions| Triangle { positions, normals: [0; 3], material: 0 }).to_vec(),
+        materials: vec![Material::lambertian(GROUND)],
+        ..Mesh::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::framing::{View, camera};
+    use crate::scene::{Shape, Shot, generate};
+
+    fn studio(up: DVec3, elevation: f64) -> (Mesh, Studio) {
+        let mesh = generate(&Shape::Gourd { triangles: 648 });
+        let ball = Ball::around(&mesh, up);
+        let shot = Shot::SQUARE;
+        let view = View { up, azimuth_degrees: Some(20.0), elevation_degrees: Some(elevation), shot };
+        let camera = camera(&mesh, ball, &view);
+        let studio = Studio::around(&mesh, ball, &camera, up);
+        (mesh, studio)
+    }
+
+    #[test]
+    fn the_ground_is_level_just_under_the_mesh_and_faces_up() {
+        for up in [DVec3::Y, DVec3::Z, DVec3::NEG_X] {
+            let (mesh, studio) = studio(up, 25.0);
+            let ground = studio.ground.expect("a ground");
+            let height = |p: &Vec3| p.as_dvec3().dot(up);
+            let lowest = mesh.positions.iter().map(height).fold(f64::INFINITY, f64::min);
+            for position in &ground.positions {
+                assert!((-0.01..0.0).contains(&(height(position) - lowest)), "{up}: {position}");
+            }
+            for triangle in &ground.triangles {
+                let [a, b, c] = ground.corners(triangle).map(|corner| corner.as_dvec3());
+                assert!((b - a).cross(c - a).normalize().dot(up) > 0.999);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_hides_a_mesh_that_is_seen_from_below() {
+        assert!(studio(DVec3::Y, -30.0).1.ground.is_none());
+    }
+}

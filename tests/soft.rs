@@ -1,0 +1,189 @@
+//! Soft lights and the sky, in every family that takes them.
+
+use crate::binary::{Place, device, has};
+use image::RgbImage;
+
+/// A square over the ground, and a light above it.
+const SQUARE: &str = "[camera]
+position = [0, 1.2, 1.5]
+look_at = [0, -0.7, -3]
+[[light]]
+position = [0, 3, -3]
+power = 60
+radius = 0.6
+[[light]]
+position = [3, 2, 0]
+power = 10
+[[object]]
+vertices = [[-0.7, 0, -3.7], [0.7, 0, -3.7], [0.7, 0, -2.3], [-0.7, 0, -2.3]]
+faces = [[0, 3, 2, 1]]
+[[object]]
+shape = \"ground\"
+";
+
+/// A sky above it instead of lights, and a ball.
+const SKY: &str = "[camera]
+position = [0, 1.2, 1.5]
+look_at = [0, -0.7, -3]
+[sky]
+zenith = 0.05
+horizon = [0.02, 0.03, 0.04]
+[[object]]
+shape = \"sphere\"
+triangles = 60
+scale = 0.6
+translation = [0, -0.3, -3]
+[[object]]
+shape = \"ground\"
+";
+
+fn render(place: &Place, options: &[&str]) -> (RgbImage, String) {
+    let device = device();
+    let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device];
+    let said = place.output(&[&usual, &["-o", "a.png", "--force"][..], options].concat());
+    (image::open(place.path("a.png")).expect("a picture").to_rgb8(), said)
+}
+
+fn picture(place: &Place, options: &[&str]) -> RgbImage {
+    render(place, options).0
+}
+
+/// One by one and in vectors, with planes of an origin and without, through a tree and without one, fused and separate.
+const FAMILIES: [&str; 5] = ["naive", "wide-common-origin", "bvh", "tile", "tile,passes=separate"];
+
+#[test]
+fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
+    let place = Place::with(&[("scene.toml", SQUARE)]);
+    let hard = picture(&place, &["--samples", "1", "--verify"]);
+    let point = ["--samples", "16", "--set", "light.0.radius=0"];
+    let sharp = picture(&place, &[&point[..], &["--verify"]].concat());
+    for strategy in FAMILIES {
+        let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify=600"]);
+        // Half-shadows lie on the ground around the square's shadow, and nowhere else.
+        let differing =
+            soft.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 8).count();
+        assert!((20..600).contains(&differing), "{strategy}: {differing}");
+    }
+    let differing = hard.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 60).count();
+    assert!(differing < 120, "{differing}");
+    let said = render(&place, &[]).1;
+    assert!(said.contains("1 light has a radius: with one sample per pixel"), "{said}");
+    place.mistake(&["render", "scene.toml", "--set", "light.0.radius=-1"], 2);
+}
+
+/// With points that all pixels share, four samples make a penumbra of four steps.
+#[test]
+fn each_pixel_sees_another_point_of_a_light() {
+    let place = Place::with(&[("scene.toml", SQUARE)]);
+    let soft = picture(&place, &["--samples", "4"]);
+    // Pixels brighter, or darker, than both neighbours: grain, which a smooth edge or a step has none of.
+    let grains = |picture: &RgbImage| {
+        let value = |x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
+        let places = (0..40).flat_map(|y| (1..59).map(move |x| (x, y)));
+        let is_grain = |&(x, y): &(u32, u32)| {
+            let [left, right] = [x - 1, x + 1].map(|beside| value(x, y) - value(beside, y));
+            left.abs().min(right.abs()) > 5 && left.signum() == right.signum()
+        };
+        places.filter(is_grain).count()
+    };
+    let sharp = picture(&place, &["--samples", "4", "--set", "light.0.radius=0"]);
+    assert!(grains(&soft) > grains(&sharp) + 15, "{} {}", grains(&soft), grains(&sharp));
+}
+
+#[test]
+fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_reference() {
+    let place = Place::with(&[("scene.toml", SKY)]);
+    for strategy in FAMILIES {
+        for samples in ["1", "4"] {
+            picture(&place, &["--verify=500", "--strategy", strategy, "--samples", samples]);
+        }
+    }
+    let shown = picture(&place, &["--samples", "64"]);
+    let ground = |picture: &RgbImage, x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
+    // Beside the ball, where it stands on the ground, it is darker than far from it.
+    let (beside, far) = (ground(&shown, 30, 22), ground(&shown, 4, 30));
+    assert!(beside + 15 < far, "{beside} {far}");
+    let near = picture(&place, &["--samples", "64", "--set", "sky.reach=0.001"]);
+    assert!((ground(&near, 30, 22) - ground(&near, 4, 30)).abs() < 6);
+    let device = device();
+    let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
+    has(&place.mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
+    for wrong in ["sky.zenith=-1", "sky.reach=0", "sky.colour=1"] {
+        place.mistake(&["render", "scene.toml", "--set", wrong], 2);
+    }
+}
+
+#[test]
+fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
+    let scene = "[camera]\nposition = [0, 2, -4]\nlook_at = [0, 0, -4]\nup = [0, 0, -1]\n[sky]\nzenith = 0.03\n\
+                 [[object]]\nshape = \"ground\"\nmaterial = { k_l = 0.5 }\n[display]\nexposure = 30\ngamma = 1\n";
+    let place = Place::with(&[("scene.toml", scene)]);
+    // 255 x 30 x 0.03 x 0.5, whatever the direction.
+    assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
+}
+
+/// Another point of the sequence, of the ball and of the hemisphere; what is in the way and what is not; a leaf cut short.
+#[test]
+fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
+    let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
+    let place = Place::with(&[("scene.toml", &of_both)]);
+    let device = device();
+    for (file, from, to, strategy) in [
+        ("common/soft.cl", "bits ^= bits >> 4 & 0x0f0f0f0fu;", "", "tile"),
+        ("common/soft.cl", "sqrt(u.x) * sinpi(2.0f * u.z)", "sqrt(u.x) * sinpi(2.0f * u.y)", "tile"),
+        ("common/soft.cl", "return normalize_or_zero(add(normal, point));", "return point;", "deferred"),
+        ("cast/soft.cl", "open &= !is_stopped_by", "open &= is_stopped_by", "wide-common-origin"),
+        ("cast/soft.cl", "multiply(surface->lambertian,", "multiply(surface->glossy,", "deferred"),
+        ("tile_cpu/soft.cl", "end = first + LEAF_COUNT(word);", "end = first + 1;", "tile"),
+        ("tile_gpu/soft.cl", "faces_it && !is_stopped", "faces_it && is_stopped", "tile-group"),
+    ] {
+        let folder = place.kernels(file, from, to);
+        let cast = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+        let ends = ["--verify=400", "--samples", "2", "-o", "wrong.png", "--force", "--strategy", strategy];
+        let said = place.mistake(&[&cast[..], &ends, &["--cl-dir", &folder]].concat(), 1);
+        has(&said, &["the picture is wrong: "]);
+        // The next change is of another file.
+        std::fs::remove_dir_all(place.path(&folder)).expect("the folder of kernels");
+    }
+}
+
+/// Four faces of 1 unit, standing on one of them.
+const TETRAHEDRON: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
+
+#[test]
+fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
+    let place = Place::with(&[("mesh.obj", TETRAHEDRON)]);
+    let device = device();
+    let size = ["--width", "64", "--height", "40", "--force", "--device", &device, "-o", "a.png"];
+    let of = |options: &[&str]| {
+        let said = place.output(&[&["render", "mesh.obj", "--json"], &size[..], options].concat());
+        let report: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+        (image::open(place.path("a.png")).expect("a picture").to_rgb8(), report)
+    };
+    let (dressed, report) = of(&["--verify"]);
+    assert_eq!((&report["triangles"], &report["samples"]), (&6.into(), &4.into()));
+    // The ground is grey and fills the picture, nothing is burnt out, and all that the key light does not reach is still seen.
+    let values = || dressed.pixels().map(|pixel| pixel.0[1]);
+    assert!(
+        values().min() > Some(5) && values().max() < Some(250),
+        "{:?} {:?}",
+        values().min(),
+        values().max()
+    );
+    assert!((90..220).contains(&dressed[(3, 36)].0[1]), "{:?}", dressed[(3, 36)]);
+    let (plain, report) = of(&["--plain"]);
+    assert_eq!(
+        (&report["triangles"], &report["samples"], &report["lights"]),
+        (&4.into(), &1.into(), &2.into())
+    );
+    assert_ne!(plain[(3, 36)], dressed[(3, 36)]);
+    assert_eq!(of(&["--plain", "--samples", "1"]).0, plain);
+    // With a background of its own, the ground is not there, and so it is from below.
+    for options in [["--background", "black"], ["--elevation", "-30"]] {
+        assert_eq!(of(&options).1["triangles"], 4, "{options:?}");
+    }
+    assert_eq!(of(&["--background", "black"]).0[(3, 36)].0, [0; 3]);
+    // A light of one's own is all there is.
+    let own = of(&["--set", "light.0.position=[1, 4, 3]", "--set", "light.0.power=100"]).1;
+    assert_eq!((&own["triangles"], &own["lights"], &own["samples"]), (&4.into(), &1.into(), &1.into()));
+}
