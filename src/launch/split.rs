@@ -15,14 +15,14 @@ use std::time::Instant;
 const PARTS: usize = 32;
 /// Rows of pixels of the first trial frame; each later one has twice as many, until it takes long enough.
 const TRIAL_ROWS: u32 = 256;
-/// A shorter frame does not fill a device, and tells nothing of where the work lies.
+/// A shorter frame does not fill a device, and does not show where the work lies.
 const TRIAL_MS: f64 = 5.0;
 
 /// What is cast.
 pub struct Split<'a> {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// How.
+    /// The strategy.
     pub strategy: Strategy,
     /// Pixels across and down.
     pub image_size: [u32; 2],
@@ -78,7 +78,7 @@ impl Split<'_> {
         let devices_ready = at_once(devices, |device| self.ready(device))?;
         let Some(first) = devices_ready.first() else { return Err(failed("there is none")) };
         let trial = self.trial(first)?;
-        // Speeds are frames a millisecond.
+        // Speeds are frames per millisecond.
         let speeds = at_once(&devices_ready, |ready| self.whole_ms(ready, &trial).map(|ms| 1.0 / ms))?;
         let costs = self.costs(first, &trial)?;
         let bands = cut(self.group_rows(&first.prepared.workload), &costs, &speeds);
@@ -174,7 +174,7 @@ impl Split<'_> {
 /// one process compile it at once, and aborts when they let go of it.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
-    // Nothing is guarded but the turn, so that a holder's panic spoils nothing.
+    // The lock guards no data, only the order, so a panic of its holder does no harm.
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     caster.cast().map(drop).map_err(failed)
 }
