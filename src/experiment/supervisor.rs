@@ -96,7 +96,7 @@ pub struct Supervisor<'a> {
     interrupted: &'a AtomicBool,
     /// The longest that one step of a point may take.
     limit: Duration,
-    /// By device and scene.
+    /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started ahead and have not said so yet.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,

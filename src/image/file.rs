@@ -49,7 +49,7 @@ pub fn check_target(target: &Target) -> Result<()> {
     target.check()
 }
 
-/// By its ending; standard output has none.
+/// The format, from the file's ending. Standard output has no ending, and gets PNG.
 fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }

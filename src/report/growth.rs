@@ -33,7 +33,7 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
     })
 }
 
-/// Of the scene that has the most image sizes.
+/// The plot of the scene with the most image sizes.
 fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();

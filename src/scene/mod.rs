@@ -49,7 +49,7 @@ pub struct Light {
     pub position: Vec3,
     /// Its power in red, green and blue.
     pub power: Vec3,
-    /// Of the ball, in the scene's units; 0 for a point.
+    /// The ball's radius, in the scene's units; 0 for a point light.
     pub radius: f32,
 }
 
@@ -127,7 +127,7 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // Of a scene without textures and soft lights nothing is hashed, so that it keeps the hash that records have.
+        // Without textures and soft lights this adds nothing, so such a scene keeps the hash of earlier records.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));

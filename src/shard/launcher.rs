@@ -29,8 +29,8 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Those that number processes inside of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`; a batch script has a
-/// `SLURM_PROCID` too, which numbers nothing.
+/// Launchers that number the processes of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`. A batch
+/// script has a `SLURM_PROCID` too, but it is not the number of a task.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -55,7 +55,7 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Those that number whole jobs, Slurm's arrays aside. A HyperQueue array has the numbers that the user gives it.
+/// Launchers that number whole jobs, except Slurm's arrays. The user chooses the numbers of a HyperQueue array.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",

@@ -43,7 +43,7 @@ impl Beat {
         Self { beats: self.beats + 1, quiet, steps }
     }
 
-    /// Of constant length, so that whoever reads meanwhile finds the old line or the new one.
+    /// The line has a constant length, so that a reader at the same time finds either the old line or the new one.
     fn line(self) -> String {
         format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
     }

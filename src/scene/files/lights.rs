@@ -20,7 +20,7 @@ enum Source {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct FileLight {
     source: Source,
-    /// Of a point its intensity, of a direction its irradiance.
+    /// The intensity of a point light, or the irradiance of a directional one.
     strength: DVec3,
 }
 

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 #[derive(Debug, Default)]
 pub struct Chosen {
     best: HashMap<String, Measured>,
-    /// Of points with several records: every attempt that has one, and its outcome.
+    /// For each point with several records: the attempts that have one, with its outcome.
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 

@@ -13,7 +13,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// Of a plan on some kinds of device.
+    /// The points of a plan on these kinds of device.
     pub fn of(plan: &ShardPlan, kinds: &[Kind]) -> Self {
         let mut all: Vec<(usize, usize, usize, PlannedPoint)> = Vec::new();
         let mut hosts = HashMap::new();
