@@ -9,7 +9,7 @@ pub trait Observer: Send {
     fn enters(&mut self, _stage: &str) {}
     /// The run begins, with this number of points and of steps. A step is one launch of one point.
     fn begins(&mut self, points: usize, steps: usize);
-    /// An earlier run has finished this many points, and so many steps.
+    /// An earlier run has finished these numbers of points and steps.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
     /// So many steps are done.
     fn advances(&mut self, _steps: usize) {}

@@ -98,7 +98,7 @@ pub struct Supervisor<'a> {
     limit: Duration,
     /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started ahead and have not said so yet.
+    /// Workers that were started ahead and have not reported that they are ready.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     deaths: HashMap<usize, u32>,
     given_up: usize,

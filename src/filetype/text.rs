@@ -1,4 +1,4 @@
-//! Formats that are told by their first words.
+//! Formats that are recognised by their first words.
 
 use super::signatures::{EXPORT, contains};
 use super::{FileType, Foreign, MTL, MeshFormat};

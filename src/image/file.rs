@@ -210,7 +210,7 @@ mod tests {
 
     const NAMES: [&str; 5] = ["a.png", "a.jpg", "a.jpeg", "a.exr", "a.hdr"];
 
-    /// Saves over `path` and gives what is said where it is refused.
+    /// Saves over `path`; returns the message if raycl refuses.
     fn again(path: &Path, force: bool) -> Option<String> {
         let target = target(path, force);
         let (checked, image) = (check_target(&target), gradient(9, 7));

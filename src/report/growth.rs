@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(Fit::of(&few), None, "two places of enough samples");
     }
 
-    /// A scene of so many triangles at a size, cast by a strategy.
+    /// A scene with this number of triangles at a size, cast by a strategy.
     fn record(triangles: u64, size: [u32; 2], name: &str, ms: f64) -> Record {
         Record {
             key: format!("{triangles} {size:?} {name}"),

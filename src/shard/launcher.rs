@@ -12,7 +12,7 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 struct Told {
     /// Who, and by which variables: for messages.
     launcher: &'static str,
-    /// The process's place, from 0; and of how many, where that is told.
+    /// The process's number, from 0; and the number of processes, if the launcher gives it.
     place: u32,
     count: Option<u32>,
     /// Whether it is an element of an array, whose number stands for itself where the count is given.
@@ -215,7 +215,7 @@ fn nobody() -> Error {
 mod tests {
     use super::*;
 
-    /// The shard, or the beginning of what is said.
+    /// The shard, or the beginning of the message.
     fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
         let variable = |name: &str| {
             variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))

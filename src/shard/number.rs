@@ -40,7 +40,7 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The one that the launcher numbered, of as many as it says or of so many.
+    /// The shard that the launcher numbered, of its number of shards or of this one.
     Auto(Option<u32>),
 }
 

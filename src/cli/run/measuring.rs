@@ -43,7 +43,7 @@ pub fn execute(
     measured
 }
 
-/// Processes that build programs: as many as there are cores.
+/// Number of processes that build programs: one per core.
 fn builders(run: &Run<'_>, folder: &Path) -> Result<Vec<Box<dyn Spawner + Send>>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let builder = |_| {

@@ -1,4 +1,4 @@
-//! How sure a comparison of two times is: nothing is said to hold, or not to, that the samples leave open.
+//! How sure a comparison of two times is. If the samples leave a test open, it neither holds nor fails.
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};

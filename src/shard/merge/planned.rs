@@ -1,4 +1,4 @@
-//! The points that a merged folder shows, and by which names: those of every kind of device that is meant.
+//! The points that a merged folder shows, with their names: those of every selected kind of device.
 
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};

@@ -77,7 +77,7 @@ fn is_known(extension: &str) -> bool {
     KNOWN.contains(&extension) || KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family))
 }
 
-/// Extensions that are used, and neither done nor told of where they are used.
+/// Extensions that the file uses, that raycl does not support, and that no other note mentions.
 fn passed_over(root: &Root) -> Option<String> {
     let unknown: Vec<String> = root
         .extensions_used
