@@ -156,7 +156,7 @@ fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
         let along = dot(direction, centre);
         let discriminant = along * along - length_squared * (dot(centre, centre) - radius_squared);
         let distance = (along - discriminant.sqrt()) / length_squared;
-        // Of a miss it is no number, which is not more than nothing.
+        // On a miss the distance is NaN, and NaN > 0.0 is false.
         if distance > 0.0 && distance < nearest {
             nearest = distance;
         }

@@ -103,7 +103,7 @@ fn machine_ticks(stat: &str) -> Option<Ticks> {
     Some(Ticks { busy, stolen, all: busy + idle + iowait + stolen, own: 0.0 })
 }
 
-/// Of this process and those that it started.
+/// Processor time of this process and of the processes that it started.
 fn own_ticks() -> f64 {
     let mut all = process_ticks("self");
     for task in std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten() {

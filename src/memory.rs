@@ -1,12 +1,12 @@
-//! The host's memory: how much of it may still be taken, and how much this process took.
+//! The host's memory: how much this process may still allocate, and how much it has used.
 
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Memory that this process may still take, and who says so.
+/// Memory that this process may still allocate, and the source of this figure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Available {
-    /// Bytes; `u64::MAX` where nothing on this system tells.
+    /// Bytes; `u64::MAX` if this system does not report it.
     pub bytes: u64,
     /// The file it was read from.
     pub source: String,
@@ -24,7 +24,7 @@ impl Available {
         groups.chain(machine).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
     }
 
-    /// Refuses what takes more than there is, before it is taken: `what` names it, `sum` is its arithmetic.
+    /// Refuses an allocation of more than these bytes before it is made. `what` names it, `sum` is its arithmetic.
     pub fn hold(&self, bytes: u64, what: &str, sum: &str) -> Result<()> {
         if bytes <= self.bytes {
             return Ok(());
@@ -78,7 +78,7 @@ fn kibibytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The names a version of control groups gives to limit, use and the part of it that can be given back.
+/// The names of three figures in a version of control groups: the limit, the use, and the reclaimable part of it.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,

@@ -96,7 +96,7 @@ impl WideBvh {
     /// The bit of a leaf's word from which on it counts its triangles.
     pub const COUNT_SHIFT: u32 = Self::MAX_INDEX.ilog2();
 
-    /// Words of a node of so many children.
+    /// Words of a node with this number of children.
     pub const fn stride(width: usize) -> usize {
         if width <= 8 { 8 * width } else { 7 * width }
     }

@@ -14,7 +14,7 @@ use std::time::SystemTime;
 /// What files begin with that are being written, or that a killed process has left.
 const UNFINISHED: &str = ".unfinished-";
 
-/// The entries of a folder; nothing is kept where there is none.
+/// The entries of a folder. Without a folder, nothing is kept.
 #[derive(Clone, Debug, Default)]
 pub struct Cache {
     folder: Option<PathBuf>,
@@ -39,7 +39,7 @@ impl Cache {
         Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes }
     }
 
-    /// One in this folder, of at most so many bytes.
+    /// A cache in this folder, of at most this number of bytes.
     pub fn at(folder: &Path, limit_bytes: u64) -> Self {
         Self { folder: Some(folder.to_owned()), limit_bytes }
     }

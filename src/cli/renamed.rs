@@ -1,4 +1,4 @@
-//! Old names on the command line: a user who types one is told the new name.
+//! Old names on the command line: the message for one gives the new name.
 
 use super::Cli;
 use clap::CommandFactory as _;

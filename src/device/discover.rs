@@ -82,8 +82,8 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
     ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
 }
 
-/// A device that was listed by an earlier start; none where there is no such device now, or it says anything else of itself.
-/// Of all platforms only its own starts its driver.
+/// Opens a device that an earlier start listed; none if it is missing now, or if any of its properties has changed.
+/// Starts only the driver of its own platform.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded();

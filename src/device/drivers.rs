@@ -14,9 +14,9 @@ const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 /// A driver, as a loader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
-    /// By an .icd file, which names its library.
+    /// Found by an .icd file, which names the driver's library.
     Icd(PathBuf),
-    /// By the name of its library.
+    /// Found by the name of its library.
     Library(String),
 }
 

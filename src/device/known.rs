@@ -26,7 +26,7 @@ pub fn pick_one(
     let key = key(sources)?;
     let known =
         cache.get(KIND, &key).and_then(|bytes| serde_json::from_slice::<Vec<DeviceInfo>>(&bytes).ok());
-    // What is not among them may be new: then all are listed, and what is wrong is told of those.
+    // A device that is not among them may be new: then all devices are listed, and messages concern those.
     let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
     let found = known.as_deref().zip(place).and_then(|(known, place)| again(known.get(place)?));
     if found.is_some() {

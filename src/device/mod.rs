@@ -99,7 +99,7 @@ pub struct Builtins {
 pub struct DeviceInfo {
     /// Platform name.
     pub platform: String,
-    /// Platform version, with which drivers of one name are told apart.
+    /// Platform version, which distinguishes drivers of one name.
     pub platform_version: String,
     /// Device name.
     pub name: String,

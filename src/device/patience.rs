@@ -14,7 +14,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 /// Set, for tests, to milliseconds that a driver may take instead.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 
-/// How often it is looked for an answer.
+/// How often raycl checks for an answer.
 const LOOK_UP: Duration = Duration::from_millis(20);
 
 /// Ends the process with [`HUNG`], unless it is dropped in time.

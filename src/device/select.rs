@@ -83,7 +83,7 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// What patterns are looked for in.
+/// The texts that patterns are compared with.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }

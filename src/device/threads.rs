@@ -25,7 +25,7 @@ fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str
     COUNTS.map(|name| (name, threads.to_string())).to_vec()
 }
 
-/// The threads that a device casts with, where that is known: PoCL's has one a compute unit.
+/// The number of threads that a device casts with, if known: PoCL's has one per compute unit.
 pub fn threads_of(platform: &str, kind: DeviceKind, compute_units: u32) -> Option<u32> {
     let is_pocl = platform.to_lowercase().contains("portable computing language");
     (is_pocl && kind == DeviceKind::Cpu).then_some(compute_units)

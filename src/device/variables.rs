@@ -61,10 +61,11 @@ const DRIVERS: [Driver; 3] = [
     },
 ];
 
-/// Of those that begin so, what only makes the driver say more.
+/// Variables that match a pattern above, but only make the driver print more.
 const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 
-/// What drivers' and loaders' variables begin with, caches, logs and masks of devices among them: an environment keeps all that are set.
+/// Beginnings of drivers' and loaders' variables, also of caches, logs and masks of devices. The environment keeps
+/// every such variable that is set.
 const FAMILIES: [&str; 9] = [
     "CL_CONFIG_",
     "CUDA_",

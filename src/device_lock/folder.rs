@@ -36,7 +36,7 @@ impl Folder {
         self.path.join(format!("{lock}.lock"))
     }
 
-    /// A lock's file, to read and write; made where there is none.
+    /// Opens a lock's file to read and write, and makes it if it is missing.
     pub fn open(&self, lock: &str) -> std::io::Result<File> {
         self.make()?;
         let path = self.path(lock);

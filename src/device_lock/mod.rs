@@ -47,7 +47,7 @@ impl Locks {
         Self { folder: Folder::of_machine(), wait }
     }
 
-    /// Those of a folder.
+    /// The locks of a folder.
     pub fn in_folder(folder: &Path, wait: bool) -> Self {
         Self { folder: Folder::named(folder), wait }
     }

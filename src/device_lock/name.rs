@@ -12,7 +12,7 @@ pub struct LockName {
 }
 
 impl LockName {
-    /// Of a device, by its UUID or its place on the bus where it tells one, else by its name; of the host for none.
+    /// The lock's name for a device: from its UUID or its place on the bus, else from its name. For none, the host's.
     pub fn of(device: Option<&DeviceInfo>) -> Self {
         let Some(info) = device.filter(|info| info.kind != DeviceKind::Cpu) else {
             return Self { file: "cpu".to_owned(), label: "the host's processors".to_owned() };

@@ -1,4 +1,4 @@
-//! What a record tells, by the names that queries use.
+//! Figures of a record, by the names that queries use.
 
 use crate::record::{Record, by, interval, median, significant};
 
@@ -7,9 +7,9 @@ use crate::record::{Record, by, interval, median, significant};
 pub enum Form {
     /// With significant digits.
     Measure,
-    /// Whole.
+    /// As a whole number.
     Count,
-    /// As hundredths.
+    /// As a percentage.
     Percent,
     /// As a power of ten.
     Power,
@@ -22,13 +22,13 @@ pub enum Told {
     Number(f64, Form),
     /// Words.
     Words(String),
-    /// Why there is none: "infeasible".
+    /// The reason why there is no figure: "infeasible".
     Nothing(String),
 }
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The frame's median, which is meant where a query names no figure.
+/// The frame's median: the default if a query names no figure.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [
@@ -73,7 +73,7 @@ const TEXTS: [(&str, Text); 4] = [
     ("outcome", |record| Some(record.outcome.name().to_owned())),
 ];
 
-/// Whether a word names a figure; instructions of PTX, such as `ld.global`, do.
+/// Whether a word names a figure. PTX instructions, such as `ld.global`, count as figures.
 pub fn is_figure(word: &str) -> bool {
     let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
     is_instruction
@@ -81,7 +81,7 @@ pub fn is_figure(word: &str) -> bool {
         || TEXTS.iter().any(|(name, _)| *name == word)
 }
 
-/// A record's figure of a name.
+/// The figure of a record that has this name.
 pub fn figure(record: &Record, name: &str) -> Told {
     if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
         return text(record).map_or_else(|| nothing(record), Told::Words);

@@ -17,7 +17,7 @@ pub struct Difference {
     pub line: usize,
     /// What stands there.
     pub stands: String,
-    /// What the records say, or why nothing is said.
+    /// The text that the records give, or the reason why there is none.
     pub records_say: String,
 }
 

@@ -13,7 +13,7 @@ use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
 
-/// Significant digits where nothing is said.
+/// Significant digits by default.
 const DIGITS: i32 = 3;
 /// The paper's published times, which are part of the program.
 const PUBLISHED: &str = "published";

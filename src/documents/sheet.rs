@@ -50,7 +50,7 @@ pub struct Device {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    /// Of the first column.
+    /// The head of the first column.
     head: String,
     rows: Vec<Row>,
     columns: Vec<Column>,

@@ -21,7 +21,7 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 pub struct Program {
     /// The number of the device's worker.
     pub device: usize,
-    /// Of text and options, as far as they are known before there is a tree.
+    /// The hash of text and options, as far as they are known before the tree is built.
     pub hash: String,
     /// The scene, where it walks a tree.
     pub scene: Option<usize>,
@@ -46,9 +46,9 @@ pub trait Needs {
 #[derive(Default)]
 struct State {
     waiting: VecDeque<Order>,
-    /// Those that were ordered ever.
+    /// All programs ordered so far.
     ordered: HashSet<Program>,
-    /// Those that are done, with what came of it where the builder lived; a point that waits for one takes it.
+    /// Finished programs, with the result if the builder survived. A point that waits for a program takes it from here.
     done: HashMap<Program, Option<Built>>,
     closed: bool,
 }

@@ -66,7 +66,7 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Of an experiment's plan.
+    /// Makes one for an experiment's plan.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: None }

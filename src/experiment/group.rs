@@ -160,7 +160,7 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
                 Ok((record, true)) => {
-                    // Of later launches only the picture is looked at, which is the same.
+                    // A later launch's record adds nothing: its picture has been found to be the same.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;

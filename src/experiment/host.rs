@@ -19,7 +19,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Of this process on this machine.
+    /// The identity of this process on this machine.
     pub fn of_this_process() -> Self {
         let Host { cpu, cores, .. } = Host::read();
         Self {

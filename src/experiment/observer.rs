@@ -3,13 +3,13 @@
 use crate::record::Record;
 use std::io::Write as _;
 
-/// Hears what a run is doing. A progress bar is one; tests use another.
+/// Receives the events of a run. The progress bar is an observer; tests use another one.
 pub trait Observer: Send {
-    /// Of several runs, this one is next.
+    /// The next of several runs begins.
     fn enters(&mut self, _stage: &str) {}
-    /// The run begins: it has this many points, which take so many steps, a launch of a point each.
+    /// The run begins, with this number of points and of steps. A step is one launch of one point.
     fn begins(&mut self, points: usize, steps: usize);
-    /// An earlier run has finished this many points, and so many steps.
+    /// An earlier run has finished these numbers of points and steps.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
     /// So many steps are done.
     fn advances(&mut self, _steps: usize) {}

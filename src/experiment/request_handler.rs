@@ -139,7 +139,7 @@ impl<'a> RequestHandler<'a> {
             None => {
                 let timer_ns =
                     self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
-                // By a coarse timer a sample may be a batch of frames: one has to be known to tell of how many.
+                // With a coarse timer, a sample may be a batch. One frame's time is needed to choose the batch's size.
                 let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
                 let shortest_ms = warm_up(|| frame(1), frames, timing.time_limit_ms);
                 batch_size(shortest_ms, timer_ns)

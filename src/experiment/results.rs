@@ -43,7 +43,7 @@ pub struct Past {
     pub next_launch: u32,
 }
 
-/// What journals hold. Their damaged lines are told: their points are measured again.
+/// The contents of journals. Damaged lines are reported, and their points are measured again.
 fn past(records: &Path, samples: &Path) -> Result<Past> {
     let (records, samples) = (read_lines(records)?, read_lines(samples)?);
     let damage = [records.damage("records.jsonl"), samples.damage("samples.jsonl")];

@@ -96,9 +96,9 @@ pub struct Supervisor<'a> {
     interrupted: &'a AtomicBool,
     /// The longest that one step of a point may take.
     limit: Duration,
-    /// By device and scene.
+    /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started ahead and have not said so yet.
+    /// Workers that were started ahead and have not reported that they are ready.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     deaths: HashMap<usize, u32>,
     given_up: usize,

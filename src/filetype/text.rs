@@ -1,4 +1,4 @@
-//! Formats that are told by their first words.
+//! Formats that are recognised by their first words.
 
 use super::signatures::{EXPORT, contains};
 use super::{FileType, Foreign, MTL, MeshFormat};
@@ -114,7 +114,7 @@ fn is_toml(line: &[u8]) -> bool {
     named && text.iter().position(|&byte| byte == end).is_some_and(|at| key(&text[..at]))
 }
 
-/// By keys that lie near the start of most such files.
+/// Recognises glTF by keys near the start of most such files.
 fn is_gltf(head: &[u8]) -> bool {
     let has = |key: &str| contains(head, key.as_bytes());
     has("\"asset\"") && has("\"version\"")

@@ -66,7 +66,7 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     writer.flush()
 }
 
-/// Writes what `write` writes, with `piece` put in after so many bytes.
+/// Writes the output of `write`, with `piece` inserted after this number of bytes.
 fn encode(
     file: &mut File,
     piece: (usize, Vec<u8>),

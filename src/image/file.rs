@@ -49,7 +49,7 @@ pub fn check_target(target: &Target) -> Result<()> {
     target.check()
 }
 
-/// By its ending; standard output has none.
+/// The format, from the file's ending. Standard output has no ending, and gets PNG.
 fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
@@ -215,7 +215,7 @@ mod tests {
 
     const NAMES: [&str; 5] = ["a.png", "a.jpg", "a.jpeg", "a.exr", "a.hdr"];
 
-    /// Saves over `path` and gives what is said where it is refused.
+    /// Saves over `path`; returns the message if raycl refuses.
     fn again(path: &Path, force: bool) -> Option<String> {
         let target = target(path, force);
         let (checked, image) = (check_target(&target), gradient(9, 7));

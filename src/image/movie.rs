@@ -19,7 +19,7 @@ pub struct Movie {
 
 #[derive(Clone, Copy, Debug)]
 enum Format {
-    /// An animated PNG of so many frames.
+    /// An animated PNG with this number of frames.
     Apng(u32),
     /// YUV4MPEG2: BT.709, limited range, 4:2:0.
     Y4m,
@@ -36,7 +36,7 @@ impl Movie {
         Self { target, size, rate, format: Format::Y4m }
     }
 
-    /// What a user is told of it.
+    /// Its name in messages.
     pub fn name(&self) -> String {
         match self.format {
             Format::Apng(_) => self.target.path().display().to_string(),

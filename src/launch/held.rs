@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Of one session.
+/// The bytes that one session holds.
 #[derive(Default)]
 pub(super) struct Held {
     shared_bytes: HashMap<Kind, u64>,

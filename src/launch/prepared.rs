@@ -58,7 +58,7 @@ impl Prepared {
         }
     }
 
-    /// Puts the scene's lights elsewhere from the next frame on; there are as many as the scene has.
+    /// Moves the scene's lights from the next frame on. Their number stays the same.
     pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
@@ -79,7 +79,7 @@ impl Prepared {
         needs.global_bytes + needs.scratch_bytes
     }
 
-    /// Building the tree on the host; 0 where there is none.
+    /// Time to build the tree on the host; 0 without a tree.
     pub fn tree_ms(&self) -> f64 {
         self.tree.as_ref().map_or(0.0, |tree| tree.build_ms)
     }

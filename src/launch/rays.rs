@@ -84,7 +84,7 @@ fn pack(ray: &Ray) -> [Float4; 2] {
     [Float4::new(from.x, from.y, from.z, ray.t_min), Float4::new(to.x, to.y, to.z, 0.0)]
 }
 
-/// The planes of every triangle for the rays' origin, where the intersector wants them.
+/// The planes of every triangle for the rays' origin, if the intersector needs them.
 fn prepare(
     queue: &Queue,
     program: &BuiltProgram,

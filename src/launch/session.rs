@@ -197,7 +197,7 @@ impl Session {
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Of a device's memories, only this is shared with others.
+            // Global memory is the only memory of a device that several strategies share.
             let shared = refused.reason.starts_with("global memory");
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;

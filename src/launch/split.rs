@@ -15,7 +15,7 @@ use std::time::Instant;
 const PARTS: usize = 32;
 /// Rows of pixels of the first trial frame; each later one has twice as many, until it takes long enough.
 const TRIAL_ROWS: u32 = 256;
-/// A shorter frame does not fill a device, and tells nothing of where the work lies.
+/// A shorter frame does not fill a device, and does not show where the work lies.
 const TRIAL_MS: f64 = 5.0;
 /// Casts of which the fastest, or the median, counts.
 const CASTS: usize = 3;
@@ -304,7 +304,7 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
 /// one process compile it at once, and aborts when they let go of it.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
-    // Nothing is guarded but the turn, so that a holder's panic spoils nothing.
+    // The lock guards no data, only the order, so a panic of its holder does no harm.
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     caster.cast().map(drop).map_err(failed)
 }

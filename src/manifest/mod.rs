@@ -106,7 +106,7 @@ pub enum Values {
     Only(&'static [&'static str]),
     /// All but these.
     AllBut(&'static [&'static str]),
-    /// Those that have a file in this folder and of which this is not true, if anything is.
+    /// The values that have a file in this folder. With a fact, only those of which the fact is false.
     FilesIn(&'static str, Option<Fact>),
 }
 

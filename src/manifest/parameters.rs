@@ -82,7 +82,7 @@ pub const DEPTH: &[Parameter] = &[p(Always, "volatile __global int *", "depth")]
 pub const DEPTH_TO_NEAREST: &[Parameter] =
     &[p(Always, "const __global int *", "depth"), p(Always, "volatile __global int *", "nearest_triangle")];
 
-// Of tiles that work-items share.
+// Parameters of kernels for tiles that work-items share.
 pub const TILE_NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest")];
 pub const TILE_NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest")];
 pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];
@@ -113,7 +113,7 @@ pub const TILE_PREPARE: &[Parameter] = &[
     p(Always, "__global int *restrict", "queued"),
 ];
 
-/// Of the probe of lane operations, which is a kernel of no family.
+/// Parameters of the probe of lane operations, a kernel that belongs to no family.
 pub const PROBE_LANES: &[Parameter] = &[p(Always, "__global uint *", "answers")];
 
 /// A parameter list in OpenCL C, as a macro: `#define CAST_FRAME_PARAMETERS const float4 eye, ...`

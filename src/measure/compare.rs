@@ -36,7 +36,7 @@ impl Verdict {
         }
     }
 
-    /// Of how many times as long it takes, with its interval. Changes within `threshold` (0.02 is 2%) are the same.
+    /// Judges a ratio of times by its interval. Changes within `threshold` (0.02 is 2%) count as the same.
     pub fn of(change: Interval, threshold: f64) -> Self {
         let (least, most) = (1.0 / (1.0 + threshold), 1.0 + threshold);
         if change.low > most {

@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_dip_is_that_of_the_published_algorithm() {
-        // By a translation of AS 217 as R's package diptest has it.
+        // Values from a translation of AS 217, as in R's package diptest.
         let samples = [
             (sorted((1..21).map(|i| f64::from(i * i))), 0.025),
             (sorted([1, 2, 3, 4, 5, 16, 17, 18, 19, 20].map(f64::from).into_iter()), 0.183_333_333),
@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn two_speeds_are_found_and_their_times_told() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
-        // Of 15 samples, five slow ones are too few to be sure of.
+        // Five slow samples of 15 are too few for a second mode.
         for n in [24, 30, 60] {
             let mut time = |place: usize| {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();

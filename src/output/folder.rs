@@ -156,7 +156,7 @@ fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// The entries of a list, empty where there is none; nothing where the file is no list.
+/// The entries of a list; empty if there is no file, none if the file is not a list.
 fn read_list(path: &Path) -> Option<BTreeSet<(String, String)>> {
     if path.symlink_metadata().is_err() {
         return Some(BTreeSet::new());

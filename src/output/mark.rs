@@ -11,7 +11,7 @@ const LABEL: &str = "made by raycl, blake3 of the rest: ";
 const KEY_LABEL: &str = "frame of raycl: ";
 /// As many as a hash has.
 const DIGITS: usize = 64;
-/// The mark lies in so many first bytes of a file.
+/// The mark lies within this number of bytes from the start of a file.
 const HEAD_BYTES: u64 = 4096;
 /// Where a PNG's second chunk begins: after the signature and IHDR.
 const PNG_CHUNK: usize = 33;

@@ -1,4 +1,4 @@
-//! The measurements, one a function; each checks that its kernel did the work.
+//! The measurements, one per function; each checks that its kernel did the work.
 
 use super::rig::{Rig, failed};
 use super::{Figure, Peak};
@@ -53,7 +53,7 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     })
 }
 
-/// Work done a loop, over the seconds a loop takes.
+/// Work per loop over the seconds per loop.
 fn rates(work: f64, seconds: &[f64]) -> Figure {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
     Figure::of(&rates)

@@ -73,7 +73,7 @@ pub struct Peak {
 }
 
 impl Figure {
-    /// Of repeats; zero where there are none.
+    /// Summarises repeats; zero if there are none.
     pub fn of(values: &[f64]) -> Self {
         let found = Summary::of(values).map(|summary| Self {
             median: summary.median_ms,

@@ -1,26 +1,26 @@
-//! How fast the host's cores run, where the operating system tells.
+//! Clock frequencies of the host's cores, if the operating system reports them.
 
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The host's clocks when a run began. What the system does not tell is absent.
+/// The host's clocks when a run began. Values that the system does not report are absent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Clocks {
-    /// What decides the frequency, such as "performance" or "powersave": the first core's.
+    /// The first core's frequency governor, such as "performance" or "powersave".
     pub governor: Option<String>,
     /// The least and the greatest frequency of any core at that moment, MHz.
     pub now_mhz: Option<[f64; 2]>,
-    /// The highest that the first core may take, MHz.
+    /// The highest frequency that the first core may use, MHz.
     pub max_mhz: Option<f64>,
 }
 
 impl Clocks {
-    /// This machine's, as Linux tells them.
+    /// Reads the clocks of this machine from Linux.
     pub fn read() -> Self {
         Self::under(Path::new("/"))
     }
 
-    /// Those of a machine whose files lie under `root`.
+    /// Reads the clocks from the files under `root`, which is `/` except in tests.
     fn under(root: &Path) -> Self {
         let text =
             |path: &str| std::fs::read_to_string(root.join(path)).ok().map(|text| text.trim().to_owned());
@@ -34,7 +34,7 @@ impl Clocks {
     }
 }
 
-/// The least and the greatest "cpu MHz".
+/// The least and the greatest "cpu MHz" of /proc/cpuinfo.
 fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
     let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
     let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());

@@ -34,7 +34,7 @@ pub struct Folder {
     pub records: Vec<Record>,
     /// Control points, as each block measured them, where the plan is cut into blocks; none that is among the records.
     pub controls: Vec<Record>,
-    /// `environment.json` as it is, so that what a newer raycl wrote is shown too; null where there is none.
+    /// `environment.json` unchanged, so that fields of a newer raycl are shown too; null if there is no file.
     pub environment: Value,
     /// What else the machine did while rounds were timed.
     pub rounds: Vec<RoundLoad>,

@@ -55,7 +55,7 @@ pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
 fn control(records: &[&Record]) -> Control {
     let mut hosts: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in records {
-        // Devices of one machine that a run was spread over are told apart likewise.
+        // The devices of one machine with `--spread` are distinguished in the same way.
         let host = record.host.as_deref().or(record.measured_on.as_deref());
         hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
     }

@@ -47,7 +47,7 @@ pub struct Causes {
 }
 
 impl Noise {
-    /// Of every device of a folder.
+    /// The noise of every device of a folder.
     pub fn of(folder: &Folder) -> Vec<Self> {
         let mut devices: Vec<&str> = folder.records.iter().map(|record| record.device.as_str()).collect();
         devices.retain(|device| *device != HOST);

@@ -6,7 +6,7 @@ use crate::load::Load;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
-/// A line: some rounds of a launch, as many as take long enough to tell.
+/// A line: some consecutive rounds of a launch, enough of them for the load to be measurable.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundLoad {
     /// The launch's number in the folder.

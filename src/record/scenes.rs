@@ -4,11 +4,11 @@ use super::types::Record;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// What a scene may be called by.
+/// The names that a scene can be shown under.
 struct Names {
-    /// By its path, from the file's name up.
+    /// From its path: the file's name, then with one more folder each.
     paths: Vec<String>,
-    /// Where no path tells it from another: with the file's ending, with the values set in it, with its hash.
+    /// If no path is unique: with the file's ending, with the values set in the scene, with its hash.
     others: [String; 3],
 }
 

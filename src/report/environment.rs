@@ -10,7 +10,7 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that makes the run again.
     pub command: String,
-    /// How to have the same program: its commit, or why there is none.
+    /// How to get the same program: its commit, or why no commit has it.
     pub program: String,
     /// The config's text.
     pub config: String,

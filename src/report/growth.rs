@@ -33,7 +33,7 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
     })
 }
 
-/// Of the scene that has the most image sizes.
+/// The plot of the scene with the most image sizes.
 fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(Fit::of(&few), None, "two places of enough samples");
     }
 
-    /// A scene of so many triangles at a size, cast by a strategy.
+    /// A scene with this number of triangles at a size, cast by a strategy.
     fn record(triangles: u64, size: [u32; 2], name: &str, ms: f64) -> Record {
         Record {
             key: format!("{triangles} {size:?} {name}"),

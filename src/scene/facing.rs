@@ -25,7 +25,7 @@ pub(super) fn note(scene: &Scene, aspect: f64) -> Option<String> {
     })
 }
 
-/// Of what is seen the part whose normals point away from the camera; none where nothing is seen.
+/// The part of the visible surface whose normals point away from the camera; none if no surface is visible.
 fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
     let grid = Grid::new(camera, [ACROSS, down]);

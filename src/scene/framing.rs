@@ -11,7 +11,7 @@ const FOV_Y_DEGREES: f32 = 35.0;
 const FILL: f64 = 0.92;
 /// From right, above and in front: how far along each, for meshes with y up and their front towards +z.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
-/// A mesh that turns is seen whole in so many places of a turn.
+/// Positions of a turntable's turn at which the whole mesh has to be visible.
 const TURNS: u32 = 24;
 /// The eye is no nearer to a mesh's nearest point than this part of its radius.
 const NEAREST_RADII: f64 = 0.3;

@@ -51,7 +51,7 @@ pub struct Light {
     pub position: Vec3,
     /// Its power in red, green and blue.
     pub power: Vec3,
-    /// Of the ball, in the scene's units; 0 for a point.
+    /// The ball's radius, in the scene's units; 0 for a point light.
     pub radius: f32,
 }
 

@@ -73,7 +73,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Those of triangles that are mapped like this; nothing where none is.
+    /// Textures with the mapping of each triangle; empty if no triangle has a texture.
     pub fn of(list: Vec<Texture>, mapped: Vec<Mapped>) -> Self {
         if mapped.iter().all(|row| row.texture.is_none()) { Self::default() } else { Self { list, mapped } }
     }

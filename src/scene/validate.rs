@@ -17,7 +17,7 @@ pub const MAX_POWER: f32 = 1e28;
 /// No product on the way to a pixel is larger, and single precision holds 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
 
-/// A surface and a light are told apart where they lie this part of the scene's diagonal apart.
+/// The least distance of a light from a surface, as a part of the scene's diagonal, at which they count as separate.
 const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {

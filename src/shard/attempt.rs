@@ -1,5 +1,5 @@
-//! An attempt at a shard: one process, and the one folder that it writes to. Nobody else writes there, so no file is shared and no lock
-//! needed, and a first attempt that runs on beside a second does no harm.
+//! An attempt at a shard: one process, and the folder that it writes to. No other process writes there. So attempts
+//! share no file and need no lock, and a first attempt that still runs beside a second does no harm.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 
 /// The folder of attempts.
 const PARTS: &str = "parts";
-/// What an attempt says of itself, and how it ended.
+/// The file that describes an attempt, and the file that says how it ended.
 const ABOUT: &str = "attempt.json";
 const END: &str = "end.json";
 
 /// Who makes an attempt.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct About {
-    /// The shard, from 1, and of how many.
+    /// The shard's number, from 1.
     pub shard: u32,
     /// How many shards there are.
     pub of: u32,
@@ -25,13 +25,13 @@ pub struct About {
     pub host: String,
     /// The scheduler's number of the job; "0" without one.
     pub job: String,
-    /// How often the job was begun before, or the first number that is free.
+    /// How often the scheduler started the job before, or a higher number if that one is taken.
     pub restart: u32,
     /// The process's number on its machine.
     pub process: u32,
     /// The longest that one of its steps may take, in seconds.
     pub hang_limit_s: f64,
-    /// The kinds of device that it measures on, by what tells them from others.
+    /// The kinds of device that it measures on, each by its identity.
     pub devices: Vec<String>,
     /// The command, the program first.
     pub command: Vec<String>,
@@ -45,7 +45,7 @@ pub enum End {
     Done,
     /// The user, or a scheduler's signal, ended it.
     Interrupted,
-    /// What started it died.
+    /// The program that started it died.
     LauncherLost(String),
     /// It could not go on.
     Failed(String),
@@ -61,7 +61,7 @@ pub struct Attempt {
 }
 
 impl About {
-    /// Of this process, by what its scheduler tells.
+    /// Describes this process, from the variables of its scheduler.
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
         let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(|name| variable(name));
@@ -84,7 +84,7 @@ impl About {
 }
 
 impl Attempt {
-    /// Makes the folder of an attempt that begins: the first that is free, from the restart on that it says.
+    /// Makes the folder of a new attempt. If the folder of its restart number exists, takes the next free number.
     pub fn begin(out: &Path, about: &About) -> Result<Self> {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
@@ -96,7 +96,7 @@ impl Attempt {
         loop {
             let name = name(&about);
             let folder = parts.join(&name);
-            // Making a folder fails where there is one: of two that try at once, on any machines, one has it.
+            // Making a folder fails if it exists. If two processes try at once, on any machines, only one succeeds.
             match std::fs::create_dir(&folder) {
                 Ok(()) => {
                     let attempt = Self { folder, name };
@@ -123,24 +123,24 @@ impl Attempt {
         all
     }
 
-    /// Others at the same shard.
+    /// The other attempts at the same shard.
     pub fn earlier(&self, out: &Path) -> Vec<PathBuf> {
         let shard = |name: &str| name.split('.').next().map(str::to_owned);
         let same = |other: &Self| other.name != self.name && shard(&other.name) == shard(&self.name);
         Self::all(out).into_iter().filter(same).map(|other| other.folder).collect()
     }
 
-    /// What it says of itself; none where it was killed before it could.
+    /// Its description; none if it was killed before it wrote one.
     pub fn about(&self) -> Option<About> {
         self.read(ABOUT)
     }
 
-    /// How it ended; none where it has not, or was killed.
+    /// How it ended; none if it still runs or was killed.
     pub fn end(&self) -> Option<End> {
         self.read(END)
     }
 
-    /// Says how it ended.
+    /// Writes how it ended.
     pub fn ended(&self, end: &End) -> Result<()> {
         self.write(END, end)
     }
@@ -155,7 +155,7 @@ impl Attempt {
     }
 }
 
-/// "shard-00003.node7.4711.r00": names in their order are shards in theirs.
+/// "shard-00003.node7.4711.r00": sorting the names sorts the shards.
 fn name(about: &About) -> String {
     let plain = |text: &str| {
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()

@@ -1,5 +1,5 @@
-//! A plan cut into blocks, and blocks dealt out to shards: points that are compared stay together where they can, and no shard has
-//! much more to do than another.
+//! Cuts a plan into blocks and gives the blocks to shards. Points that are compared stay together if possible, and no
+//! shard has much more work than another.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,10 +10,10 @@ pub struct Block {
     pub number: u32,
     /// The shard that measures it, from 1.
     pub shard: u32,
-    /// Its points, by their places in the plan.
+    /// Its points, as indices into the plan.
     pub points: Vec<usize>,
-    /// A point that all blocks of its group measure, one of them as its own: what they are compared by. None where the group is
-    /// whole.
+    /// A point that all blocks of its group measure, so that the blocks can be compared. One block has it among its own
+    /// points. None if the group is not cut.
     pub control: Option<usize>,
 }
 
@@ -24,26 +24,26 @@ impl Block {
     }
 }
 
-/// A point that is to be dealt out.
+/// A point that a block has yet to take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// Its place in the plan.
+    /// Its index in the plan.
     pub point: usize,
-    /// What it will take, in any unit.
+    /// Its expected time. The unit does not matter, as long as all points use the same one.
     pub ms: f64,
-    /// Whether blocks may be compared by it: as far as is known, every device can measure it.
+    /// Whether it can be a control point: as far as is known, every device can measure it.
     pub may_control: bool,
 }
 
-/// A block, and what it costs.
+/// The expected time of a block, and the block.
 type Priced = (f64, Block);
 
-/// Parts of a fair share that a piece of a group may be: the coarsest that will do.
+/// Sizes tried for the pieces of a group, largest first, as fractions of a shard's fair share of the work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
-/// Finer pieces measure control points more often: they have to end the longest shard sooner by this part.
+/// Smaller pieces measure control points more often. They must shorten the longest shard by this fraction.
 const WORTHWHILE: f64 = 0.05;
 
-/// Cuts groups of comparable points into blocks for so many shards. The same costs make the same blocks.
+/// Cuts groups of comparable points into blocks for this number of shards. The same costs give the same blocks.
 pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
     let all: f64 = groups.iter().flatten().map(|cost| cost.ms).sum();
@@ -64,17 +64,18 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     blocks
 }
 
-/// A group whole, or where it is more than a piece may be in pieces of neighbours.
+/// Returns the group as one piece, or, if it is larger than `most`, as several pieces of neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
-    // A little more is cheaper than a control point twice; and a piece of one point would only measure two.
+    // A slightly larger piece costs less than measuring a control point twice. A piece of a single point is not worth a
+    // control point either.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // By the middle of its cost: a point that lies across a border goes where most of it lies.
+        // The middle of its cost decides: a point that crosses a border goes to the piece that holds most of it.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
@@ -92,13 +93,13 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// The point that takes least of those that every device can measure.
+/// The fastest of the points that every device can measure.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
     group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
 }
 
-/// The longest first, each to the shard that has least to do; what the longest shard has then.
+/// Gives the longest block first, each block to the shard with the least work. Returns the work of the longest shard.
 fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
@@ -111,7 +112,7 @@ fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     loads.into_iter().fold(0.0, f64::max)
 }
 
-/// Pieces of a group that one shard has are one block: they are measured together.
+/// Joins the pieces of a group that are in the same shard to one block, so that they are measured together.
 fn joined(blocks: Vec<Block>) -> Vec<Block> {
     let mut joined: Vec<Block> = Vec::new();
     for block in blocks {
@@ -137,7 +138,7 @@ mod tests {
         costs.iter().map(|group| group.iter().map(&mut cost).collect()).collect()
     }
 
-    /// What each shard has to do, borrowed control points included.
+    /// The work of each shard, with borrowed control points.
     fn loads(costs: &[Vec<f64>], blocks: &[Block], shards: u32) -> Vec<f64> {
         let costs: Vec<f64> = costs.concat();
         let of = |block: &Block| {
@@ -209,7 +210,7 @@ mod tests {
         let found = pieces(group, 5.0);
         let points: Vec<_> = found.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
-        // The control, of 3, is the first piece's own.
+        // The control point, of cost 3, is one of the first piece's own.
         assert_eq!(found.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 

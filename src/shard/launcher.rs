@@ -12,7 +12,7 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 struct Told {
     /// Who, and by which variables: for messages.
     launcher: &'static str,
-    /// The process's place, from 0; and of how many, where that is told.
+    /// The process's number, from 0; and the number of processes, if the launcher gives it.
     place: u32,
     count: Option<u32>,
     /// Whether it is an element of an array, whose number stands for itself where the count is given.
@@ -29,8 +29,8 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Those that number processes inside of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`; a batch script has a
-/// `SLURM_PROCID` too, which numbers nothing.
+/// Launchers that number the processes of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`. A batch
+/// script has a `SLURM_PROCID` too, but it is not the number of a task.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -55,7 +55,7 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Those that number whole jobs, Slurm's arrays aside. A HyperQueue array has the numbers that the user gives it.
+/// Launchers that number whole jobs, except Slurm's arrays. The user chooses the numbers of a HyperQueue array.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
@@ -215,7 +215,7 @@ fn nobody() -> Error {
 mod tests {
     use super::*;
 
-    /// The shard, or the beginning of what is said.
+    /// The shard, or the beginning of the message.
     fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
         let variable = |name: &str| {
             variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))

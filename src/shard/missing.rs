@@ -93,7 +93,7 @@ fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
     (0..plan.points.len()).filter(|point| !hosts.contains(point)).collect()
 }
 
-/// What lacks these points, of so many.
+/// Describes a kind of device that lacks these points, of `of` points in all.
 fn lacking(
     plan: &ShardPlan,
     device: String,

@@ -8,9 +8,9 @@ use std::str::FromStr;
 /// One of several parts of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which, from 1.
+    /// The shard's number, from 1.
     pub number: u32,
-    /// Of how many.
+    /// The number of shards.
     pub of: u32,
 }
 
@@ -40,7 +40,7 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The one that the launcher numbered, of as many as it says or of so many.
+    /// The shard that the launcher numbered, of its number of shards or of this one.
     Auto(Option<u32>),
 }
 

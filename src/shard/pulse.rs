@@ -16,13 +16,13 @@ use std::time::Duration;
 const FILE: &str = "pulse";
 /// How often it beats.
 pub const BEAT: Duration = Duration::from_secs(1);
-/// How often an end is looked for.
+/// How often the process checks for its end.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
 /// What the file says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// Beats so far, one a second.
+    /// Beats so far, one per second.
     pub beats: u64,
     /// Beats since the last step.
     pub quiet: u64,
@@ -43,7 +43,7 @@ impl Beat {
         Self { beats: self.beats + 1, quiet, steps }
     }
 
-    /// Of constant length, so that whoever reads meanwhile finds the old line or the new one.
+    /// The line has a constant length, so that a reader at the same time finds either the old line or the new one.
     fn line(self) -> String {
         format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
     }

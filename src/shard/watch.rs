@@ -4,7 +4,7 @@
 use super::{Asked, Attempt, End};
 use std::time::Duration;
 
-/// How often it is looked for.
+/// How often the process looks for its launcher.
 const LOOK_UP: Duration = Duration::from_millis(500);
 /// Programs that start others on a machine for a launcher: what lies between one and this process may be shells.
 const LAUNCHERS: [&str; 12] = [

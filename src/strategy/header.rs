@@ -1,9 +1,10 @@
-//! The header of a file that is a value of an axis: the comment it begins with says what the host must know.
+//! A kernel file that is a value of an axis begins with a comment, its header. The header tells the host the value's
+//! properties.
 
 use super::keys::{KEYS, Key, Said};
 use crate::error::{Error, Result, nearest};
 
-/// What the host knows of a value that is a file.
+/// The properties of a value that is a file.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Header {
     /// The axis.
@@ -12,14 +13,14 @@ pub struct Header {
     pub name: String,
     /// What it means, in a line.
     pub meaning: String,
-    /// The folders in which it has a file, each a family's.
+    /// The folders that have a file of this value. Each folder belongs to one kernel family.
     pub folders: Vec<&'static str>,
-    /// What it contradicts.
+    /// The values of other axes that it cannot be combined with.
     pub contradicts: Vec<Contradiction>,
     facts: Vec<(&'static str, Said)>,
 }
 
-/// A value of another axis that makes no sense with one.
+/// A value of another axis that a value cannot be combined with.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Contradiction {
     /// The other axis.
@@ -41,7 +42,7 @@ impl Header {
         facts: Vec::new(),
     };
 
-    /// The word that a key has; empty where there is no such key.
+    /// The word of a key; empty if the header does not have the key.
     pub(super) fn word(&self, key: &str) -> &'static str {
         match self.fact(key) {
             Some(Said::Word(word)) => word,
@@ -49,7 +50,7 @@ impl Header {
         }
     }
 
-    /// The number that a key has.
+    /// The number of a key.
     pub(super) fn number(&self, key: &str) -> Option<u32> {
         match self.fact(key) {
             Some(Said::Number(number)) => Some(number),
@@ -66,13 +67,13 @@ impl Header {
 pub(super) struct Reader<'a> {
     /// The axis it is a value of.
     pub axis: &'static str,
-    /// What messages call the file.
+    /// The file's path, as messages show it.
     pub path: &'a str,
-    /// The names of an axis's values; empty for what is no axis.
+    /// The names of an axis's values; empty if there is no such axis.
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
 }
 
-/// What was read so far, and where.
+/// The entries read so far, with their lines.
 #[derive(Default)]
 struct Entries {
     meaning: Option<(usize, String)>,
@@ -87,7 +88,7 @@ impl Reader<'_> {
         let mut found = Entries::default();
         let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
         for (row, line) in comment.take_while(|line| !line.is_empty()).enumerate() {
-            // An address is prose, too.
+            // A line with a URL has a colon, but is not a key.
             let pair = line.split_once(':').filter(|(key, value)| is_key(key) && !value.starts_with("//"));
             if let Some((key, value)) = pair {
                 self.take(&mut found, row + 1, key, value.trim())?;
@@ -219,7 +220,7 @@ impl Reader<'_> {
 /// Floats of a row of planes.
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
-/// Whether a line's beginning is spelled as keys are: one word of small letters.
+/// Whether the text before a colon can be a key: one word of small letters.
 fn is_key(word: &str) -> bool {
     !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_')
 }

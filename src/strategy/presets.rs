@@ -20,7 +20,7 @@ pub struct Preset {
     pub meant_for: Option<DeviceKind>,
 }
 
-/// The paper's kernel, before it is said where anything lives.
+/// The paper's kernel, before its memories are chosen.
 const PAPER: Strategy = Strategy {
     traversal: Traversal::Exhaustive,
     vectors: Vectors::HEAP,

@@ -30,7 +30,7 @@ impl Strategy {
         with.set(rule.axis, value).is_ok() && rule.takes.take(value, has_file, |fact| with.holds(fact))
     }
 
-    /// What is said where a family does not take a value: the axis, the family, why, and what is taken instead.
+    /// The message if a family does not take a value: the axis, the family, the reason, and the values it takes.
     fn refusal(&self, rule: &Rule) -> Option<String> {
         let Rule { axis, because, .. } = rule;
         let (_, value) = self.axes().into_iter().find(|(name, _)| name == axis)?;

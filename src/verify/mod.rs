@@ -75,7 +75,7 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// How many uncertain pixels, of so many judged ones, may look like none of their nudges: a ten-thousandth, 16 of few.
+/// How many uncertain pixels may lie outside the range of their nudges: a ten-thousandth of those judged, at least 16.
 pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }

@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Words of devices that are processors.
 const PROCESSORS: [&str; 3] = ["cpu", "pocl", "portable"];
 
-/// Prints the scripts of so many shards. A login node need not have the devices.
+/// Prints the scripts for this number of shards. A login node need not have the devices.
 pub fn run(args: &Args, shards: u32) -> Result<()> {
     let sources = two_kernels::sources(&args.cl_dir, true)?;
     let experiment = config::load(&args.config, &args.set)?;

@@ -38,7 +38,7 @@ pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
     Ok(spread.blocks)
 }
 
-/// Those of an earlier session; none where there is none, or not each point once.
+/// The blocks of an earlier session; none if there are none, or if they do not have each point exactly once.
 fn read(path: &Path) -> Option<Spread> {
     ordinary(path).ok()?;
     let spread: Spread = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;

@@ -12,7 +12,7 @@ pub(super) struct Error {
 }
 
 impl Error {
-    /// Of what is known exactly.
+    /// The error of a value that is known exactly.
     pub const NONE: Self = Self { error: 0.0, degrees: f64::INFINITY };
 
     /// How far the interval reaches to one side that is missed on that side with the chance `risk`.
@@ -20,7 +20,7 @@ impl Error {
         if self.error == 0.0 { 0.0 } else { self.error * t_quantile(1.0 - risk, self.degrees) }
     }
 
-    /// Of the sum of independent estimates; its degrees of freedom after Satterthwaite (1946) and Welch (1947).
+    /// The error of a sum of independent estimates; degrees of freedom after Satterthwaite (1946) and Welch (1947).
     pub fn of_sum(errors: impl IntoIterator<Item = Self>) -> Self {
         let (mut variance, mut uncertainty) = (0.0, 0.0);
         for one in errors {

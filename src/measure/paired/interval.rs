@@ -68,7 +68,7 @@ mod tests {
     fn the_mean_of_intervals_is_as_sure_as_its_parts_together() {
         let one = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
         let found = Interval::mean(&[one; 4]).unwrap();
-        // Of four independent errors the mean's is half of each.
+        // The mean of four values with independent, equal errors has half of that error.
         assert!((found.middle.ln() - 2.0).abs() < 1e-12 && (found.error - 0.05).abs() < 1e-12, "{found:?}");
         assert!(Interval::mean(&[]).is_none());
     }

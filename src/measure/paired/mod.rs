@@ -14,7 +14,8 @@
 //! 3. The interval of a median keeps what launches do to all points alike, which pairs cancel: its t has one degree less than
 //!    there are launches.
 //!
-//! Of one launch, five stretches of time stand for launches: a look, which knows nothing of what another launch would draw.
+//! With a single launch, five stretches of time stand for launches. Such a run is a look: its intervals do not include
+//! differences between launches.
 
 mod drift;
 mod error;
@@ -129,7 +130,7 @@ impl Point {
 }
 
 impl Paired {
-    /// Of `points` points' samples, those of a launch in the order taken; samples that are no time are passed over.
+    /// Compares `points` points by their samples, each launch's in the order taken. Skips samples that are not a time.
     ///
     /// A point with fewer than [`MIN_SAMPLES`] in one of the launches has too few. A launch in which all have too few, such as
     /// one that was interrupted, does not count.

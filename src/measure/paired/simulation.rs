@@ -6,7 +6,7 @@ use rand::SeedableRng as _;
 use rand::{Rng, RngExt as _};
 use rand_chacha::ChaCha8Rng;
 
-/// How far a sample is bound to the one a round before: what PoCL on two shared cores showed.
+/// Autocorrelation of samples of neighbouring rounds, as measured with PoCL on two shared cores.
 const LAG_1: f64 = 0.55;
 const LAUNCHES: u32 = 3;
 const ROUNDS: u64 = 20;

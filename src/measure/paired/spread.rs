@@ -20,7 +20,7 @@ pub(super) struct Pooled {
 }
 
 impl Pooled {
-    /// Of two tables of the same shape: of what is left without drift, and of plain medians.
+    /// From two tables of the same shape: the residuals without drift, and the plain medians.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together = plain.iter().map(|row| variance(row)).sum::<f64>() / rows.max(1) as f64;

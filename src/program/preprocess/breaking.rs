@@ -152,7 +152,7 @@ fn spelled(margin: usize, tokens: &[Token]) -> String {
     format!("{}{}", " ".repeat(margin), text.trim_end())
 }
 
-/// Where a line is broken: before a token, to go on at a column, in so many brackets.
+/// A line break: the token after it, the column where the next line starts, and the depth of brackets.
 struct Place {
     at: usize,
     column: usize,

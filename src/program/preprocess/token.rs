@@ -111,7 +111,7 @@ fn line_length(text: &str) -> usize {
     text.match_indices('\n').find(ends).map_or(text.len(), |(at, _)| at)
 }
 
-/// Up to the closing quote, or the line's end where there is none.
+/// Reads up to the closing quote, or, without one, to the line's end.
 fn literal_length(text: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in text.char_indices().skip(1) {

@@ -52,7 +52,7 @@ impl<'a> ClaimData<'a> {
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// The measured record that a point means, the fastest where there are several; or why there is none.
+    /// The measured record of a point, the fastest if there are several; or the reason why there is none.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {

@@ -52,7 +52,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         Err(line) => return line,
     };
     let samples = found.samples(record);
-    // Of the record's own launches; half of one counts nowhere.
+    // Only samples of the record's own launches: an incomplete launch counts nowhere.
     let own =
         |one: &&Sample| record.sample_launches.is_empty() || record.sample_launches.contains(&one.launch);
     let ratios: Vec<(u32, f64)> = samples

@@ -1,4 +1,4 @@
-//! How sure a comparison of two times is: nothing is said to hold, or not to, that the samples leave open.
+//! How sure a comparison of two times is. If the samples leave a test open, it neither holds nor fails.
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
@@ -17,7 +17,7 @@ pub struct Ratio {
 }
 
 impl Ratio {
-    /// Of two measured records: the one place where claims ask how sure a ratio is.
+    /// The ratio of two measured records. Claims judge the certainty of a ratio only here.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         let frame_ms = median(slow)?.max(median(fast)?);
         let sure = ratio(slow, fast).map(|ratio| (ratio.middle, [ratio.low, ratio.high]));
@@ -25,7 +25,7 @@ impl Ratio {
         Some(Self { sure, n: count(slow).min(count(fast)), frame_ms })
     }
 
-    /// Of two parts of the same frames: each sample's own ratio, with the number of its launch.
+    /// The ratio of two parts of the same frames, from each sample's own ratio and the number of its launch.
     pub(super) fn of_parts(ratios: &[(u32, f64)], frame_ms: f64) -> Option<Self> {
         let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
         let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
@@ -97,12 +97,12 @@ fn asked(held: &RangeInclusive<f64>) -> String {
 pub(super) struct Fastest<'a> {
     /// The fastest and those that tie with it, fastest first.
     level: Vec<&'a Record>,
-    /// Those of too few samples, each of which might be as fast.
+    /// Records with too few samples. Each of them might be as fast.
     few: Vec<&'a Record>,
 }
 
 impl<'a> Fastest<'a> {
-    /// Of measured records; none where fewer than three were measured, among which a fastest says little.
+    /// The fastest of measured records; none for fewer than three, of which the fastest means little.
     pub(super) fn of(records: &[&'a Record]) -> Option<Self> {
         let ranking = ranking(records.iter().copied());
         (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{judged, measured, sampled};
 
-    /// Of three launches with so many samples each, between the least and the greatest time.
+    /// The ratio of records with three launches of `n` samples each, between the least and the greatest time.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);

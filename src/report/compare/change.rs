@@ -29,7 +29,7 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     Some((of(after, second)?.over(of(before, first)?), against))
 }
 
-/// By ratios to the anchor, where it was the same one in both.
+/// Compares ratios to the anchor, if both runs had the same anchor.
 fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     let ((first, before), (second, after)) = (anchored(before)?, anchored(after)?);
     (first == second).then(|| after.over(before))
@@ -42,7 +42,7 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // Of two none is the odd one.
+    // Of only two points, neither can be called the outlier.
     if beside.len() < 3 {
         return beside;
     }

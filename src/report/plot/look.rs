@@ -1,4 +1,4 @@
-//! How series are told apart: by colour, and by markers for when colour is not enough.
+//! How series differ: by colour, and by markers if colour is not enough.
 
 use super::palette::SERIES;
 use super::svg::{Svg, number};

@@ -23,7 +23,7 @@ pub struct Plot {
     pub caption: String,
     /// The drawing.
     pub svg: String,
-    /// The same for a phone; empty where there is none.
+    /// The same plot for a phone; empty if there is none.
     pub narrow: String,
 }
 

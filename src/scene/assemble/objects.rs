@@ -103,7 +103,7 @@ fn read_file(
         read.notes.push("its cameras and lights are not used: those of the scene are".to_owned());
     }
     for note in read.notes.drain(..).map(|note| format!("{}: {note}", path.display())) {
-        // A mesh in several objects is told of once.
+        // Notes of a mesh that several objects share appear once.
         if !notes.contains(&note) {
             notes.push(note);
         }

@@ -22,7 +22,7 @@ fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Gives each triangle a material of its corners' mean colour times its material's; `colours` are linear, one a position.
+/// Gives each triangle a material: its corners' mean colour times its material's. `colours` are linear, per position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     for steps in [FINE, COARSE] {
         let (materials, numbers) = painted(mesh, colours, steps);
@@ -57,7 +57,7 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
     (materials, numbers)
 }
 
-/// What a user is told of them.
+/// The note on them for the user.
 pub(in crate::scene) fn note(count: usize) -> String {
     format!(
         "colours of {} are one per triangle, the mean of its corners",

@@ -3,7 +3,7 @@
 use crate::scene::Light;
 use glam::{DVec3, Vec3};
 
-/// Light from one direction comes from a point so many radii away.
+/// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
 /// For the mean brightness a light is no nearer to the centre than this part of the radius.
 const NEAREST_RADII: f64 = 0.25;
@@ -20,7 +20,7 @@ enum Source {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct FileLight {
     source: Source,
-    /// Of a point its intensity, of a direction its irradiance.
+    /// The intensity of a point light, or the irradiance of a directional one.
     strength: DVec3,
 }
 

@@ -81,7 +81,7 @@ pub(in crate::scene) fn read(
     Ok(file)
 }
 
-/// Of a file whose text may not be shown, neither mistakes nor notes tell what it says.
+/// Removes a file's text from mistakes and notes, if raycl may not show it.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { notes: Vec::new(), ..file };
     let outside = "its text is not shown, as it lies outside of the folder of the file that names it";

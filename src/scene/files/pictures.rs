@@ -16,7 +16,7 @@ const MOST_ACROSS: u32 = 1 << 14;
 const MOST_TEXELS: usize = 1 << 28;
 /// What decoding a picture may take: texels of 16 bits a channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// Told apart by their first bytes; TGA has none of its own, and is told by its ending.
+/// Recognised by a file's first bytes. TGA has no such bytes, and is recognised by the file's ending.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
 /// What goes wrong with a picture, in words that follow its name.

@@ -11,7 +11,7 @@ use crate::scene::obj::{decimal, quoted};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Of a binary file: before its triangles.
+/// Bytes of a binary file before its triangles.
 const HEADER_BYTES: usize = 84;
 /// A normal, three corners and two bytes more.
 const TRIANGLE_BYTES: usize = 50;

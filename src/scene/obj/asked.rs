@@ -4,9 +4,9 @@ use super::text::{quoted, words};
 use crate::words::counted;
 use std::collections::BTreeMap;
 
-/// The keywords of one kind that are kept apart; files may make up any number of them.
+/// The most keywords of one kind that are counted separately; a file may invent any number of them.
 const KEPT_NAMES: usize = 16;
-/// Of these, so many are told.
+/// The most of them that a note lists.
 const TOLD_NAMES: usize = 8;
 
 /// A kind of thing that is asked for.

@@ -48,7 +48,7 @@ pub(super) struct FaceContext<'a> {
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
-    /// The numbers of each triangle's texture coordinates, [`MISSING`] where there is none; nothing where none were read.
+    /// The indices of each triangle's texture coordinates, or [`MISSING`]; empty if the file has none.
     pub places: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
     /// Where the first face with normals at some corners only is.

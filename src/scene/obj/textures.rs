@@ -149,7 +149,7 @@ pub(super) fn apply(
     }
 }
 
-/// What is said of triangles that lie nowhere in their texture.
+/// The note on triangles without texture coordinates.
 pub(in crate::scene) fn unmapped(count: usize) -> String {
     let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
     format!(

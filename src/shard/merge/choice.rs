@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 #[derive(Debug, Default)]
 pub struct Chosen {
     best: HashMap<String, Measured>,
-    /// Of points with several records: every attempt that has one, and its outcome.
+    /// For each point with several records: the attempts that have one, with its outcome.
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
@@ -33,7 +33,7 @@ fn rank(record: &Record) -> (u8, usize) {
     let kind = match record.outcome {
         Outcome::WrongImage => 0,
         Outcome::Measured => 1,
-        // What the device cannot do is known; what became of an attempt may be the attempt's.
+        // A limit of the device holds for all attempts; a failure may be due to a single attempt.
         Outcome::Infeasible | Outcome::BuildFailed => 2,
         Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
         // Nothing was found out; another attempt may have been asked for it.

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 pub struct Launches(BTreeMap<(usize, u32), u32>);
 
 impl Launches {
-    /// Those that some records rest on.
+    /// The launches that these records use.
     pub fn of<'a>(records: impl Iterator<Item = &'a Measured>) -> Self {
         let used = |(attempt, record): &Measured| {
             let attempt = *attempt;

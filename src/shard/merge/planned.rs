@@ -1,4 +1,4 @@
-//! The points that a merged folder shows, and by which names: those of every kind of device that is meant.
+//! The points that a merged folder shows, with their names: those of every selected kind of device.
 
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};
@@ -13,7 +13,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// Of a plan on some kinds of device.
+    /// The points of a plan on these kinds of device.
     pub fn of(plan: &ShardPlan, kinds: &[Kind]) -> Self {
         let mut all: Vec<(usize, usize, usize, PlannedPoint)> = Vec::new();
         let mut hosts = HashMap::new();

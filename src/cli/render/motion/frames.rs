@@ -34,7 +34,7 @@ impl Frames {
         Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
     }
 
-    /// Those of one of several processes, neighbours, about as many as each other has; none where there are more processes than frames.
+    /// One process's share: neighbouring frames, about as many as every other process has; none if there are too few.
     pub fn of_shard(self, shard: Shard) -> Option<Self> {
         let before = |number: u32| (u64::from(self.len()) * u64::from(number) / u64::from(shard.of)) as u32;
         let (begin, end) = (before(shard.number - 1), before(shard.number));

@@ -20,10 +20,10 @@ use textures::Files;
 /// What goes wrong inside of a file, in words.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Extensions that a file may require: what they add is done, or noted where a material asks for it.
+/// Extensions that a file may require: raycl supports what they add, or notes it if a material asks for it.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Of these families too: they are about surfaces only.
+/// Families of extensions that a file may require, too: they concern surfaces only.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
 
 /// Reads a file called `name`, and the buffers in reach that it names.
@@ -77,7 +77,7 @@ fn is_known(extension: &str) -> bool {
     KNOWN.contains(&extension) || KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family))
 }
 
-/// Extensions that are used, and neither done nor told of where they are used.
+/// Extensions that the file uses, that raycl does not support, and that no other note mentions.
 fn passed_over(root: &Root) -> Option<String> {
     let unknown: Vec<String> = root
         .extensions_used

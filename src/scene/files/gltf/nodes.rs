@@ -27,7 +27,7 @@ pub(super) struct Walk<'a> {
     visited: Vec<bool>,
     positions: Vec<DVec3>,
     normals: Vec<Vec3>,
-    /// Linear, one a position.
+    /// Linear, one per position.
     colours: Vec<Vec3>,
     /// Vertices that have a colour of their own.
     coloured: usize,

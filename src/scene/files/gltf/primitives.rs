@@ -13,9 +13,9 @@ pub(super) struct Part {
     pub positions: Vec<DVec3>,
     /// One a position, or none.
     pub normals: Vec<DVec3>,
-    /// Linear, one a position, or none.
+    /// Linear, one per position, or none.
     pub colours: Vec<Vec3>,
-    /// Where the material's texture lies, one a position, or none.
+    /// Coordinates in the material's texture, one per position, or none.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
     /// 0 where the part names none; the file's are from 1.
