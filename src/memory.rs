@@ -36,8 +36,7 @@ impl Available {
             self.bytes,
             self.source
         );
-        Err(Error::input(message)
-            .with_help("fewer triangles or pixels need less; so does ending other programs"))
+        Err(Error::input(message).with_help("use fewer triangles or pixels, or end other programs"))
     }
 }
 

@@ -118,7 +118,7 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
         (None, None) => Ok(default_place(infos)),
     };
     pick_one(&Cache::of_user(), sources, choose)?.ok_or_else(|| {
-        Error::run("no OpenCL device is usable").with_help("`raycl devices` tells why of each")
+        Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each")
     })
 }
 

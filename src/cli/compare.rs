@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long)]
     times: bool,
     /// Exit with 1 if all points together, one strategy's points or a single point is surely slower by more than this, or if a
-    /// point failed that ran before. Of 50 comparisons of equal programs at most one ends so
+    /// point failed that ran before. At most one of 50 comparisons of equal programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots here

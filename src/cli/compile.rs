@@ -41,7 +41,7 @@ pub struct Args {
     /// Replace files in DIR even if raycl did not write them or they were changed since
     #[arg(long, requires = "out")]
     force: bool,
-    /// Print one JSON object a strategy
+    /// Print one JSON object per strategy
     #[arg(long)]
     json: bool,
     /// Use the kernels of this folder instead of those built in

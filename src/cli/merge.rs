@@ -19,17 +19,17 @@ use std::time::Duration;
 It needs no device. Exit code: 0 when every point of the plan was measured or cannot fit the device, 1 when one is missing or failed, 2 for a \
 mistake in what was given.")]
 pub struct Args {
-    /// The folder that was --out of `raycl run --shard`
+    /// The folder that `raycl run --shard` wrote (its --out)
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// A part of the name of a device that is meant: others that took part are left out, and one that did not begin is
     /// missing [default: all that took part]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Merge nothing: say how each attempt is (going, hung, lost, or how it ended)
+    /// Merge nothing; print the state of each process that measured a shard: going, hung, lost, or how it ended
     #[arg(long)]
     status: bool,
-    /// With --status, the seconds between two looks at the attempts' counters; more than a network's file system keeps old files
+    /// With --status, seconds between two readings of each counter; more than the time for which a network file system shows old data
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point, or with --status per attempt, instead of tables
@@ -111,7 +111,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {
         0 => Ok(()),
         failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
-            .with_help(format!("{} tells why of each", out.join("summary.md").display()))),
+            .with_help(format!("{} gives the reason for each", out.join("summary.md").display()))),
     }
 }
 

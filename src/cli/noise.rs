@@ -23,7 +23,7 @@ pub struct Args {
     /// If another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Print one JSON object a device
+    /// Print one JSON object per device
     #[arg(long)]
     json: bool,
     /// No progress

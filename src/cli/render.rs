@@ -92,7 +92,7 @@ pub struct Args {
     look: Look,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; takes as many frames' time (Blackman-Harris filter, 1.5 pixels
+    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take N times as long (Blackman-Harris filter, 1.5 pixels
     /// wide) [default: 4 for a bare mesh, else 1]
     #[arg(long, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
@@ -102,7 +102,7 @@ pub struct Args {
     /// With --repeat: if another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Compare the picture with the serial reference, or only N of its pixels, chosen at random; exit with 1 if it is wrong
+    /// Compare the picture with the serial reference; exit with 1 if it is wrong. With =N, compare only N random pixels
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
     verify: Option<Option<u32>>,
     /// Render again whenever the scene's folder, or a kernel of --cl-dir, changes; Ctrl-C ends it

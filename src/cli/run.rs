@@ -360,5 +360,5 @@ fn report(args: &Args, out: &Path) -> Result<()> {
         return Ok(());
     }
     let error = Error::run(format!("{failed} of {} points were not measured", records.len()));
-    Err(error.with_help(format!("{} tells why of each", out.join("summary.md").display())))
+    Err(error.with_help(format!("{} gives the reason for each", out.join("summary.md").display())))
 }

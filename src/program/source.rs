@@ -65,9 +65,9 @@ fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {
         let message = format!("kernel include \"{path}\" has a brace that is not closed");
-        return Err(
-            Error::input(message).with_help("an axis in braces stands for the file of the strategy's value")
-        );
+        return Err(Error::input(message).with_help(
+            "close it: {AXIS} in a path is replaced by the file name of the strategy's value on that axis",
+        ));
     };
     let axes = strategy.axes();
     let value = axes.iter().find(|(name, _)| *name == axis).map(|(_, value)| *value).ok_or_else(|| {

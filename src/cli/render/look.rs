@@ -21,7 +21,7 @@ pub struct Look {
     /// Keep edges of meshes without normals sharp if their faces meet at more than this angle [default for a bare mesh: 40]
     #[arg(long, value_name = "DEGREES")]
     crease: Option<f64>,
-    /// Turn normals to the viewer, so that back faces are lit as front faces; a bare mesh always does
+    /// Turn normals to the viewer, so that back faces are lit like front faces; always on for a bare mesh
     #[arg(long)]
     two_sided: bool,
     /// Show a bare mesh without ground, soft light and sky, by two lights at points, with one sample per pixel

@@ -27,9 +27,9 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     })?;
     if args.cl_dir.len() > 1 {
         return Err(Error::input(
-            "two folders of kernels are compared in the same rounds, which are on one machine",
+            "two folders of kernels can only be compared on one machine, in the same rounds",
         )
-        .with_help("leave out --shard, or one --cl-dir"));
+        .with_help("leave out --shard, or give only one --cl-dir"));
     }
     let sources = two_kernels::sources(&args.cl_dir, false)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -186,7 +186,9 @@ impl Part<'_> {
         match records.iter().filter(|record| !record.outcome.is_fine()).count() {
             0 => Ok(()),
             failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
-                .with_help("`raycl merge` tells why of each; --resume --retry-failed tries them again")),
+                .with_help(
+                    "`raycl merge` gives the reason for each; --resume --retry-failed tries them again",
+                )),
         }
     }
 }
