@@ -103,6 +103,7 @@ fn a_scene_without_light_is_rendered_with_a_remark() {
     let place = Place::with(&[("scene.toml", &dark)]);
     let small =
         ["render", "scene.toml", "--width", "16", "--height", "10", "--device", &crate::binary::device()];
+    let small = [&small[..], &["--strategy", "deferred"]].concat();
     has(&place.output(&small), &["note", "scene.toml:", "no light", "add [[light]] with position"]);
     assert!(place.path("scene.png").exists());
     let json: serde_json::Value =
@@ -222,7 +223,8 @@ fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let kernels = place.kernels("cast/shade.cl", "// Radiance", "oops;\n// Radiance");
     let device = crate::binary::device();
-    let render = ["render", "scene.toml", "--device", &device, "--cl-dir", &kernels];
+    let render =
+        ["render", "scene.toml", "--device", &device, "--strategy", "deferred", "--cl-dir", &kernels];
     let message = place.mistake(&render, 1);
     has(&message, &["the build failed", "cast/shade.cl:1"]);
     assert!(!message.contains("####"), "{message}");
