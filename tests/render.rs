@@ -42,7 +42,8 @@ fn linear_formats_hold_radiance_and_not_what_is_displayed() {
 #[test]
 fn json_has_every_field() {
     let size = ["--width", "64", "--height", "40"];
-    let report = report(&place(), &[&["scene.toml", "--repeat", "3"], &size[..]].concat());
+    let separate = ["scene.toml", "--repeat", "3", "--strategy", "wide-common-origin"];
+    let report = report(&place(), &[&separate[..], &size].concat());
     let text = ["scene", "device", "strategy", "output"];
     let numbers = [
         "load_ms",
