@@ -175,16 +175,15 @@ fn render(args: &Args) -> Result<()> {
     let mut verified = None;
     if let Some(image) = &radiance {
         refuse_not_finite(image, target.path())?;
-        let with = (&strategy, samples);
-        let check = |some| check(&scene, (image, cast.hits), with, target.path(), some);
+        let check = |some| check(&scene, (image, cast.hits), (&strategy, samples), target.path(), some);
         verified = args.verify.map(check).transpose()?;
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     // Kernels that somebody edits are not worth it.
     let keeping = args.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
+    let keeping = keeping.then(|| KEEPING.to_owned());
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
     timeline.ends("keep");
-    let keeping = keeping.then(|| KEEPING.to_owned());
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
     let (parts, total_ms) = timeline.into_parts();
     let report = Report {
