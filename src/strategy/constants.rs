@@ -29,11 +29,11 @@ pub const CPU_WATERTIGHT: Constants = Constants {
 
 /// GPUs whose work-items can share tiles.
 pub const GPU: Constants = Constants {
-    tree_triangles: 200.0,
+    tree_triangles: 4.9,
     single_triangles_a_pixel: 2.0,
-    single_triangles_a_pixel_inside: 2.0,
-    single_pixels_a_unit: 0.0,
-    large_pixels: 6000000.0,
+    single_triangles_a_pixel_inside: 0.97,
+    single_pixels_a_unit: 61.0,
+    large_pixels: 600000.0,
     large_pixels_a_triangle: 25.0,
     separate_pixels: f64::INFINITY,
     separate_pixels_inside: 12000000.0,
@@ -41,12 +41,12 @@ pub const GPU: Constants = Constants {
 
 /// The same where no ray may leak.
 pub const GPU_WATERTIGHT: Constants = Constants {
-    tree_triangles: 200.0,
+    tree_triangles: 24.0,
     single_triangles_a_pixel: 2.0,
     single_triangles_a_pixel_inside: 2.0,
     single_pixels_a_unit: 0.0,
     large_pixels: 6000000.0,
     large_pixels_a_triangle: 25.0,
-    separate_pixels: 0.0,
-    separate_pixels_inside: 0.0,
+    separate_pixels: f64::INFINITY,
+    separate_pixels_inside: 910000.0,
 };

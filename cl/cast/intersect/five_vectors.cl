@@ -7,8 +7,9 @@
 //
 // Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The student's intersect
 // allocates its five vectors anew at each test, and frees them after it. OpenCL C has no malloc: here each test has five
-// arrays of its own. They are volatile, so that the compiler cannot keep them in registers: on a GPU they are in the
-// work-item's private memory, which is off the chip.
+// arrays of its own. They are volatile, and begin at a place that only the scene decides: otherwise compilers keep them in
+// registers (NVIDIA's does even so if the place is a constant). On a GPU they are in the work-item's private memory, which is
+// off the chip.
 // Operations: direction x e2 6, a 3, origin - v0 3, first weight 3.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
@@ -47,22 +48,24 @@ Vec3 kept(volatile varying *at, Vec3 value) {
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
 // there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    volatile varying vector[TEST_VECTORS][3];
+    volatile varying vector[TEST_VECTORS][3 + 1];
+    // Where a vector begins: at 0, for no coordinate of a scene is as large; but the compiler does not know.
+    const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
-    const Vec3 e1 = kept(vector[E1], splat(uniform_difference(LOAD3(row.number + 3), corner)));
-    const Vec3 e2 = kept(vector[E2], splat(uniform_difference(LOAD3(row.number + 6), corner)));
+    const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
+    const Vec3 e2 = kept(vector[E2] + from, splat(uniform_difference(LOAD3(row.number + 6), corner)));
     // The determinant; near 0 the ray is parallel to the triangle.
-    const Vec3 q = kept(vector[Q], cross3(direction, e2));
+    const Vec3 q = kept(vector[Q] + from, cross3(direction, e2));
     const varying a = dot3(e1, q);
     const Mask crosses = fabs(a) > 1e-7f;
     // The weight of the second corner.
-    const Vec3 s = kept(vector[S], subtract(origin, splat(corner)));
+    const Vec3 s = kept(vector[S] + from, subtract(origin, splat(corner)));
     hit->w1 = dot3(s, q) / a;
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
     // The weight of the third corner; what is left to 1 is the first's.
-    const Vec3 r = kept(vector[R], cross3(s, e1));
+    const Vec3 r = kept(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;
     hit->lanes = inside1 & (hit->w2 >= -1e-10f) & (hit->w1 + hit->w2 <= 1.0f + 1e-10f);
