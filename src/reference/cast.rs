@@ -108,7 +108,8 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 
     /// Which lights stand so low over the hit's triangle that rounding decides what shadow rays meet first. Rounding moves a
-    /// hit by a `part` of its distance, or of how far it is from the scene's origin if that is more.
+    /// hit by a `part` of its distance, of how far it is from the scene's origin, or of how far its triangle reaches from it,
+    /// whichever is most: a test of that triangle subtracts such numbers.
     pub fn grazing(
         &self,
         seen: &Seen<'_>,
@@ -121,7 +122,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let [point, shading_normal] = surface_at(self.scene, ray, hit);
-        let rounding = hit.t.max(point.dot(point).sqrt()) * part;
+        let lengths = [point, a - point, b - point, c - point].map(|vector| vector.dot(vector).sqrt());
+        let rounding = lengths.into_iter().fold(hit.t, R::max) * part;
         let grazing = Grazing { normal, rounding, bias };
         sights::<R>(seen, point, shading_normal).any(|sight| grazing.is_of(sight.w_i)).then_some(grazing)
     }

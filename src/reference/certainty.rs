@@ -19,8 +19,8 @@ const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 const NUDGE_RADIANS: f64 = 1e-6;
 /// Another triangle this near behind the closest hit, as a part of its distance, may as well be the closest.
 const RIVAL: f64 = 1e-6;
-/// How far off its triangle's plane rounding may put a hit, as a part of its distance or of its own coordinates. Where light
-/// grazes, that decides whether a shadow ray starts above or below its own surface, and no turn of the ray shows it.
+/// How far off its triangle's plane rounding may put a hit, as a part of its distance, of its own coordinates or of the triangle's
+/// size. Where light grazes, that decides whether a shadow ray starts above or below its own surface, and no turn of the ray shows it.
 const OFF_PLANE: f64 = 1e-6;
 
 /// How far rounding may turn the direction in which a pixel sees the sky, or twice that: its sines and its normal are rounded.

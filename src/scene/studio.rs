@@ -20,8 +20,10 @@ const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's k_L: darker than meshes without a colour of their own.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// It reaches so many radii from the middle, beyond where a usual view ends.
-const GROUND_RADII: f64 = 60.0;
+/// It is a square within frames, whose edges are so many radii from the middle; the last is beyond where a usual view ends.
+/// Rounding in a ray-triangle test grows with the triangle: on a single large one, shadow rays that leave at a low angle would
+/// meet the ground that they start from.
+const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// It lies so much of the radius below the mesh, so that a flat bottom is not in it.
 const GAP_RADII: f64 = 1e-3;
 
@@ -70,22 +72,46 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     if height(camera.position) < lowest + GAP_RADII * radius {
         return None;
     }
-    let across = up.any_orthonormal_vector() * (GROUND_RADII * radius);
+    let across = up.any_orthonormal_vector();
     let along = up.cross(across);
-    let middle = centre + up * lowest;
     let corners = [-across - along, across - along, across + along, along - across];
-    let positions = corners.map(|corner| (middle + corner).as_vec3());
+    let middle = centre + up * lowest;
+    let square = |radii: f64| corners.map(|corner| (middle + corner * (radii * radius)).as_vec3());
+    let positions: Vec<_> = GROUND_RADII.into_iter().flat_map(square).collect();
     if positions.iter().any(|position| position.abs().max_element() > MAX_COORDINATE) {
         return None;
     }
-    let faces = [[0, 1, 2], [0, 2, 3]];
+    let faces = ground_faces();
     Some(Mesh {
-        positions: positions.to_vec(),
+        positions,
         normals: vec![up.as_vec3()],
-        triangles: faces.map(|positions| Triangle { positions, normals: [0; 3], material: 0 }).to_vec(),
+        triangles: faces.map(|positions| Triangle { positions, normals: [0; 3], material: 0 }).collect(),
         materials: vec![Material::lambertian(GROUND)],
         ..Mesh::default()
     })
+}
+
+/// The corners of the ground's triangles: those of the inner square, then of each frame's four sides, between a square's corners
+/// and those of the next.
+///
+/// ```text
+///  7 ------------- 6
+///  |  \         /  |
+///  |    3 --- 2    |
+///  |    |   / |    |
+///  |    | /   |    |
+///  |    0 --- 1    |
+///  |  /         \  |
+///  4 ------------- 5
+/// ```
+fn ground_faces() -> impl Iterator<Item = [u32; 3]> {
+    let sides = (1..GROUND_RADII.len() as u32).flat_map(|frame| (0..4).map(move |side| (4 * frame, side)));
+    let frames = sides.flat_map(|(outer, side)| {
+        let [this, next] = [side, (side + 1) % 4];
+        let inner = outer - 4;
+        [[inner + this, outer + this, outer + next], [inner + this, outer + next, inner + next]]
+    });
+    [[0, 1, 2], [0, 2, 3]].into_iter().chain(frames)
 }
 
 #[cfg(test)]
@@ -110,14 +136,21 @@ mod tests {
             let (mesh, studio) = studio(up, 25.0);
             let ground = studio.ground.expect("a ground");
             let height = |p: &Vec3| p.as_dvec3().dot(up);
+            let (_, radius) = Ball::around(&mesh, up).place();
+            let mut area = 0.0;
             let lowest = mesh.positions.iter().map(height).fold(f64::INFINITY, f64::min);
             for position in &ground.positions {
                 assert!((-0.01..0.0).contains(&(height(position) - lowest)), "{up}: {position}");
             }
             for triangle in &ground.triangles {
                 let [a, b, c] = ground.corners(triangle).map(|corner| corner.as_dvec3());
-                assert!((b - a).cross(c - a).normalize().dot(up) > 0.999);
+                let twice_area = (b - a).cross(c - a);
+                assert!(twice_area.normalize().dot(up) > 0.999);
+                area += twice_area.length() / 2.0;
             }
+            // Nothing is left out or covered twice.
+            let across = 2.0 * GROUND_RADII[GROUND_RADII.len() - 1] * radius;
+            assert!((area / (across * across) - 1.0).abs() < 1e-4, "{up}: {area}");
         }
     }
 
