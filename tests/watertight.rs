@@ -91,14 +91,19 @@ fn lit_and_hit_by(kernels: &Sources, scene: Scene, strategy: &Strategy) -> (usiz
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// Primary rays, of [`PIXELS`], that go past the net before the eye.
+/// Primary rays, of [`PIXELS`], that go past the net before the eye, or past a flat one.
 fn leaks_to(strategy: &Strategy) -> usize {
-    PIXELS - lit_and_hit(net_before_the_eye(SIDE), strategy).1
+    leaks_to_by(&Sources::Embedded, strategy)
+}
+
+fn leaks_to_by(kernels: &Sources, strategy: &Strategy) -> usize {
+    let leaks = |is_flat| PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE, is_flat), strategy).1;
+    leaks(false) + leaks(true)
 }
 
 /// Rays that go past nets, and rays that are stopped by a triangle beside them, by some kernels.
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
-    let primary = PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE), strategy).1;
+    let primary = leaks_to_by(kernels, strategy);
     let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;
     [primary, shadow, stopped_beside_edges(kernels, strategy)]
 }

@@ -162,11 +162,13 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     scene
 }
 
-/// A crumpled net before the paper's camera, which stands at the origin: corners are as exact as they can be. It is lit
-/// from behind, so that no shadow rays are cast.
-pub fn net_before_the_eye(side: u32) -> Scene {
+/// A net before the paper's camera, which stands at the origin: corners are as exact as they can be. It is lit from behind, so that
+/// no shadow rays are cast. Crumpled, it has boxes of all depths; flat, its boxes have none, and a ray that meets the side of one
+/// enters and leaves it at once.
+pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
-    let mesh = net(side, |x, y| (frame.direction(x, y) * (1.0 + jitter(x, y))).as_vec3());
+    let depth = |x, y| if is_flat { 1.3 } else { 1.0 + jitter(x, y) };
+    let mesh = net(side, |x, y| (frame.direction(x, y) * depth(x, y)).as_vec3());
     before_black(mesh, Camera::PAPER, Vec3::new(0.0, 0.0, -4.0))
 }
 

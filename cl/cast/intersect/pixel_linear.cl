@@ -17,13 +17,17 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
                     uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
 }
 
+// How far neighbours overlap, in units of a plane's own overlap. A plane as a function of the pixel is a sum of three rounded dot
+// products, two of them times a coordinate: some eight times the rounding of one dot product with a direction, or twice that.
+#define LINEAR_OVERLAP 16.0f
+
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);
     row.a = along_pixels(row.a, corner, step_x, step_y);
     row.b = along_pixels(row.b, corner, step_x, step_y);
     row.c = along_pixels(row.c, corner, step_x, step_y);
-    row.a.z += 1.0f, row.b.z += 1.0f, row.c.z += 1.0f; // the overlap
+    row.a.z += LINEAR_OVERLAP, row.b.z += LINEAR_OVERLAP, row.c.z += LINEAR_OVERLAP;
     row.u = per_t.x, row.v = per_t.y, row.w = per_t.z;
     return row;
 }
