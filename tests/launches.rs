@@ -1,6 +1,6 @@
 //! Launches: each in fresh workers, repeated whole where one was lost or left half done.
 
-use crate::common::mock::{Act, GROUPS, Mock, count, execute, folder, nothing_twice, once, with_run};
+use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::record::{Outcome, Record, Sample, read_lines};
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,7 +21,7 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
     let folder = folder();
     let mut mock = Mock::new(|_| Act::Answer);
     let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it runs");
-    assert_eq!(mock.counts.borrow().workers, 3 * GROUPS);
+    assert_eq!(mock.counts.borrow().workers, 3, "both groups of a launch have the same");
     assert!(mock.counts.borrow().checks.values().all(|checks| *checks == 3), "each launch checks its points");
     for record in &records {
         assert_eq!((record.samples_ms.len(), record.samples_at_ms.len()), (15, 15));
@@ -54,7 +54,7 @@ fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
     let half = before.last().expect("samples").launch;
     let mut mock = Mock::new(|_| Act::Answer);
     let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it resumes");
-    assert_eq!(mock.counts.borrow().workers, 2 * GROUPS, "one launch of each was whole");
+    assert_eq!(mock.counts.borrow().workers, 2, "one launch of each was whole");
     assert_eq!(count(&records, Outcome::Measured), 2 * 3);
     for record in &records {
         assert!(!record.sample_launches.contains(&half) && record.samples_ms.len() == 15);
@@ -68,7 +68,7 @@ fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
 fn a_launch_that_loses_its_worker_is_repeated_whole() {
     let (records, counts) = once(LAUNCHES, |scene| if scene.requests == 10 { Act::Die } else { Act::Answer });
     assert_eq!(count(&records, Outcome::Measured), 2 * 3);
-    assert_eq!(counts.borrow().workers, 3 * GROUPS + 1);
+    assert_eq!(counts.borrow().workers, 3 + 1);
     assert!(
         records.iter().all(|record| record.samples_ms.len() == 15 && !record.sample_launches.contains(&0)
             || record.image_size == [16, 10])

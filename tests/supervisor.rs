@@ -1,22 +1,23 @@
 //! What becomes of workers that die, hang or refuse: the supervisor with workers that are a script.
 
-use crate::common::mock::{Act, CONFIG, GROUPS, Mock, POINTS, Scene, count, execute, folder, once, point_of};
+use crate::common::mock::{Act, CONFIG, Mock, POINTS, Scene, count, execute, folder, once, point_of};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::experiment::{PointFailure, Reply, Request, Spawner, Wait, Worker};
 use raycl::record::Outcome;
-use std::cell::RefCell;
 use std::collections::HashMap;
-use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 #[test]
-fn without_faults_a_fresh_worker_measures_each_group() {
-    let (records, counts) = once(CONFIG, |_| Act::Answer);
-    assert_eq!(count(&records, Outcome::Measured), POINTS);
-    assert!(records.iter().all(|record| record.samples_ms.len() == 4));
-    assert_eq!((counts.borrow().workers, counts.borrow().checks.len()), (GROUPS, POINTS));
+fn without_faults_one_worker_measures_all_groups_of_a_launch() {
+    for launches in [1, 3] {
+        let config = CONFIG.replace("launches = 1", &format!("launches = {launches}"));
+        let (records, counts) = once(&config, |_| Act::Answer);
+        assert_eq!(count(&records, Outcome::Measured), POINTS);
+        assert!(records.iter().all(|record| record.samples_ms.len() >= 4 * launches));
+        assert_eq!((counts.borrow().workers, counts.borrow().checks.len()), (launches, POINTS));
+    }
 }
 
 #[test]
@@ -31,7 +32,7 @@ fn a_point_that_kills_its_worker_costs_itself_and_nothing_else() {
         let lost = records.iter().find(|record| record.outcome == Outcome::Crashed).expect("a crash");
         let reason = lost.reason.as_deref().unwrap_or_default();
         assert!(reason.contains("SIGSEGV") && reason.contains("twice") && reason.contains("oh"), "{reason}");
-        assert_eq!(counts.borrow().workers, GROUPS + 2, "two deaths, two fresh workers");
+        assert_eq!(counts.borrow().workers, 1 + 2, "two deaths, two fresh workers");
         assert!(records.iter().filter(|r| r.outcome == Outcome::Measured).all(|r| r.samples_ms.len() == 4));
     }
 }
@@ -47,7 +48,7 @@ fn a_hang_is_ended_and_not_tried_again() {
     let hangs = |scene: &Scene<'_>| if point_of(scene.request) == 2 { Act::Hang } else { Act::Answer };
     let (records, counts) = once(CONFIG, hangs);
     assert_eq!((count(&records, Outcome::Measured), count(&records, Outcome::TimedOut)), (POINTS - 1, 1));
-    assert_eq!((counts.borrow().workers, counts.borrow().checks[&2]), (GROUPS + 1, 1));
+    assert_eq!((counts.borrow().workers, counts.borrow().checks[&2]), (1 + 1, 1));
 }
 
 #[test]
@@ -102,59 +103,5 @@ fn workers_that_die_at_random_moments_cost_nothing() {
             Act::Answer
         });
         assert_eq!(count(&records, Outcome::Measured), POINTS, "seed {seed}");
-    }
-}
-
-#[test]
-fn workers_of_the_next_group_have_opened_their_device_before_anything_is_timed() {
-    /// What happened, in order: a worker, by its number, reported that it is ready, or was asked for a frame.
-    type Events = Rc<RefCell<Vec<(usize, &'static str)>>>;
-    struct Noting {
-        mock: Mock,
-        spawned: usize,
-        events: Events,
-    }
-    struct NotingWorker {
-        worker: Box<dyn Worker>,
-        number: usize,
-        events: Events,
-    }
-    impl Spawner for Noting {
-        fn spawn(&mut self, device: usize) -> raycl::Result<Box<dyn Worker>> {
-            self.spawned += 1;
-            let (number, events) = (self.spawned, Rc::clone(&self.events));
-            Ok(Box::new(NotingWorker { worker: self.mock.spawn(device)?, number, events }))
-        }
-    }
-    impl Worker for NotingWorker {
-        fn send(&mut self, request: &Request) {
-            if matches!(request, Request::Cast { .. }) {
-                self.events.borrow_mut().push((self.number, "casts"));
-            }
-            self.worker.send(request);
-        }
-        fn wait(&mut self, limit: Duration) -> Wait {
-            let wait = self.worker.wait(limit);
-            if wait == Wait::Reply(Reply::Started) {
-                self.events.borrow_mut().push((self.number, "is ready"));
-            }
-            wait
-        }
-    }
-    let (folder, events) = (folder(), Events::default());
-    let mut noting = Noting { mock: Mock::new(|_| Act::Answer), spawned: 0, events: Rc::clone(&events) };
-    execute(CONFIG, folder.path(), &mut noting, &AtomicBool::new(false)).expect("it runs");
-    let first =
-        |event: (usize, &str)| events.borrow().iter().position(|one| *one == event).expect("it happened");
-    assert_eq!(noting.spawned, GROUPS, "each group had one, and none was started in vain");
-    for number in 2..=GROUPS {
-        assert!(
-            first((number, "is ready")) < first((number - 1, "casts")),
-            "{number}: {:?}",
-            events.borrow()
-        );
-        let last =
-            events.borrow().iter().rposition(|one| *one == (number - 1, "casts")).expect("it happened");
-        assert!(last < first((number, "casts")), "groups follow each other");
     }
 }

@@ -193,6 +193,18 @@ fn a_tree_is_much_cheaper_than_a_search_of_all() {
 }
 
 #[test]
+fn nearer_boxes_are_searched_first() {
+    let sheet = |depth: u8| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|corner| corner - f32::from(depth) * Vec3::Z);
+    let mesh = mesh_of((1..=8).map(sheet));
+    let wide = WideBvh::new(&Bvh::build(&mesh, 1), 8, 1).unwrap();
+    for (origin, direction, nearest) in [(0.0, -DVec3::Z, 0), (-9.0, DVec3::Z, 7)] {
+        let origin = DVec3::new(0.2, 0.2, origin);
+        let walk = wide.closest_hit(origin, direction, 20.0, |t, _| meet(&mesh, t, origin, direction));
+        assert_eq!((walk.hit.map(|hit| hit.triangle), walk.triangles), (Some(nearest), 1), "{walk:?}");
+    }
+}
+
+#[test]
 fn impossible_layouts_are_refused() {
     let bvh = Bvh::build(&random_mesh(9, 100, 0.1, 1.0), 4);
     for (width, leaf_size) in [(3, 8), (8, 2), (8, 64)] {
@@ -213,6 +225,7 @@ fn a_wrong_tree_is_found_out() {
     assert!(spoil(&|bvh| bvh.nodes[0].high[1] = 0.0).contains("enclose"));
     assert!(spoil(&|bvh| bvh.nodes[0].right = 5000).contains("beyond"));
     assert!(spoil(&|bvh| bvh.depth += 1).contains("depth"));
+    assert!(spoil(&|bvh| bvh.nodes[1].count += 1).contains("triangles below both children"));
     let mut wide = WideBvh::new(&good, 8, 8).unwrap();
     wide.nodes[6 * 8] = WideBvh::UNUSED;
     assert!(wide.validate(&mesh).unwrap_err().contains("not marked"));
@@ -227,9 +240,10 @@ fn triangle_rows_follow_the_leaf_order() {
         write_triangle_rows(&mesh, &order, form, &mut rows);
         assert!(rows[50 * TRIANGLE_WORDS..].iter().all(|word| *word == 0.0));
         for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
-            let [a, b, _] = mesh.corners(&mesh.triangles[number as usize]);
+            let [a, b, c] = mesh.corners(&mesh.triangles[number as usize]);
             assert_eq!((row[0], row[3].to_bits()), (a.x, number));
-            assert_eq!(row[4], if second == 1.0 { b.x } else { b.x - a.x });
+            let [b, c] = if second == 1.0 { [b, c] } else { [b - a, c - a] };
+            assert_eq!((&row[4..7], &row[8..11]), (&b.to_array()[..], &c.to_array()[..]));
         }
     }
 }

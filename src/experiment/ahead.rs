@@ -15,11 +15,9 @@ use std::time::{Duration, Instant};
 
 /// How often a wait looks up, to see whether the user wants an end.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Builders whose processes are started for the first order. Sixteen that start together open a driver in three seconds, where
-/// one alone takes 0.4 (NVIDIA's 580 on an H200): too long where all programs are in a cache.
-const AT_ONCE: u32 = 4;
-/// Each further one is started where orders have been waiting for so much longer.
-const STAGGER: Duration = Duration::from_millis(150);
+/// How long orders may wait without one being finished before all builders start. Drivers start one after the other, 0.2 s each on
+/// an H200, where a cached program is loaded in as much: one builder is enough until something has to be compiled.
+const PATIENCE: Duration = Duration::from_millis(900);
 
 /// A program: for which device, by the hash of its text and options. The depth of a tree's stack follows from the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -51,8 +49,10 @@ pub trait Needs {
 #[derive(Default)]
 struct State {
     waiting: VecDeque<Order>,
-    /// Since when there have been orders waiting.
+    /// Since when orders have been waiting without one being finished.
     waiting_since: Option<Instant>,
+    /// Whether something had to be compiled.
+    compiles: bool,
     /// All programs ordered so far.
     ordered: HashSet<Program>,
     /// Finished programs, with the result if the builder survived. A point that waits for a program takes it from here.
@@ -121,8 +121,8 @@ impl Ahead {
     ) -> R {
         std::thread::scope(|scope| {
             let _closing = Closing(self);
-            for (number, mut spawner) in (1..).zip(builders) {
-                let patience = STAGGER * u32::saturating_sub(number, AT_ONCE);
+            for (number, mut spawner) in builders.into_iter().enumerate() {
+                let patience = if number == 0 { Duration::ZERO } else { PATIENCE };
                 scope.spawn(move || self.serve(spawner.as_mut(), patience, limit, interrupted));
             }
             work()
@@ -202,12 +202,13 @@ impl Ahead {
         }
     }
 
-    /// An order, once some have been waiting for as long as `patience`; none where the run ends.
+    /// An order, once something was compiled or some have been waiting for as long as `patience`; none where the run ends.
     fn next(&self, patience: Duration) -> Option<Order> {
         let mut state = self.locked();
         while !state.closed {
             let waited =
                 state.waiting_since.filter(|_| !state.waiting.is_empty()).map(|since| since.elapsed());
+            let patience = if state.compiles { Duration::ZERO } else { patience };
             match waited.map(|waited| patience.saturating_sub(waited)) {
                 None => state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
                 Some(Duration::ZERO) => return state.waiting.pop_front(),
@@ -226,7 +227,11 @@ impl Ahead {
             tally.work_ms += built.build_ms;
             *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
         }
-        self.locked().done.insert(program, built);
+        let mut state = self.locked();
+        state.compiles |= built.as_ref().is_some_and(|built| !built.from_cache);
+        state.waiting_since = Some(Instant::now());
+        state.done.insert(program, built);
+        drop(state);
         self.changed.notify_all();
     }
 

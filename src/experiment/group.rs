@@ -25,7 +25,7 @@ pub struct OpenGroup {
     points: Vec<PendingPoint>,
     /// Launches that every point has been sampled in.
     whole: usize,
-    /// How often it was visited: each time in fresh workers.
+    /// How often it was visited: each time by workers of another launch.
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
@@ -74,27 +74,25 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
-    /// Measures one launch in fresh workers; those of the group that comes next are started beside its checks. A launch that
-    /// loses a worker is repeated whole. While points are timed nobody else measures on their devices.
+    /// Measures one launch. One that loses a worker is repeated whole, in fresh workers. While points are timed nobody else
+    /// measures on their devices.
     pub fn visit(
         &mut self,
-        next: Option<&Self>,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
-        supervisor.turn_to_next();
         let launches = run.experiment.timing.launches as usize;
         if self.visits == 0 {
             self.adopt(&run.stopping_rule(), launches, sink);
         }
-        if self.visits == 0 && self.whole < launches {
+        self.visits += 1;
+        supervisor.turn_to(self.visits, self.tasks());
+        if self.visits == 1 && self.whole < launches {
             self.build(run, supervisor, sink)?;
         }
-        self.visits += 1;
         loop {
-            supervisor.retire();
-            self.check(next, run, supervisor, sink)?;
+            self.check(run, supervisor, sink)?;
             if self.whole == launches || self.points.is_empty() {
                 break;
             }
@@ -106,7 +104,10 @@ impl OpenGroup {
                     break;
                 }
                 End::AllFailed => break,
-                End::Broken => sink.says("a worker was lost: its launch is repeated whole"),
+                End::Broken => {
+                    sink.says("a worker was lost: its launch is repeated whole");
+                    supervisor.retire();
+                }
             }
         }
         if self.whole == launches { self.finish(sink) } else { Ok(()) }
@@ -152,7 +153,6 @@ impl OpenGroup {
     /// Checks every point; one that fails has its record.
     fn check(
         &mut self,
-        next: Option<&Self>,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
@@ -160,7 +160,6 @@ impl OpenGroup {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
         supervisor.start_ahead(self.tasks())?;
-        supervisor.start_next(next.into_iter().flat_map(Self::tasks))?;
         for mut pending in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
             let interrupted = supervisor.interrupted();
@@ -187,7 +186,7 @@ impl OpenGroup {
             }
             sink.advances(left);
         }
-        supervisor.await_next()
+        Ok(())
     }
 
     /// Takes the rounds of one launch.

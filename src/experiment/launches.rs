@@ -57,14 +57,10 @@ pub fn serve(
     supervisor: &mut Supervisor<'_>,
     sink: &mut impl ResultSink,
 ) -> Result<()> {
-    let mut next = waiting.take(device);
-    while let Some(mut group) = next {
+    while let Some(mut group) = waiting.take(device) {
         device.into_iter().for_each(|device| group.settle(device));
-        // Of several devices none may hold back what another could measure.
-        next = if device.is_none() { waiting.take(None) } else { None };
-        group.visit(next.as_ref(), run, supervisor, sink).inspect_err(|_| waiting.locked().clear())?;
+        group.visit(run, supervisor, sink).inspect_err(|_| waiting.locked().clear())?;
         waiting.put_back(group);
-        next = next.or_else(|| waiting.take(device));
     }
     Ok(())
 }

@@ -153,6 +153,8 @@ enum Side {
 mod tests {
     use super::super::intersect::moller_trumbore;
     use super::*;
+    use crate::scene::{Mesh, Triangle};
+    use glam::Vec3;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -207,5 +209,49 @@ mod tests {
             }
         }
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
+    }
+
+    /// Squares across the z axis, two triangles each, so far down it.
+    fn squares(depths: &[f32]) -> Tree {
+        let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
+        for depth in depths {
+            let first = mesh.positions.len() as u32;
+            let corners = [[-3.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-3.0, 2.0]];
+            mesh.positions.extend(corners.map(|[x, y]| Vec3::new(x, y, -depth)));
+            for positions in [[0, 1, 2], [0, 2, 3]] {
+                let positions = positions.map(|corner| first + corner);
+                mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
+            }
+        }
+        Tree::new(&mesh, Culling::None)
+    }
+
+    /// Down the z axis, beside the squares' diagonals.
+    fn down() -> Beam {
+        Beam::new(DVec3::new(0.5, -0.5, 0.0), DVec3::NEG_Z, 1e-9)
+    }
+
+    #[test]
+    fn what_is_first_is_not_sure_at_the_near_plane_or_before_a_rival() {
+        let first = |depths: &[f32], near: f64| down().first(&squares(depths), near, 1e-6);
+        assert_eq!(first(&[1.0], 0.5), Some(Some(0)));
+        assert_eq!(first(&[1.0], 2.0), Some(None));
+        assert_eq!(first(&[1.0], 1.0), None, "it lies in the near plane");
+        assert_eq!(first(&[1.0, 1.1], 0.5), Some(Some(0)));
+        assert_eq!(first(&[1.1, 1.0], 0.5), Some(Some(2)));
+        assert_eq!(first(&[1.0, 1.000_000_5], 0.5), None, "half of what makes a rival behind it");
+    }
+
+    #[test]
+    fn a_surface_is_not_in_its_own_way() {
+        let tree = squares(&[1.0, 2.0]);
+        let stopped = |own: u32, least: f64| {
+            down().is_stopped_on_the_way_here(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
+        };
+        // The second square is looked at from the origin: the first is before it.
+        assert_eq!(stopped(2, 1.9), Some(true));
+        assert_eq!(stopped(0, 1.1), Some(false), "nothing else is as near");
+        assert_eq!(stopped(0, 0.5), Some(false));
+        assert_eq!(stopped(2, 1.0 - 1e-4), None, "the first square ends where it may or may not count");
     }
 }

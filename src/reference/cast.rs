@@ -211,6 +211,21 @@ mod tests {
     }
 
     #[test]
+    fn a_surface_is_a_rival_that_lies_no_farther_behind_the_hit_than_asked_for() {
+        for (behind, count) in [(0.0, 1), (5e-7, 1), (1e-5, 0)] {
+            let mut scene = fixtures::single_triangle();
+            let mut other = fixtures::single_triangle().mesh;
+            // Straight down the camera's axis, so that a ray's length and a depth grow alike.
+            other.positions.iter_mut().for_each(|position| *position *= 1.0 + behind);
+            scene.mesh.append(other);
+            let caster = exhaustive::<f64>(&scene, [80, 50]);
+            let (ray, hit) = caster.look(40.5, 25.5);
+            let hit = hit.expect("the triangle");
+            assert_eq!((hit.triangle, caster.rivals(&ray, &hit, 1e-6).len()), (0, count), "{behind}");
+        }
+    }
+
+    #[test]
     fn an_image_without_pixels_is_empty() {
         assert_eq!(cast_parallel_f32(&fixtures::figure_4(), [0, 3]).pixels.len(), 0);
     }

@@ -25,7 +25,6 @@ timing = { launches = 1, warmup = 0, min_samples = 4, max_samples = 4, time_limi
 "#;
 /// Two image sizes, three local sizes, two strategies.
 pub const POINTS: usize = 12;
-pub const GROUPS: usize = 2;
 static CASTS: AtomicUsize = AtomicUsize::new(0);
 
 fn experiment(text: &str) -> Experiment {

@@ -214,7 +214,9 @@ mod tests {
         assert_eq!([verdict(5, 8), verdict(5, 4)], [Verdict::Held, Verdict::NotHeld]);
         assert_eq!([verdict(4, 8), verdict(4, 4)], [Verdict::Unclear, Verdict::Unclear]);
         assert_eq!(verdict(4, 16), Verdict::NotHeld, "of the ranked one it is known");
-        assert!(Fastest::of(&[]).is_none());
+        let three = judged([2, 4, 8].map(|side| measured("gpu", "naive", side, f64::from(side))));
+        let few = |count: usize| Fastest::of(&three.iter().take(count).collect::<Vec<_>>()).is_none();
+        assert_eq!([0, 1, 2, 3].map(few), [true, true, true, false], "of two the fastest means little");
     }
 
     #[test]
