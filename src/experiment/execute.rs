@@ -43,7 +43,7 @@ impl Run<'_> {
         })
     }
 
-    /// RequestHandler the points that the results lack to `measure`, and summarises what the plan has by then.
+    /// Hands the points that the results lack to `measure`, and summarises what the plan has by then.
     fn measure(
         &self,
         results: &mut Results,
