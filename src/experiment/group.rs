@@ -9,7 +9,7 @@ use super::complete::{Taken, complete};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
-use super::supervisor::{Checked, Supervisor};
+use super::supervisor::{Checked, Supervisor, Task};
 use crate::device::DeviceInfo;
 use crate::device_lock::LockName;
 use crate::error::Result;
@@ -49,6 +49,10 @@ impl OpenGroup {
         &self.points
     }
 
+    fn tasks(&self) -> impl Iterator<Item = Task<'_>> {
+        self.points.iter().map(PendingPoint::task)
+    }
+
     /// Whether its points are casters on the host alone.
     pub fn is_on_host(&self) -> bool {
         self.points.iter().all(|pending| pending.record.is_baseline())
@@ -70,14 +74,16 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
-    /// Measures one launch in fresh workers. One that loses a worker is repeated whole. While points are timed nobody else
-    /// measures on their devices.
+    /// Measures one launch in fresh workers; those of the group that comes next are started beside its checks. A launch that
+    /// loses a worker is repeated whole. While points are timed nobody else measures on their devices.
     pub fn visit(
         &mut self,
+        next: Option<&Self>,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
+        supervisor.turn_to_next();
         let launches = run.experiment.timing.launches as usize;
         if self.visits == 0 {
             self.adopt(&run.stopping_rule(), launches, sink);
@@ -88,7 +94,7 @@ impl OpenGroup {
         self.visits += 1;
         loop {
             supervisor.retire();
-            self.check(run, supervisor, sink)?;
+            self.check(next, run, supervisor, sink)?;
             if self.whole == launches || self.points.is_empty() {
                 break;
             }
@@ -131,13 +137,14 @@ impl OpenGroup {
     fn build(
         &mut self,
         run: &Run<'_>,
-        supervisor: &Supervisor<'_>,
+        supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
         let Some(ahead) = run.ahead else { return Ok(()) };
         // As a check does, it would disturb whoever measures.
         let devices = lock_names(run, &self.points);
         drop(run.locks.take_all(devices, &mut |line| sink.says(line), supervisor.interrupted())?);
+        supervisor.start_ahead(self.tasks())?;
         sink.works_on("building programs");
         ahead.need(&mut self.points, supervisor.interrupted())
     }
@@ -145,6 +152,7 @@ impl OpenGroup {
     /// Checks every point; one that fails has its record.
     fn check(
         &mut self,
+        next: Option<&Self>,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
@@ -154,7 +162,8 @@ impl OpenGroup {
         // Starting drivers would disturb as checks do.
         let interrupted = supervisor.interrupted();
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
-        supervisor.start_ahead(self.points.iter().map(PendingPoint::task))?;
+        supervisor.start_ahead(self.tasks())?;
+        supervisor.start_next(next.into_iter().flat_map(Self::tasks))?;
         for mut pending in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
             let interrupted = supervisor.interrupted();
@@ -181,7 +190,7 @@ impl OpenGroup {
             }
             sink.advances(left);
         }
-        Ok(())
+        supervisor.await_next()
     }
 
     /// Takes the rounds of one launch.

@@ -87,6 +87,13 @@ struct Post {
     ready: HashSet<usize>,
 }
 
+/// A worker that was started ahead.
+struct Starting {
+    worker: Box<dyn Worker>,
+    /// Whether it has reported that its device is open.
+    opened: bool,
+}
+
 /// What a check found; with `false` the record says why the point cannot be cast.
 pub type Checked = (Box<Record>, bool);
 
@@ -98,8 +105,10 @@ pub struct Supervisor<'a> {
     limit: Duration,
     /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started ahead and have not reported that they are ready.
-    starting: HashMap<(usize, usize), Box<dyn Worker>>,
+    /// Workers of the present group that were started ahead of their first request.
+    starting: HashMap<(usize, usize), Starting>,
+    /// Workers of the group that comes next.
+    next: HashMap<(usize, usize), Starting>,
     deaths: HashMap<usize, u32>,
     given_up: usize,
     losses: usize,
@@ -116,6 +125,7 @@ impl<'a> Supervisor<'a> {
             limit,
             posts: HashMap::new(),
             starting: HashMap::new(),
+            next: HashMap::new(),
             deaths: HashMap::new(),
             given_up: 0,
             losses: 0,
@@ -130,17 +140,44 @@ impl<'a> Supervisor<'a> {
 
     /// Lets the workers go: what comes next is done by fresh ones.
     pub fn retire(&mut self) {
-        let mut workers: Vec<_> = self.posts.drain().map(|(_, post)| post.worker).collect();
-        workers.extend(self.starting.drain().map(|(_, worker)| worker));
-        // Each is waited for when it is dropped.
-        workers.iter_mut().for_each(|worker| worker.dismiss());
+        dismiss(self.posts.drain().map(|(_, post)| post.worker).collect());
     }
 
-    /// Starts the workers of points beside each other: most of a start is waiting for a driver.
+    /// Turns to the next group: workers that were started for it are its own from now on.
+    pub fn turn_to_next(&mut self) {
+        let next = std::mem::take(&mut self.next);
+        let unused = std::mem::replace(&mut self.starting, next);
+        dismiss(unused.into_values().map(|starting| starting.worker).collect());
+    }
+
+    /// Starts the workers of the present group beside each other: most of a start is waiting for a driver.
     pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
         for post in tasks.map(|task| task.post()) {
             if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
-                self.starting.insert(post, self.spawner.spawn(post.0)?);
+                let worker = self.spawner.spawn(post.0)?;
+                self.starting.insert(post, Starting { worker, opened: false });
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts the workers of the group that comes next, beside the checks of the present one.
+    pub fn start_next<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
+        for post in tasks.map(|task| task.post()) {
+            if !self.next.contains_key(&post) {
+                let worker = self.spawner.spawn(post.0)?;
+                self.next.insert(post, Starting { worker, opened: false });
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until the next group's workers have opened their devices, so that no start disturbs what is timed. One that cannot is
+    /// started again when its turn comes.
+    pub fn await_next(&mut self) -> Result<()> {
+        for (post, mut starting) in std::mem::take(&mut self.next) {
+            if starting.opened || self.opens(starting.worker.as_mut())?.is_ok() {
+                self.next.insert(post, Starting { opened: true, ..starting });
             }
         }
         Ok(())
@@ -227,8 +264,8 @@ impl<'a> Supervisor<'a> {
     /// A worker that has opened its device. One that cannot ends the run: its points are not lost, they are yet
     /// to be measured.
     fn start(&mut self, post: (usize, usize)) -> Result<Post> {
-        if let Some(mut worker) = self.starting.remove(&post)
-            && self.opens(worker.as_mut())?.is_ok()
+        if let Some(Starting { mut worker, opened }) = self.starting.remove(&post)
+            && (opened || self.opens(worker.as_mut())?.is_ok())
         {
             return Ok(Post { worker, ready: HashSet::new() });
         }
@@ -293,6 +330,11 @@ impl<'a> Supervisor<'a> {
         let reason = format!("{twice} {}", death.describe());
         Some(PointFailure::new(Outcome::Crashed, reason))
     }
+}
+
+/// Lets workers end beside each other; each is waited for.
+fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
+    workers.iter_mut().for_each(|worker| worker.dismiss());
 }
 
 impl Death {
