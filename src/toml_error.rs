@@ -27,7 +27,31 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
             Error::in_file(name, text, span, format!("unknown {one} `{key}`{suggestion}"), label)
                 .with_help(format!("the {all} here are {}", known.join(", ")))
         }
-        _ => Error::in_file(name, text, span, message.replace("invalid type: ", "wrong type: "), "here")
-            .with_help(help),
+        _ => Error::in_file(name, text, span, in_plain_words(&message), "here").with_help(help),
+    }
+}
+
+/// serde's message without its names for what TOML has.
+fn in_plain_words(message: &str) -> String {
+    let message = message.replace("invalid type: ", "wrong type: ");
+    // The name of a type of Rust follows.
+    match message.split_once("expected struct ") {
+        Some((before, _)) => format!("{before}expected a table"),
+        None => message,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_name_no_types_of_rust() {
+        let plain = in_plain_words("invalid type: integer `3`, expected struct SkyWire");
+        assert_eq!(plain, "wrong type: integer `3`, expected a table");
+        assert_eq!(
+            in_plain_words("invalid type: string \"a\", expected f64"),
+            "wrong type: string \"a\", expected f64"
+        );
     }
 }

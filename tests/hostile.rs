@@ -1,7 +1,7 @@
 //! What somebody with bad intentions, or a broken machine, can put in the way: drivers that die when they are listed,
 //! results folders that lead elsewhere, arguments that are no text.
 
-use crate::binary::{Place, device, has, one_point};
+use crate::binary::{Place, TRIANGLE, device, has, one_point};
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
@@ -74,6 +74,26 @@ fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
 #[test]
 fn a_driver_that_hangs_when_it_is_listed_is_left_out_of_pictures_and_lists() {
     is_left_out("for (;;) pause()", "has not answered");
+}
+
+#[test]
+fn nothing_is_left_behind_of_a_driver_that_is_left_out_and_a_pipe_is_read_once() {
+    let place = one_point();
+    let vendors = among_good_ones(&place, "abort()");
+    std::fs::create_dir(place.path("tmp")).expect("a folder");
+    let failing = |scene: &str, code| {
+        let mut raycl = place.raycl(&["render", scene, "-o", "a.png", "--device", "cpu"]);
+        raycl.env("OCL_ICD_VENDORS", &vendors).env("TMPDIR", place.path("tmp")).write_stdin(TRIANGLE);
+        String::from_utf8(raycl.assert().code(code).get_output().stderr.clone()).expect("UTF-8")
+    };
+    has(&failing("nothing.toml", 2), &["bad.icd is left out", "nothing.toml"]);
+    let said = failing("-", 1);
+    has(&said, &["bad.icd is left out", "standard input cannot be read again", "name a file instead of `-`"]);
+    let left =
+        std::fs::read_dir(place.path("tmp")).expect("the folder").map(|entry| entry.expect("a file").path());
+    let left: Vec<_> = left.filter(|path| path.join("000.icd").exists()).collect();
+    assert!(left.is_empty(), "{left:?}");
+    assert!(!place.path("a.png").exists());
 }
 
 #[test]

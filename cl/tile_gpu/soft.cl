@@ -75,6 +75,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 INLINED int reaches(const Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);
-    const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.distance > bias);
+    // A light so near is on the surface; of a sky that reaches no farther nothing is hidden.
+    const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
     return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
 }

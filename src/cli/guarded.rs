@@ -14,14 +14,19 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's own command line in a process of its own, and ends as that one does.
+/// Runs this process's own command line in a process of its own, and ends as that one does. A command that reads standard input
+/// cannot be run twice.
 ///
 /// # Errors
 /// A driver that ended it, where leaving drivers out does not help.
-pub fn run() -> Result<()> {
+pub fn run(reads_standard_input: bool) -> Result<()> {
     let status = attempt(&[])?;
     let Some(cause) = drivers_doing(status) else { return end_as(status) };
-    let folder = tempfile::tempdir().map_err(failed)?;
+    end_as(without_broken(&cause, reads_standard_input)?)
+}
+
+/// Tries the drivers one by one, and runs the command again without those that fail.
+fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
     for driver in installed() {
@@ -31,15 +36,21 @@ pub fn run() -> Result<()> {
         }
     }
     if broken.is_empty() {
-        return Err(Error::run(format!("{cause}, though every driver lists its devices"))
-            .with_help("try another device: `raycl devices` lists them, --device names one"));
+        return Err(Error::run(format!("{cause}, though every driver lists its devices")).with_help(
+            "try another device (`raycl devices` lists them, --device names one), another --strategy or a smaller --local-size",
+        ));
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
     }
+    if reads_standard_input {
+        return Err(Error::run(format!("{cause}, and standard input cannot be read again"))
+            .with_help("name a file instead of `-`: raycl then goes on without those drivers"));
+    }
+    let folder = tempfile::tempdir().map_err(failed)?;
     let status = attempt(&only(&good, folder.path()).map_err(failed)?)?;
     match drivers_doing(status) {
-        None => end_as(status),
+        None => Ok(status),
         Some(cause) => Err(Error::run(format!("{cause}, with those drivers left out too"))
             .with_help("remove or update the drivers that are named above")),
     }
@@ -83,7 +94,8 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process as another has ended: with its exit code, or as shells say that a signal ended it.
+/// Ends this process as another has ended: with its exit code, or as shells say that a signal ended it. Nothing is dropped then, so
+/// that no temporary folder may be there any more.
 fn end_as(status: ExitStatus) -> Result<()> {
     match status.code() {
         Some(0) => Ok(()),

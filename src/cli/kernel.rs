@@ -49,6 +49,13 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
+impl Args {
+    /// Whether a device's driver is started for it.
+    pub(super) fn asks_a_device(&self) -> bool {
+        self.device.is_some()
+    }
+}
+
 /// Prints the program.
 pub fn run(args: Args) -> Result<()> {
     let sources = Sources::of(args.cl_dir.clone())?;

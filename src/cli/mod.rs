@@ -128,10 +128,19 @@ enum Command {
 impl Command {
     /// Whether it starts drivers in its own process. Where points are measured, workers do.
     fn starts_drivers(&self) -> bool {
-        matches!(
-            self,
-            Self::Render(_) | Self::Devices(_) | Self::Compile(_) | Self::Peak(_) | Self::Occupancy(_)
-        )
+        match self {
+            Self::Render(_) | Self::Devices(_) | Self::Compile(_) | Self::Peak(_) | Self::Occupancy(_) => {
+                true
+            }
+            Self::Kernel(args) => args.asks_a_device(),
+            Self::Rule(args) => args.measures(),
+            _ => false,
+        }
+    }
+
+    /// Whether it reads standard input, which can be done once.
+    fn reads_standard_input(&self) -> bool {
+        matches!(self, Self::Render(args) if args.reads_standard_input())
     }
 }
 
@@ -164,7 +173,7 @@ impl Cli {
     pub fn run(self) -> Result<()> {
         if self.command.starts_drivers() {
             if !guarded::is_inside() {
-                return guarded::run();
+                return guarded::run(self.command.reads_standard_input());
             }
             guarded::ends_with_its_parent();
         }

@@ -119,6 +119,13 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
+impl Args {
+    /// Whether the scene comes from standard input.
+    pub(super) fn reads_standard_input(&self) -> bool {
+        self.scene.as_os_str() == STANDARD_INPUT
+    }
+}
+
 /// Renders one picture, or with `--watch` one after every change.
 pub fn run(args: Args) -> Result<()> {
     if let Some(devices) = &args.devices {
@@ -130,7 +137,7 @@ pub fn run(args: Args) -> Result<()> {
     if !args.watch {
         return render(&args);
     }
-    if args.scene.as_os_str() == STANDARD_INPUT {
+    if args.reads_standard_input() {
         return Err(
             Error::input("standard input cannot be watched").with_help("give --watch the path of a file")
         );
@@ -144,7 +151,7 @@ pub fn run(args: Args) -> Result<()> {
 fn render(args: &Args) -> Result<()> {
     let mut timeline = if args.watch { Timeline::begin() } else { Timeline::of_process() };
     let target = target(args);
-    check_target(&target)?;
+    check_target(&target, [args.width, args.height])?;
     let layer_targets = layer_files(args)?;
     let sources = Sources::of(args.cl_dir.clone())?;
     timeline.ends("start");

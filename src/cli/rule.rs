@@ -25,19 +25,19 @@ pub struct Args {
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
     /// A word of the device's name, platform or vendor, or cpu or gpu
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
     /// Measure only cases whose name has this in it
-    #[arg(long, value_name = "WORD")]
+    #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
     /// Rounds, of which the least counts
-    #[arg(long, default_value_t = ROUNDS, value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
     /// What a reader should know of the machine, stored beside the times
-    #[arg(long, value_name = "WORDS", default_value = "")]
+    #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
     /// Store the sweep
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", conflicts_with_all = ["fit", "show"])]
     output: Option<PathBuf>,
     /// Print the rule's constants, as the program's text, made of stored sweeps
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
@@ -45,6 +45,13 @@ pub struct Args {
     /// Print what the rule chooses of stored sweeps
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with = "cases")]
     show: Vec<PathBuf>,
+}
+
+impl Args {
+    /// Whether a device's driver is started for it.
+    pub(super) fn measures(&self) -> bool {
+        self.cases.is_some()
+    }
 }
 
 /// Measures, shows or fits.
@@ -57,12 +64,12 @@ pub fn run(args: Args) -> Result<()> {
         super::print(text(&sweep)?)?;
     }
     let Some(path) = &args.cases else { return Ok(()) };
+    let output = args.output.as_ref();
+    let target = output.map(|path| Target::new(path, Choice { force: false, elsewhere: "-o FILE" }));
+    target.iter().try_for_each(Target::check)?;
     let sweep = measure(&args, path)?;
     super::print(text(&sweep)?)?;
-    match &args.output {
-        Some(path) => Target::new(path, Choice { force: false, elsewhere: "-o FILE" }).write_json(&sweep),
-        None => Ok(()),
-    }
+    target.iter().try_for_each(|target| target.write_json(&sweep))
 }
 
 fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
@@ -84,7 +91,14 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
         let word = args.only.as_deref().unwrap_or("");
         case.devices.iter().any(|name| name == kind) && case.name.contains(word)
     };
-    let wanted: Vec<Case> = cases(path)?.into_iter().filter(is_wanted).collect();
+    let all = cases(path)?;
+    let wanted: Vec<Case> = all.iter().filter(|case| is_wanted(case)).cloned().collect();
+    if wanted.is_empty() {
+        let of = args.only.as_ref().map(|word| format!(" with '{word}' in its name")).unwrap_or_default();
+        let message = format!("none of the {} cases of '{}' is for a {kind}{of}", all.len(), path.display());
+        return Err(Error::input(message)
+            .with_help("each case's `devices` are cpu and gpu; --only takes a part of its name"));
+    }
     let _held = hold(&[&device.info], false)?;
     let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
     Ok(Sweep {

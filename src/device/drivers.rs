@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 
 /// Where loaders look for drivers unless told.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
-/// The variable that names another folder, or one .icd file.
+/// The variable that names another folder, one .icd file, or one library.
 const FOLDER: &str = "OCL_ICD_VENDORS";
+/// The variable that names another folder where that one is not set.
+const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The variable that names libraries beside those.
 const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
@@ -31,39 +33,55 @@ impl std::fmt::Display for Driver {
 
 /// Every driver that is installed or named by the environment.
 pub fn installed() -> Vec<Driver> {
-    let folder = std::env::var_os(FOLDER).map_or_else(|| VENDORS.into(), PathBuf::from);
+    let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let usual = set(USUAL_FOLDER).unwrap_or_else(|| VENDORS.into());
     let libraries = std::env::var(LIBRARIES).unwrap_or_default();
     let named = libraries.split(':').filter(|name| !name.is_empty()).map(|name| Driver::Library(name.into()));
-    icd_files(&folder).into_iter().map(Driver::Icd).chain(named).collect()
+    found(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
-/// The .icd files of a folder, or the one that is named itself.
-fn icd_files(path: &Path) -> Vec<PathBuf> {
-    let is_icd = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "icd");
-    if path.is_file() {
-        return vec![path.to_owned()];
+/// What a loader finds in the usual folder, or where it is told to look: in a folder, by an .icd file (of the usual folder, where its
+/// name has no slash and it is there), or by a library's name.
+fn found(told: Option<&Path>, usual: &Path) -> Vec<Driver> {
+    let folder = told.unwrap_or(usual);
+    if told.is_none() || folder.is_dir() {
+        return icd_files(folder).into_iter().map(Driver::Icd).collect();
     }
-    let entries = std::fs::read_dir(path).into_iter().flatten();
+    if !is_icd(folder) {
+        return vec![Driver::Library(folder.to_string_lossy().into_owned())];
+    }
+    let beside = usual.join(folder);
+    let is_bare = folder.components().count() == 1;
+    vec![Driver::Icd(if is_bare && beside.is_file() { beside } else { folder.to_owned() })]
+}
+
+/// The .icd files of a folder, in order.
+fn icd_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> =
-        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_icd).collect();
+        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|file| is_icd(file)).collect();
     files.sort();
     files
 }
 
-/// The variables under which a loader finds some drivers and no others. Their .icd files are copied to `folder`, which has to be
-/// empty and to outlive the loader.
+fn is_icd(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension == "icd")
+}
+
+/// The variables under which a loader finds some drivers and no others. Their .icd files are in `folder`, which has to be empty and to
+/// outlive the loader: those of libraries too, since not every loader reads a variable that names libraries.
 ///
 /// # Errors
-/// A file that cannot be copied.
+/// A file that cannot be copied or written.
 pub fn only(drivers: &[Driver], folder: &Path) -> io::Result<[(&'static str, OsString); 2]> {
-    let mut libraries = Vec::new();
     for (place, driver) in drivers.iter().enumerate() {
+        let copy = folder.join(format!("{place:03}.icd"));
         match driver {
-            Driver::Icd(file) => drop(std::fs::copy(file, folder.join(format!("{place:03}.icd")))?),
-            Driver::Library(name) => libraries.push(name.as_str()),
+            Driver::Icd(file) => drop(std::fs::copy(file, copy)?),
+            Driver::Library(name) => std::fs::write(copy, format!("{name}\n"))?,
         }
     }
-    Ok([(FOLDER, folder.into()), (LIBRARIES, libraries.join(":").into())])
+    Ok([(FOLDER, folder.into()), (LIBRARIES, OsString::new())])
 }
 
 #[cfg(test)]
@@ -78,8 +96,16 @@ mod tests {
         }
         let [a, b] = ["a.icd", "b.icd"].map(|name| folder.path().join(name));
         assert_eq!(icd_files(folder.path()), [a.clone(), b]);
-        assert_eq!(icd_files(&a), [a]);
         assert!(icd_files(&folder.path().join("none")).is_empty());
+        let icd = |file: &Path| vec![Driver::Icd(file.to_owned())];
+        assert_eq!(found(None, folder.path()).len(), 2);
+        assert_eq!(found(Some(folder.path()), Path::new("/none")).len(), 2);
+        assert_eq!(found(Some(&a), Path::new("/none")), icd(&a));
+        // As ocl-icd does, which looks for a name without a slash in its folder first.
+        assert_eq!(found(Some(Path::new("a.icd")), folder.path()), icd(&a));
+        assert_eq!(found(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
+        let library = Driver::Library("libone.so.1".into());
+        assert_eq!(found(Some(Path::new("libone.so.1")), folder.path()), [library]);
     }
 
     #[test]
@@ -91,9 +117,9 @@ mod tests {
             [Driver::Icd(icd), Driver::Library("libtwo.so".into()), Driver::Library("/three.so".into())];
         let [folder, libraries] = only(&some, to.path()).expect("a copy");
         assert_eq!(folder, (FOLDER, to.path().into()));
-        assert_eq!(libraries, (LIBRARIES, "libtwo.so:/three.so".into()));
-        let copies = icd_files(to.path());
-        assert_eq!(copies.len(), 1);
-        assert_eq!(std::fs::read_to_string(&copies[0]).expect("the copy"), "libone.so\n");
+        assert_eq!(libraries, (LIBRARIES, "".into()));
+        let texts: Vec<_> =
+            icd_files(to.path()).iter().map(|copy| std::fs::read_to_string(copy).expect("a copy")).collect();
+        assert_eq!(texts, ["libone.so\n", "libtwo.so\n", "/three.so\n"]);
     }
 }

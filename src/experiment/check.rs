@@ -121,7 +121,7 @@ impl<'a> Checker<'a> {
         let expected = self.references.reference(number, scene, record.image_size, cast.culling);
         let verdict = verify(&cast.image, cast.hits, expected, scene.display);
         // A caster on the host counts none.
-        record.shadow_rays.get_or_insert((expected.hits * scene.lights.len()) as u64);
+        record.shadow_rays.get_or_insert((expected.hits * scene.shadow_rays_per_hit()) as u64);
         views::keep(&mut self.pictures, record, &cast.image, expected, scene, cast.culling)?;
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
         record.worst_pixel = verdict.worst_pixel;
@@ -174,7 +174,7 @@ fn cast_kernel(
     record.kernels = prepared.made(&caster, &prepared.program.log(), &prepared.program.ptx());
     caster.cast().map_err(Refused::at("the launch"))?;
     let (image, hits) = caster.read().map_err(Refused::at("reading the image"))?;
-    record.shadow_rays = Some((hits * workload.lights) as u64);
+    record.shadow_rays = Some((hits * (workload.lights + usize::from(workload.sky))) as u64);
     Ok(Cast { image, hits: Some(hits), culling: strategy.culling, ready: Ready::Kernel(Box::new(caster)) })
 }
 

@@ -159,6 +159,9 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
+        // Starting drivers would disturb as checks do.
+        let interrupted = supervisor.interrupted();
+        drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;
         for mut pending in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.

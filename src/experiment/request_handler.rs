@@ -41,7 +41,7 @@ pub struct RequestHandler<'a> {
 }
 
 impl<'a> RequestHandler<'a> {
-    /// RequestHandler without work yet.
+    /// A handler without work yet.
     pub fn new(
         drafter: Drafter<'a>,
         plan: Plan,

@@ -27,6 +27,9 @@ const EXTENSIONS: [(&str, Format); 5] = [
     ("hdr", Format::Hdr),
 ];
 
+/// Pixels of a JPEG across, or down, at most: it has 16 bits for their number.
+const MOST_OF_JPEG: u32 = u16::MAX as u32;
+
 /// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
 /// EXR and HDR as linear radiance. The file is written whole or not at all, and a file that raycl did not make stays.
 ///
@@ -42,10 +45,17 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     })
 }
 
-/// Finds out before any work is done whether [`save`] would refuse a file: by its extension, for want of its folder, or
-/// for what is there.
-pub fn check_target(target: &Target) -> Result<()> {
-    format_of(target)?;
+/// Finds out before any work is done whether [`save`] would refuse a file of so many pixels across and down: by its extension, for
+/// want of its folder, or for what is there.
+pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
+    if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
+        let name = target.path().display();
+        let message = format!(
+            "cannot write '{name}': {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} each way"
+        );
+        let png = target.path().with_extension("png");
+        return Err(Error::input(message).with_help(format!("name it '{}'", png.display())));
+    }
     target.check()
 }
 
@@ -215,10 +225,23 @@ mod tests {
 
     const NAMES: [&str; 5] = ["a.png", "a.jpg", "a.jpeg", "a.exr", "a.hdr"];
 
+    #[test]
+    fn a_jpeg_that_has_no_room_for_the_pixels_is_refused_before_any_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let check = |name: &str, size| check_target(&target(&folder.path().join(name), false), size);
+        let refused = check("a.jpg", [65_536, 1]).unwrap_err();
+        assert!(
+            refused.to_string().ends_with("65536 x 1 pixels; a JPEG has at most 65535 each way"),
+            "{refused}"
+        );
+        assert!(refused.remedy().ends_with("a.png'") && refused.exit_code() == 2);
+        assert!(check("a.jpg", [65_535, 65_535]).is_ok() && check("a.png", [65_536, 1]).is_ok());
+    }
+
     /// Saves over `path`; returns the message if raycl refuses.
     fn again(path: &Path, force: bool) -> Option<String> {
         let target = target(path, force);
-        let (checked, image) = (check_target(&target), gradient(9, 7));
+        let (checked, image) = (check_target(&target, [9, 7]), gradient(9, 7));
         let saved = save(&image, Display::default(), &target);
         assert_eq!(checked.is_ok(), saved.is_ok(), "both or none");
         saved.err().inspect(|error| assert_eq!(error.exit_code(), 2)).map(|error| error.to_string())

@@ -104,7 +104,9 @@ impl<'a, R: Real> Caster<'a, R> {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
         let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
-        far > R::ZERO && !self.finder.any(&shadow)
+        // What is so near hides a light, and nothing of a sky that reaches no farther.
+        let is_sky = sight.light >= self.scene.lights.len();
+        if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
 
     /// Which lights stand so low over the hit's triangle that rounding decides what shadow rays meet first. Rounding moves a

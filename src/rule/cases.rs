@@ -6,12 +6,18 @@ use crate::scene::{Scene, load_scene_with};
 use crate::strategy::Task;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// A scene of fewer triangles is one of few.
 const FEW: usize = 50;
 /// More triangles per pixel than this are dense.
 const DENSE: usize = 4;
+
+/// Kinds of devices.
+const DEVICES: [&str; 2] = ["cpu", "gpu"];
+/// Pixels across, or down, as `render` takes them.
+const SIZES: RangeInclusive<u32> = 1..=65536;
 
 /// What makes a choice hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
@@ -61,6 +67,17 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
     };
     let text = reader::text(path, reader::Kind::Toml).map_err(|error| wrong(&error))?;
     let File { case } = toml::from_str(&text).map_err(|error| wrong(&error))?;
+    for Case { name, devices, size, .. } in &case {
+        if let Some(device) = devices.iter().find(|device| !DEVICES.contains(&device.as_str())) {
+            return Err(wrong(&format!("the case '{name}' is for '{device}'; expected cpu or gpu")));
+        }
+        if size.iter().any(|pixels| !SIZES.contains(pixels)) {
+            let [across, down] = size;
+            return Err(wrong(&format!(
+                "the case '{name}' has {across} x {down} pixels; expected 1 to 65536 each"
+            )));
+        }
+    }
     Ok(case)
 }
 
@@ -93,6 +110,20 @@ impl Case {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_case_for_no_device_or_of_no_pixels_is_a_mistake() {
+        let refused = |devices: &str, size: &str| {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            let case =
+                format!("[[case]]\nname = \"a\"\nscene = \"a.toml\"\nsize = {size}\ndevices = {devices}\n");
+            std::fs::write(file.path(), case).unwrap();
+            cases(file.path()).err().map(|error| error.to_string()).unwrap_or_default()
+        };
+        assert!(refused("[\"gpus\"]", "[8, 5]").ends_with("the case 'a' is for 'gpus'; expected cpu or gpu"));
+        assert!(refused("[]", "[0, 5]").ends_with("has 0 x 5 pixels; expected 1 to 65536 each"));
+        assert_eq!(refused("[\"gpu\"]", "[8, 5]"), "");
+    }
 
     const KINDS: [Kind; 4] = [Kind::Few, Kind::Inside, Kind::Watertight, Kind::Dense];
 

@@ -121,6 +121,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Shadow rays of each hit: one to every light, and one to the sky.
+    pub fn shadow_rays_per_hit(&self) -> usize {
+        self.lights.len() + usize::from(self.sky.is_some())
+    }
+
     /// A hash of everything that decides the picture, its name aside.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -155,6 +160,8 @@ impl Scene {
         }
         if let Some(Sky { zenith, horizon, up, reach }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
+            // A word of its own before: no radii of lights read as a sky.
+            hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
             hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
         }
         hash_words(&mut hasher, mesh.textures.mapped.iter().flat_map(|row| row.to_words()));

@@ -1,9 +1,10 @@
 //! The program that a picture will probably need, known before its scene is read: that of the last time, or one that the size of the
 //! mesh's file makes likely. A wrong guess costs time only.
 
-use super::{Args, is_dressed, samples, strategy};
+use super::{Args, is_dressed, strategy};
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
+use crate::filetype::unpacked_name;
 use crate::program::{ProgramSpec, Sources};
 use crate::strategy::{Strategy, Task, Workload, preset};
 use serde::{Deserialize, Serialize};
@@ -87,8 +88,14 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let (strategy, local_size) = strategy(args, device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
     let sky = is_dressed(args);
-    let soft_lights = sky && samples(args, sky) > 1;
+    let soft_lights = sky && samples(args) > 1;
     Some((strategy, Workload { local_size, stack_size, soft_lights, sky, ..Workload::default() }))
+}
+
+/// Samples of each pixel: a scene file is none of a bare mesh, which a mesh's name says before it is read.
+pub fn samples(args: &Args) -> u32 {
+    let is_scene = unpacked_name(&args.scene).extension().is_some_and(|ending| ending == "toml");
+    super::samples(args, is_dressed(args) && !is_scene)
 }
 
 /// The scene's file as it is, and all arguments that choose a program.
@@ -146,6 +153,13 @@ mod tests {
         assert_eq!(likely(&[], &other), None);
         std::fs::write(&scene, "as it is now").unwrap();
         assert_eq!(likely(&[], &device), None);
+    }
+
+    #[test]
+    fn only_a_mesh_is_guessed_to_have_several_samples() {
+        let of = |scene: &str, more: &[&str]| samples(&args(Path::new(scene), more));
+        assert_eq!([of("a.toml", &[]), of("a.toml.gz", &[]), of("a.toml", &["--samples", "2"])], [1, 1, 2]);
+        assert_eq!([of("a.obj", &[]), of("-", &[]), of("a.obj", &["--plain"])], [4, 4, 1]);
     }
 
     #[test]

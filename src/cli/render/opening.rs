@@ -100,7 +100,7 @@ fn early(
 /// What shows the picture on a device that does not share the host's memory; where it cannot be built, or the picture is small,
 /// the host does.
 fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
-    let is_one_picture = super::samples(args, super::is_dressed(args)) == 1 && !args.motion.turns();
+    let is_one_picture = guess::samples(args) == 1 && !args.motion.turns();
     let is_small = (args.width as usize) * (args.height as usize) < SHOWN_PIXELS;
     if queue.shares_memory || is_small || !is_one_picture || !may_be_shown(args, &target(args)) {
         return None;

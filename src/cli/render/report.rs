@@ -128,8 +128,7 @@ impl Report {
         let triangles = scene.mesh.triangles.len();
         let pixels = f64::from(width) * f64::from(height) * f64::from(cast.samples);
         let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
-        let shadow_rays = (cast.hits * (scene.lights.len() + usize::from(scene.sky.is_some()))) as f64
-            * f64::from(cast.samples);
+        let shadow_rays = (cast.hits * scene.shadow_rays_per_hit()) as f64 * f64::from(cast.samples);
         let per_s = |count: f64, ms: f64| count / ms * 1e3;
         Self {
             scene: scene.name.clone(),

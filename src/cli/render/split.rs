@@ -92,7 +92,7 @@ impl From<Share> for Row {
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
-    check_target(&target)?;
+    check_target(&target, [args.width, args.height])?;
     let Loaded { scene, notes, .. } = load(args)?;
     let scene = Arc::new(scene);
     let sources = Sources::of(args.cl_dir.clone())?;
@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
-    let rays = f64::from(args.width) * f64::from(args.height) + (hits * scene.lights.len()) as f64;
+    let rays = f64::from(args.width) * f64::from(args.height) + (hits * scene.shadow_rays_per_hit()) as f64;
     let frame_ms = longest(|row| row.frame_ms);
     let report = Report {
         scene: scene.name.clone(),

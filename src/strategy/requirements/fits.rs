@@ -63,13 +63,11 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
     if !workload.is_soft() || family.takes(Fact::Soft) {
         return Ok(());
     }
-    let has = if workload.sky { "sky" } else { "lights with a radius" };
-    Err(Infeasible {
-        reason: format!(
-            "{} has no {has}, which the scene has (of a bare mesh --plain leaves them out)",
-            family.label
-        ),
-    })
+    let (has, remedy) = match workload.sky {
+        true => ("sky", "a scene without [sky], or a bare mesh with --plain, can be cast"),
+        false => ("lights with a radius", "--samples 1 takes them as points"),
+    };
+    Err(Infeasible { reason: format!("{} has no {has}, which the scene has: {remedy}", family.label) })
 }
 
 /// Whether a family colours triangles by textures where the scene has some.
