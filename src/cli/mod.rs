@@ -27,6 +27,7 @@ pub mod rule;
 pub mod run;
 pub mod schema;
 pub mod strategies;
+pub(crate) mod subject;
 mod turn;
 mod watch;
 

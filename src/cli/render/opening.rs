@@ -1,7 +1,7 @@
 //! Reading the scene while the driver starts, and building the program that it will probably need.
 
 use super::timeline::Timeline;
-use super::{Args, guess, load, may_be_shown, strategy, target, task, timed};
+use super::{Args, guess, load, may_be_shown, target, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
@@ -53,7 +53,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             (loaded, load_ms, tree)
         });
         let (opened, start_ms) = timed(|| -> Result<_> {
-            let device = one_device(args.device.as_deref(), sources)?;
+            let device = one_device(args.subject.device.as_deref(), sources)?;
             // The loading thread may have failed already.
             let _ = found.send(device.info.clone());
             let queue = Queue::open(device.platform, device.device)?;
@@ -74,8 +74,8 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     if args.verify.is_some() {
         return None;
     }
-    let (strategy, local_size) = strategy(args, device, task(args, scene)).ok()?;
-    let workload = Workload::of(scene, [args.width, args.height], local_size);
+    let (strategy, local_size) = args.subject.strategy(device, args.subject.task(scene)).ok()?;
+    let workload = Workload::of(scene, args.subject.size(), local_size);
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
