@@ -11,7 +11,7 @@ mod split;
 mod timeline;
 
 use super::subject::Subject;
-use super::watch::{RecursiveMode, watch};
+use super::watch::{folders, watch};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
@@ -28,7 +28,7 @@ use judge::{check, refuse_not_finite};
 use motion::Motion;
 use opening::{Opened, open};
 use report::Report;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use timeline::Timeline;
@@ -107,9 +107,7 @@ pub fn run(args: Args) -> Result<()> {
             Error::input("standard input cannot be watched").with_help("give --watch the path of a file")
         );
     }
-    let folder = args.subject.scene.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut folders = vec![(folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive)];
-    folders.extend(args.subject.cl_dir.clone().map(|folder| (folder, RecursiveMode::Recursive)));
+    let folders = folders(&args.subject.scene, args.subject.cl_dir.as_deref());
     watch(&folders, || render(&args))
 }
 

@@ -2,7 +2,7 @@
 
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
-use super::report::{Verified, preset_of};
+use super::report::Verified;
 use super::{Args, load, ms_since, target};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
@@ -11,7 +11,7 @@ use crate::image::{check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::Loaded;
-use crate::strategy::Task;
+use crate::strategy::{Task, preset_of};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
