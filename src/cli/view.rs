@@ -4,7 +4,7 @@ use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::error::{Error, Result};
 use crate::filetype::STANDARD_INPUT;
-use crate::view::screen::{Screen, Window};
+use crate::view::screen::{Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
 use serde::Serialize;
 
@@ -17,6 +17,9 @@ pub struct Args {
     /// Samples per pixel that add up while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
+    /// Show it in this terminal, in its size, two pixels for each character
+    #[arg(long, conflicts_with_all = ["width", "height"])]
+    terminal: bool,
     /// Go around the scene by itself, a degree with each frame
     #[arg(long)]
     spin: bool,
@@ -79,13 +82,19 @@ pub fn run(args: Args) -> Result<()> {
     if args.subject.scene.as_os_str() == STANDARD_INPUT {
         return Err(Error::input("standard input cannot be watched").with_help("give the path of a file"));
     }
+    if args.terminal {
+        let terminal = Terminal::open()?;
+        let [width, height] = terminal.size();
+        let subject = Subject { width, height, ..args.subject };
+        return show(Args { subject, ..args }, terminal);
+    }
     let title = format!("raycl {}", args.subject.scene.display());
     let window = Window::open(&crate::printer::line(&title), args.subject.size())?;
     show(args, window)
 }
 
 fn show(args: Args, screen: impl Screen) -> Result<()> {
-    let Args { subject, samples, spin, frames, seconds, json, quiet } = args;
+    let Args { subject, samples, spin, frames, seconds, json, quiet, .. } = args;
     let watched = Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()))?;
     let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
     let (live, total) = viewer.run(Until { frames, seconds }, || watched.has_changed())?;

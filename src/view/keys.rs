@@ -34,6 +34,8 @@ pub enum Action {
     LocalSize(isize),
     /// Take the next device.
     Device,
+    /// Show the heat map of tests, or the picture again.
+    Tests,
     /// Go back to the scene's own camera.
     Reset,
     /// Show the keys, or hide them.
@@ -100,6 +102,11 @@ pub const KEYS: &[Row] = &[
         keys: &[(Key::Char('w'), Action::LocalSize(1)), (Key::Char('W'), Action::LocalSize(-1))],
     },
     Row { names: "d", about: "the next device", keys: &[(Key::Char('d'), Action::Device)] },
+    Row {
+        names: "t",
+        about: "the heat map of tests, or the picture",
+        keys: &[(Key::Char('t'), Action::Tests)],
+    },
     Row { names: "r", about: "the scene's own camera again", keys: &[(Key::Char('r'), Action::Reset)] },
     Row { names: "h", about: "these keys", keys: &[(Key::Char('h'), Action::Help)] },
     Row {

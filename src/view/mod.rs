@@ -5,8 +5,11 @@
 
 mod camera;
 mod choices;
+mod heat;
+mod help;
 pub mod keys;
 mod live;
+mod pick;
 mod rate;
 pub mod screen;
 mod sum;
@@ -14,8 +17,11 @@ mod title;
 
 use crate::error::{Error, Result};
 use camera::{Pose, elevation};
+use heat::Heat;
+use image::RgbImage;
 use keys::{Action, action};
 pub use live::Live;
+use pick::{Picked, Picker};
 use rate::Rate;
 pub use rate::Total;
 use screen::{Input, Screen};
@@ -44,8 +50,20 @@ pub struct Viewer<S: Screen> {
     pose: Pose,
     spins: bool,
     rate: Rate,
+    /// The heat map of tests, where it is shown in the picture's place, and the most tests of a pixel.
+    heat: Option<Heat>,
+    most_tests: u32,
+    /// The keys, where they are shown.
+    help: Option<RgbImage>,
+    /// The last picture, without what is drawn over it.
+    shown: Option<RgbImage>,
+    picker: Picker,
+    pointer: Option<[u32; 2]>,
+    picked: Option<Picked>,
     /// What the user ought to know: why a key did nothing.
     note: Option<String>,
+    /// Whether what is drawn over the picture has changed.
+    redraws: bool,
     /// Whether the line beside the picture is out of date.
     stale: bool,
 }
@@ -53,7 +71,23 @@ pub struct Viewer<S: Screen> {
 impl<S: Screen> Viewer<S> {
     /// Shows a scene, which may spin by itself.
     pub fn new(live: Live, screen: S, spins: bool) -> Self {
-        Self { live, screen, pose: Pose::START, spins, rate: Rate::new(), note: None, stale: true }
+        Self {
+            live,
+            screen,
+            pose: Pose::START,
+            spins,
+            rate: Rate::new(),
+            heat: None,
+            most_tests: 0,
+            help: None,
+            shown: None,
+            picker: Picker::default(),
+            pointer: None,
+            picked: None,
+            note: None,
+            redraws: false,
+            stale: true,
+        }
     }
 
     /// Shows it until the user or the time ends it; whether files have `changed` is asked each time.
@@ -68,6 +102,8 @@ impl<S: Screen> Viewer<S> {
                 self.tried(Live::reload);
             }
             let rests = !self.show_next()?;
+            self.redraw()?;
+            self.point(input.pointer);
             self.tell()?;
             let over = until.seconds.is_some_and(|seconds| start.elapsed().as_secs_f64() >= seconds);
             let enough = until.frames.is_some_and(|frames| rests || self.rate.frames() >= frames);
@@ -87,10 +123,49 @@ impl<S: Screen> Viewer<S> {
         if self.spins && self.rate.frames() > 0 {
             self.go(Action::Orbit([SPIN, 0.0]));
         }
-        let Some(frame) = self.live.cast(&self.pose)? else { return Ok(false) };
-        self.screen.show(&frame.picture)?;
-        self.rate.count(frame.rays, frame.ms);
+        let Some(picture) = self.next_picture()? else { return Ok(false) };
+        self.show(picture)?;
+        self.rate.count();
         Ok(true)
+    }
+
+    /// The next picture, or heat map, that is cast; none where nothing has changed and all samples are there.
+    fn next_picture(&mut self) -> Result<Option<RgbImage>> {
+        if let Some(heat) = &mut self.heat {
+            let camera = self.live.camera(&self.pose);
+            let Some(map) = heat.next(&self.live, camera) else { return Ok(None) };
+            self.most_tests = map.most;
+            self.stale = true;
+            return Ok(Some(map.picture));
+        }
+        let Some(frame) = self.live.cast(&self.pose)? else { return Ok(None) };
+        self.rate.count_rays(frame.rays, frame.ms);
+        Ok(Some(frame.picture))
+    }
+
+    /// Shows a picture, under the keys where they are wanted.
+    fn show(&mut self, picture: RgbImage) -> Result<()> {
+        match &self.help {
+            Some(panel) => {
+                let mut under = picture.clone();
+                help::lay(panel, &mut under);
+                self.screen.show(&under)?;
+            }
+            None => self.screen.show(&picture)?,
+        }
+        self.shown = Some(picture);
+        Ok(())
+    }
+
+    /// Shows the last picture again where what is drawn over it has changed.
+    fn redraw(&mut self) -> Result<()> {
+        match self.shown.take() {
+            Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),
+            kept => {
+                self.shown = kept;
+                Ok(())
+            }
+        }
     }
 
     /// Does what the user wants; whether that is to end.
@@ -118,11 +193,38 @@ impl<S: Screen> Viewer<S> {
             Action::Strategy(step) => self.tried(|live| live.next_strategy(step)),
             Action::LocalSize(step) => self.tried(|live| live.next_local_size(step)),
             Action::Device => self.tried(Live::next_device),
-            Action::Help => self.note = Some(keys::lines().collect::<Vec<_>>().join(", ")),
+            Action::Tests => self.turn_heat(),
+            Action::Help => self.turn_help(),
             Action::Quit => return true,
         }
         self.stale = true;
         false
+    }
+
+    /// Shows the heat map of tests, or the picture again.
+    fn turn_heat(&mut self) {
+        let is_shown = self.heat.take().is_some();
+        self.live.moved();
+        if !is_shown {
+            match Heat::new(self.live.scene()) {
+                Ok(heat) => self.heat = Some(heat),
+                Err(error) => self.note = Some(error.to_string()),
+            }
+        }
+    }
+
+    /// Shows the keys, or hides them.
+    fn turn_help(&mut self) {
+        self.help = match self.help.take() {
+            Some(_) => None,
+            None => help::panel().ok(),
+        };
+        let [width, height] = self.live.size();
+        let fits = |panel: &RgbImage| panel.width() <= width && panel.height() <= height;
+        // Where the picture is too small for them, the line beside it has them.
+        let is_told = self.help.as_ref().is_some_and(|panel| !fits(panel));
+        self.note = is_told.then(|| keys::lines().collect::<Vec<_>>().join("; "));
+        self.redraws = true;
     }
 
     /// Looks from somewhere else.
@@ -134,13 +236,41 @@ impl<S: Screen> Viewer<S> {
             Action::Zoom(steps) => self.pose.zoom(steps),
             _ => self.pose = Pose::START,
         }
+        self.changed();
+    }
+
+    /// Begins the picture again.
+    fn changed(&mut self) {
         self.live.moved();
+        self.picked = None;
+        if let Some(heat) = &mut self.heat {
+            heat.restart();
+        }
     }
 
     /// Changes what casts; where that fails, everything stays as it is and the user learns why.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
+        if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
+            self.heat = Heat::new(self.live.scene()).ok();
+        }
+        self.changed();
         self.stale = true;
+    }
+
+    /// Finds what the pointer is at, where that may have changed.
+    fn point(&mut self, pointer: Option<[u32; 2]>) {
+        let known = std::mem::replace(&mut self.pointer, pointer);
+        let Some(pixel) = pointer else {
+            self.stale |= self.picked.take().is_some();
+            return;
+        };
+        if known == pointer && self.picked.is_some() && !self.picker.is_building() {
+            return;
+        }
+        let picked = self.picker.pick(&self.live, &self.live.camera(&self.pose), pixel);
+        self.stale |= picked != self.picked;
+        self.picked = picked;
     }
 
     fn tell(&mut self) -> Result<()> {
@@ -148,6 +278,9 @@ impl<S: Screen> Viewer<S> {
         if !is_new && !std::mem::take(&mut self.stale) {
             return Ok(());
         }
-        self.screen.tell(&title::line(&self.live, rates, self.note.as_deref()))
+        let tests = self.heat.as_ref().map(|_| format!("at most {} tests per pixel", self.most_tests));
+        let picked = self.picked.as_ref().map(Picked::text);
+        let more = [tests, picked, self.note.clone()];
+        self.screen.tell(&title::line(&self.live, rates, more.into_iter().flatten()))
     }
 }

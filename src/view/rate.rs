@@ -10,7 +10,8 @@ const PERIOD: Duration = Duration::from_millis(250);
 pub struct Rate {
     first: Option<Instant>,
     last: Instant,
-    /// Device times of all frames.
+    frames: u32,
+    /// Device times of frames that the device cast.
     times_ms: Vec<f64>,
     rays: f64,
     recent: Recent,
@@ -50,16 +51,29 @@ impl Rate {
     /// Before the first frame.
     pub fn new() -> Self {
         let recent = Recent::now();
-        Self { first: None, last: recent.since, times_ms: Vec::new(), rays: 0.0, recent, shown: [0.0; 2] }
+        Self {
+            first: None,
+            last: recent.since,
+            frames: 0,
+            times_ms: Vec::new(),
+            rays: 0.0,
+            recent,
+            shown: [0.0; 2],
+        }
     }
 
-    /// Counts a frame that was shown.
-    pub fn count(&mut self, rays: f64, ms: f64) {
+    /// Counts a picture that was shown.
+    pub fn count(&mut self) {
         self.last = Instant::now();
         self.first.get_or_insert(self.last);
+        self.frames += 1;
+        self.recent.frames += 1;
+    }
+
+    /// Counts what a device cast for it.
+    pub fn count_rays(&mut self, rays: f64, ms: f64) {
         self.times_ms.push(ms);
         self.rays += rays;
-        self.recent.frames += 1;
         self.recent.rays += rays;
         self.recent.ms += ms;
     }
@@ -79,7 +93,7 @@ impl Rate {
 
     /// Frames so far.
     pub fn frames(&self) -> u32 {
-        self.times_ms.len() as u32
+        self.frames
     }
 
     /// All of it.
@@ -105,9 +119,10 @@ mod tests {
     fn rays_are_counted_by_device_time() {
         let mut rate = Rate::new();
         assert_eq!((rate.total().frames, rate.total().rays_per_s), (0, 0.0));
-        rate.count(1e6, 2.0);
-        rate.count(3e6, 6.0);
-        rate.count(1e6, 2.0);
+        for (rays, ms) in [(1e6, 2.0), (3e6, 6.0), (1e6, 2.0)] {
+            rate.count_rays(rays, ms);
+            rate.count();
+        }
         let total = rate.total();
         assert_eq!((total.frames, total.frame_ms), (3, 2.0));
         assert!((total.rays_per_s - 5e8).abs() < 1.0, "{total:?}");

@@ -1,7 +1,9 @@
 //! Where pictures are shown, and where the user's wishes come from.
 
+mod terminal;
 mod window;
 
+pub use terminal::Terminal;
 pub use window::Window;
 
 use super::keys::Key;

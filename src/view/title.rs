@@ -5,8 +5,8 @@ use crate::printer;
 use crate::strategy::preset_of;
 use crate::words::rate;
 
-/// Scene, device and strategy, speeds and samples, and what the user ought to know.
-pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], note: Option<&str>) -> String {
+/// Scene, device and strategy, speeds and samples, and more.
+pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], more: impl Iterator<Item = String>) -> String {
     let [across, down] = live.local_size();
     let [cast, samples] = live.progress();
     let parts = [
@@ -18,6 +18,6 @@ pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], note: Option<&str
         format!("{frames_per_s:.0} frames/s"),
         format!("{cast} of {samples} samples"),
     ];
-    let line = parts.into_iter().chain(note.map(str::to_owned)).collect::<Vec<_>>().join(" | ");
+    let line = parts.into_iter().chain(more).collect::<Vec<_>>().join(" | ");
     printer::line(&line).into_owned()
 }

@@ -4,7 +4,8 @@ use super::{Input, Screen};
 use crate::error::{Error, Result};
 use crate::view::keys::{self, Key};
 use image::RgbImage;
-use minifb::{KeyRepeat, MouseButton, MouseMode, ScaleMode, WindowOptions};
+use minifb::{InputCallback, MouseButton, MouseMode, ScaleMode, WindowOptions};
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 const REMEDY: &str = "--terminal shows it in this terminal instead, `raycl render` writes it to a file; elsewhere \
     than at the display itself, `ssh -X` forwards a window";
@@ -13,6 +14,8 @@ const REMEDY: &str = "--terminal shows it in this terminal instead, `raycl rende
 pub struct Window {
     window: minifb::Window,
     size: [u32; 2],
+    /// What was typed.
+    keys: Receiver<Key>,
     /// What is shown, 0RGB.
     pixels: Vec<u32>,
     /// Where the pointer was dragged from.
@@ -32,12 +35,14 @@ impl Window {
         }
         let options = WindowOptions { scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
         let [width, height] = size.map(|side| side as usize);
-        let window = minifb::Window::new(title, width, height, options).map_err(|error| {
+        let mut window = minifb::Window::new(title, width, height, options).map_err(|error| {
             Error::input(format!("the window cannot be opened: {error}")).with_help(format!(
                 "it needs a display, and on Debian the packages libx11-6 and libxcursor1; {REMEDY}"
             ))
         })?;
-        Ok(Self { window, size, pixels: vec![0; width * height], dragged: None, looked: false })
+        let (sender, keys) = channel();
+        window.set_input_callback(Box::new(Typed::new(sender)));
+        Ok(Self { window, size, keys, pixels: vec![0; width * height], dragged: None, looked: false })
     }
 
     fn pointer(&self) -> Option<[u32; 2]> {
@@ -66,18 +71,6 @@ impl Window {
     fn pans(&self) -> bool {
         self.is_down(MouseButton::Right) || self.is_down(MouseButton::Middle)
     }
-
-    fn keys(&self) -> Vec<Key> {
-        let is_down = |key| self.window.is_key_down(key);
-        let shift = is_down(minifb::Key::LeftShift) || is_down(minifb::Key::RightShift);
-        let pressed = self.window.get_keys_pressed(KeyRepeat::No);
-        let held = self.window.get_keys_pressed(KeyRepeat::Yes);
-        let meant = held.into_iter().filter_map(|key| Some((key, meant(key, shift)?)));
-        meant
-            .filter(|(key, meant)| keys::repeats(*meant) || pressed.contains(key))
-            .map(|(_, key)| key)
-            .collect()
-    }
 }
 
 impl Screen for Window {
@@ -104,7 +97,7 @@ impl Screen for Window {
         let by = self.drag();
         let (orbit, pan) = if self.pans() { ([0.0; 2], by) } else { (by, [0.0; 2]) };
         Ok(Input {
-            keys: self.keys(),
+            keys: self.keys.try_iter().collect(),
             orbit,
             pan,
             wheel: self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
@@ -119,56 +112,80 @@ fn needs_display() -> bool {
     cfg!(all(unix, not(target_os = "macos")))
 }
 
-/// What a key of the keyboard means.
-fn meant(key: minifb::Key, shift: bool) -> Option<Key> {
+/// Keys as they are pressed, one by one: a short tap counts, however long a frame takes.
+struct Typed {
+    sender: Sender<Key>,
+    down: Vec<minifb::Key>,
+    /// Whether the last key has been down for a while.
+    is_held: bool,
+}
+
+impl Typed {
+    fn new(sender: Sender<Key>) -> Self {
+        Self { sender, down: Vec::new(), is_held: false }
+    }
+
+    fn send(&self, key: Key) {
+        if !self.is_held || keys::repeats(key) {
+            // The receiver is gone only when the window is.
+            let _ = self.sender.send(key);
+        }
+    }
+}
+
+impl InputCallback for Typed {
+    /// After the state of its key.
+    fn add_char(&mut self, code: u32) {
+        if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
+            self.send(Key::Char(letter));
+        }
+    }
+
+    fn set_key_state(&mut self, key: minifb::Key, is_down: bool) {
+        self.is_held = is_down && self.down.contains(&key);
+        self.down.retain(|known| *known != key);
+        if is_down {
+            self.down.push(key);
+            if let Some(key) = meant(key) {
+                self.send(key);
+            }
+        }
+    }
+}
+
+/// What a key means that writes nothing.
+fn meant(key: minifb::Key) -> Option<Key> {
     use minifb::Key as Pressed;
-    let letter = |lower: char| Key::Char(if shift { lower.to_ascii_uppercase() } else { lower });
     Some(match key {
         Pressed::Left => Key::Left,
         Pressed::Right => Key::Right,
         Pressed::Up => Key::Up,
         Pressed::Down => Key::Down,
         Pressed::Escape => Key::Escape,
-        Pressed::Space => Key::Char(' '),
-        Pressed::Equal | Pressed::NumPadPlus => Key::Char('+'),
-        Pressed::Minus | Pressed::NumPadMinus => Key::Char('-'),
-        _ => {
-            let place = LETTERS.iter().position(|(known, _)| *known == key)?;
-            letter(LETTERS[place].1)
-        }
+        _ => return None,
     })
 }
-
-/// The letters that mean something.
-const LETTERS: [(minifb::Key, char); 11] = [
-    (minifb::Key::D, 'd'),
-    (minifb::Key::H, 'h'),
-    (minifb::Key::I, 'i'),
-    (minifb::Key::J, 'j'),
-    (minifb::Key::K, 'k'),
-    (minifb::Key::L, 'l'),
-    (minifb::Key::Q, 'q'),
-    (minifb::Key::R, 'r'),
-    (minifb::Key::S, 's'),
-    (minifb::Key::T, 't'),
-    (minifb::Key::W, 'w'),
-];
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::mpsc::channel;
 
     #[test]
-    fn every_letter_that_does_something_is_a_key_of_the_window() {
-        for (key, _) in keys::KEYS.iter().flat_map(|row| row.keys) {
-            let Key::Char(letter) = key else { continue };
-            let lower = letter.to_ascii_lowercase();
-            let known = LETTERS.iter().any(|(_, known)| *known == lower) || " +=-".contains(lower);
-            assert!(known, "{letter}");
+    fn a_tap_counts_and_only_movement_repeats() {
+        let (sender, keys) = channel();
+        let mut typed = Typed::new(sender);
+        // A tap, then two keys held, of which X11 tells again and again.
+        for is_down in [true, false, true, true] {
+            typed.set_key_state(minifb::Key::S, is_down);
+            if is_down {
+                typed.add_char(u32::from('s'));
+            }
         }
-        assert_eq!(meant(minifb::Key::S, true), Some(Key::Char('S')));
-        assert_eq!(meant(minifb::Key::S, false), Some(Key::Char('s')));
-        assert_eq!(meant(minifb::Key::Left, false), Some(Key::Left));
-        assert_eq!(meant(minifb::Key::F1, false), None);
+        (0..3).for_each(|_| typed.set_key_state(minifb::Key::Left, true));
+        typed.set_key_state(minifb::Key::Escape, true);
+        typed.add_char(0x1b);
+        let [s, left] = [Key::Char('s'), Key::Left];
+        assert_eq!(keys.try_iter().collect::<Vec<_>>(), [s, s, left, left, left, Key::Escape]);
     }
 }
