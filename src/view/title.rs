@@ -13,11 +13,12 @@ pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], more: impl Iterat
         live.scene().name.clone(),
         preset_of(&live.strategy()).map_or_else(|| live.strategy().to_string(), str::to_owned),
         format!("{across}x{down}"),
-        live.device().name.clone(),
         rate(rays_per_s, "rays"),
         format!("{frames_per_s:.0} frames/s"),
         format!("{cast} of {samples} samples"),
     ];
-    let line = parts.into_iter().chain(more).collect::<Vec<_>>().join(" | ");
+    // The device comes last: its name may be long, and a terminal cuts the line.
+    let device = live.device().name.clone();
+    let line = parts.into_iter().chain(more).chain([device]).collect::<Vec<_>>().join(" | ");
     printer::line(&line).into_owned()
 }

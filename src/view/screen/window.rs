@@ -5,10 +5,14 @@ use crate::error::{Error, Result};
 use crate::view::keys::{self, Key};
 use image::RgbImage;
 use minifb::{InputCallback, MouseButton, MouseMode, ScaleMode, WindowOptions};
+use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 const REMEDY: &str = "--terminal shows it in this terminal instead, `raycl render` writes it to a file; elsewhere \
     than at the display itself, `ssh -X` forwards a window";
+
+/// Pixels that a thread copies at a time.
+const TOGETHER: usize = 1 << 14;
 
 /// A window of the picture's size.
 pub struct Window {
@@ -75,9 +79,12 @@ impl Window {
 
 impl Screen for Window {
     fn show(&mut self, picture: &RgbImage) -> Result<()> {
-        for (pixel, [red, green, blue]) in self.pixels.iter_mut().zip(picture.as_chunks().0) {
-            *pixel = u32::from_be_bytes([0, *red, *green, *blue]);
-        }
+        let parts = self.pixels.par_chunks_mut(TOGETHER).zip(picture.par_chunks(3 * TOGETHER));
+        parts.for_each(|(pixels, bytes)| {
+            for (pixel, [red, green, blue]) in pixels.iter_mut().zip(bytes.as_chunks().0) {
+                *pixel = u32::from_be_bytes([0, *red, *green, *blue]);
+            }
+        });
         let [width, height] = self.size.map(|side| side as usize);
         self.looked = true;
         self.window
