@@ -105,6 +105,8 @@ mod toml_error;
 #[doc(hidden)]
 pub mod verify;
 #[doc(hidden)]
+pub mod view;
+#[doc(hidden)]
 pub mod words;
 mod xdg;
 

@@ -17,6 +17,17 @@ fn grouped(count: usize) -> String {
     groups.join(",")
 }
 
+/// "12.60 Gtests/s".
+pub fn rate(per_s: f64, what: &str) -> String {
+    let (scale, prefix) = match per_s {
+        1e9.. => (1e-9, "G"),
+        1e6.. => (1e-6, "M"),
+        1e3.. => (1e-3, "k"),
+        _ => (1.0, ""),
+    };
+    format!("{:.2} {prefix}{what}/s", per_s * scale)
+}
+
 fn plural(what: &str) -> String {
     for joint in [" of ", " with "] {
         if let Some((first, rest)) = what.split_once(joint) {

@@ -60,4 +60,8 @@ mod textures;
 mod torture;
 mod trees;
 mod turns;
+#[cfg(unix)]
+mod view;
 mod watertight;
+#[cfg(unix)]
+mod x_server;

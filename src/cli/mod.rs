@@ -27,7 +27,9 @@ pub mod rule;
 pub mod run;
 pub mod schema;
 pub mod strategies;
+pub(crate) mod subject;
 mod turn;
+pub mod view;
 mod watch;
 
 pub use output::{end_at_once, print, print_coloured, print_json, table, tell};
@@ -47,6 +49,7 @@ use colour::Colour;
 #[command(after_help = "Examples:
   raycl devices                              the devices that can cast rays
   raycl render scenes/teapot.toml            a picture, and a table of its times
+  raycl view scenes/teapot.toml              a window to look around in
   raycl run configs/quick.toml               an experiment: pictures, tables, records
   raycl run configs/figure-8.toml --dry-run  its points, and those that do not fit
   raycl strategies                           all strategies: axes and presets
@@ -68,6 +71,8 @@ pub struct Cli {
 enum Command {
     /// Render pictures of a scene or a mesh
     Render(render::Args),
+    /// Look at a scene from all around, in a window
+    View(view::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),
     /// Merge the shards of an experiment into one folder of results
@@ -129,9 +134,12 @@ impl Command {
     /// Whether it starts drivers in its own process. Where points are measured, workers do.
     fn starts_drivers(&self) -> bool {
         match self {
-            Self::Render(_) | Self::Devices(_) | Self::Compile(_) | Self::Peak(_) | Self::Occupancy(_) => {
-                true
-            }
+            Self::Render(_)
+            | Self::View(_)
+            | Self::Devices(_)
+            | Self::Compile(_)
+            | Self::Peak(_)
+            | Self::Occupancy(_) => true,
             Self::Kernel(args) => args.asks_a_device(),
             Self::Rule(args) => args.measures(),
             _ => false,
@@ -179,6 +187,7 @@ impl Cli {
         }
         match self.command {
             Command::Render(args) => render::run(args),
+            Command::View(args) => view::run(args),
             Command::Run(args) => run::run(args),
             Command::Merge(args) => merge::run(args),
             Command::Report(args) => report::run(args),

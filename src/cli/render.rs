@@ -4,36 +4,31 @@ mod casting;
 mod guess;
 mod judge;
 pub(super) mod keeping;
-mod look;
 mod motion;
 mod opening;
 mod report;
 mod split;
 mod timeline;
 
-use super::choice::{
-    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
-};
-use super::watch::{RecursiveMode, watch};
+use super::subject::Subject;
+use super::watch::{folders, watch};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
 use crate::image::{Radiance, check_target, layer_targets, save, save_layers, save_rgb8, shows_8_bits};
-use crate::launch::{Prepared, Refused, Session};
+use crate::launch::Session;
 use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
-use crate::scene::{Display, Loaded, Scene, Shot, load_scene_for};
-use crate::strategy::{Strategy, Task};
+use crate::scene::{Display, Loaded, Scene};
 use casting::{Picture, Shows, cast};
 use judge::{check, refuse_not_finite};
-use look::Look;
 use motion::Motion;
 use opening::{Opened, open};
 use report::Report;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use timeline::Timeline;
@@ -53,8 +48,8 @@ use timeline::Timeline;
 
 `raycl strategies` lists presets and axes, `raycl devices` the devices.")]
 pub struct Args {
-    /// A scene TOML or a mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; - reads standard input
-    scene: PathBuf,
+    #[command(flatten)]
+    subject: Subject,
     /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the scene's name, .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -64,37 +59,17 @@ pub struct Args {
     /// Replace a file even if raycl did not write it or it was changed since
     #[arg(long)]
     force: bool,
-    /// Pixels across
-    #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
-    width: u32,
-    /// Pixels down
-    #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
-    height: u32,
-    /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
-    #[arg(long)]
-    device: Option<String>,
     /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or a word of their names
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "samples", "watch"])]
     devices: Option<String>,
     /// With --devices: cast on those devices, too, that slow the frame
     #[arg(long, requires = "devices")]
     every_device: bool,
-    /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
-    #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
-    strategy: Option<String>,
-    /// Work-items of a work-group
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    local_size: Option<[u32; 2]>,
-    /// Change an axis of the strategy or a value of the scene
-    #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
-    set: Vec<(String, String)>,
-    #[command(flatten)]
-    look: Look,
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take N times as long (Blackman-Harris filter, 1.5 pixels
     /// wide) [default: 4 for a bare mesh, else 1]
-    #[arg(long, conflicts_with = "devices", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
     /// Cast the frame this many times and report medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
@@ -114,15 +89,12 @@ pub struct Args {
     /// Print nothing but errors
     #[arg(short, long)]
     quiet: bool,
-    /// Use the kernels of this folder instead of those built in
-    #[arg(long, value_name = "DIR")]
-    cl_dir: Option<PathBuf>,
 }
 
 impl Args {
     /// Whether the scene comes from standard input.
     pub(super) fn reads_standard_input(&self) -> bool {
-        self.scene.as_os_str() == STANDARD_INPUT
+        self.subject.scene.as_os_str() == STANDARD_INPUT
     }
 }
 
@@ -142,18 +114,16 @@ pub fn run(args: Args) -> Result<()> {
             Error::input("standard input cannot be watched").with_help("give --watch the path of a file")
         );
     }
-    let folder = args.scene.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut folders = vec![(folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive)];
-    folders.extend(args.cl_dir.clone().map(|folder| (folder, RecursiveMode::Recursive)));
+    let folders = folders(&args.subject.scene, args.subject.cl_dir.as_deref());
     watch(&folders, || render(&args))
 }
 
 fn render(args: &Args) -> Result<()> {
     let mut timeline = if args.watch { Timeline::begin() } else { Timeline::of_process() };
     let target = target(args);
-    check_target(&target, [args.width, args.height])?;
+    check_target(&target, args.subject.size())?;
     let layer_targets = layer_files(args)?;
-    let sources = Sources::of(args.cl_dir.clone())?;
+    let sources = Sources::of(args.subject.cl_dir.clone())?;
     timeline.ends("start");
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
@@ -161,11 +131,11 @@ fn render(args: &Args) -> Result<()> {
     let samples = samples(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) = strategy(args, &device.info, task(args, &scene))?;
+    let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
     let tree_was_built = tree.is_some();
-    let session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
-    let prepared = prepare(args, session, &strategy, local_size);
+    let mut session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
+    let prepared = args.subject.prepare(&mut session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
     let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
@@ -175,7 +145,7 @@ fn render(args: &Args) -> Result<()> {
     let (picture, cast) = cast(args, &device, &prepared, (&scene, shows), &mut timeline)?;
     let radiance = save_picture(picture, scene.display, &target)?;
     if let (Some(image), false) = (&radiance, layer_targets.is_empty()) {
-        let found = layers(&scene, &object_starts, [args.width, args.height], strategy.culling)?;
+        let found = layers(&scene, &object_starts, args.subject.size(), strategy.culling)?;
         save_layers(image, &found, &layer_targets)?;
     }
     timeline.ends("save");
@@ -187,7 +157,7 @@ fn render(args: &Args) -> Result<()> {
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     // Kernels that somebody edits are not worth it.
-    let keeping = args.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
+    let keeping = args.subject.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
     let keeping = keeping.then(|| KEEPING.to_owned());
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
     timeline.ends("keep");
@@ -260,22 +230,6 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
 const KEEPING: &str =
     "another process stores the compiled program, so that the next start need not compile it";
 
-/// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
-fn prepare(
-    args: &Args,
-    mut session: Session,
-    strategy: &Strategy,
-    [across, mut down]: [u32; 2],
-) -> std::result::Result<Prepared, Refused> {
-    let may_shrink = strategy.shares_tiles() && args.local_size.is_none();
-    loop {
-        match session.prepare(strategy, [args.width, args.height], [across, down]) {
-            Err(Refused::Device(_)) if may_shrink && down > 1 => down /= 2,
-            other => return other,
-        }
-    }
-}
-
 /// The result of `work`, and its duration.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
@@ -285,7 +239,7 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
 
 /// The picture's path: by default the scene's name.
 fn target(args: &Args) -> Target {
-    let scene = unpacked_name(&args.scene);
+    let scene = unpacked_name(&args.subject.scene);
     let stem = match scene.file_stem() {
         Some(stem) if stem != STANDARD_INPUT => stem,
         _ => "picture".as_ref(),
@@ -301,16 +255,14 @@ fn layer_files(args: &Args) -> Result<Vec<Target>> {
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice)))
 }
 
-/// The scene, as large as the picture has room for where it has no camera of its own.
+/// The scene as these arguments show it.
 fn load(args: &Args) -> Result<Loaded> {
-    let aspect = f64::from(args.width) / f64::from(args.height);
-    let shot = Shot { aspect, turns: args.motion.turns(), dressed: is_dressed(args) };
-    load_scene_for(&args.scene, &scene_overrides(args)?, shot)
+    args.subject.load(args.motion.turns(), is_dressed(args))
 }
 
 /// Whether a bare mesh is to have a ground, soft light and a sky; several devices take no samples.
 fn is_dressed(args: &Args) -> bool {
-    !args.look.plain && args.devices.is_none()
+    !args.subject.look.plain && args.devices.is_none()
 }
 
 /// Samples of each pixel: so many as are asked for, or what looks good.
@@ -323,27 +275,4 @@ const DRESSED_SAMPLES: u32 = 4;
 
 fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
-}
-
-/// The values of the scene that options and `--set`s mean, their values read as TOML where they are TOML and as text otherwise.
-fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
-    let of_scene = || args.set.iter().filter(|(key, _)| !is_axis(key));
-    of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
-    let value = |text: &str| {
-        let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
-        parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())
-    };
-    let set = of_scene().map(|(key, text)| (key.clone(), value(text)));
-    Ok(args.look.values().into_iter().chain(set).collect())
-}
-
-/// The strategy and local size asked for, or the fastest for the device.
-fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
-    let (strategy, usual) = chosen_strategy(args.strategy.as_deref(), &args.set, &device.limits, task)?;
-    Ok((strategy, args.local_size.unwrap_or(usual)))
-}
-
-/// What is to be cast.
-fn task(args: &Args, scene: &Scene) -> Task {
-    Task::of(scene, [args.width, args.height], false)
 }

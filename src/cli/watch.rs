@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::printer;
-pub use notify::RecursiveMode;
+use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -13,29 +13,57 @@ const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", 
 /// Editors write a file in several steps; this long after the last of them it is whole.
 const QUIET: Duration = Duration::from_millis(80);
 
+/// Files that are watched.
+pub struct Watched {
+    changes: Receiver<()>,
+    /// Which ends with it.
+    _watcher: notify::RecommendedWatcher,
+}
+
+impl Watched {
+    /// Watches the source files in `folders`, or also below them.
+    pub fn new(folders: &[(PathBuf, RecursiveMode)]) -> Result<Self> {
+        let failed = |error: notify::Error| {
+            Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
+        };
+        let (sender, changes) = channel();
+        let tell = move |event: notify::Result<notify::Event>| {
+            if event.is_ok_and(|event| matters(&event)) {
+                // The receiver is gone only when the program ends.
+                let _ = sender.send(());
+            }
+        };
+        let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
+        for (folder, depth) in folders {
+            watcher.watch(folder, *depth).map_err(failed)?;
+        }
+        Ok(Self { changes, _watcher: watcher })
+    }
+
+    /// Whether a file has changed since it was last asked; if so, the change is over.
+    pub fn has_changed(&self) -> bool {
+        self.changes.try_recv().is_ok() && quiet(&self.changes)
+    }
+}
+
+/// The folders that a picture is made of: that of its scene, and that of kernels.
+pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveMode)> {
+    let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let of_scene = (folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive);
+    let of_kernels = kernels.map(|folder| (folder.to_owned(), RecursiveMode::Recursive));
+    std::iter::once(of_scene).chain(of_kernels).collect()
+}
+
 /// Acts once, then again after every change to a source file in `folders`, or also below them. A failed action is reported and
 /// does not end it: the mistake may be mended by the next change.
 pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
-    let failed = |error: notify::Error| {
-        Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
-    };
-    let (sender, changes) = channel();
-    let tell = move |event: notify::Result<notify::Event>| {
-        if event.is_ok_and(|event| matters(&event)) {
-            // The receiver is gone only when the program ends.
-            let _ = sender.send(());
-        }
-    };
-    let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-    for (folder, depth) in folders {
-        watcher.watch(folder, *depth).map_err(failed)?;
-    }
+    let watched = Watched::new(folders)?;
     loop {
         if let Err(error) = action() {
             printer::tell(format!("{:?}", miette::Report::new(error)));
         }
         printer::tell("waiting for a change (Ctrl-C ends)");
-        if !next_change(&changes) {
+        if !next_change(&watched.changes) {
             return Ok(());
         }
     }
@@ -55,9 +83,11 @@ fn is_source(path: &Path) -> bool {
 
 /// Waits for a change and for the quiet after it; false when there can be none any more.
 fn next_change(changes: &Receiver<()>) -> bool {
-    if changes.recv().is_err() {
-        return false;
-    }
+    changes.recv().is_ok() && quiet(changes)
+}
+
+/// Waits for the quiet after a change; false when there can be none any more.
+fn quiet(changes: &Receiver<()>) -> bool {
     loop {
         match changes.recv_timeout(QUIET) {
             Ok(()) => {}

@@ -18,6 +18,8 @@ pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
 
+use rayon::prelude::*;
+
 /// Radiance at every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Radiance {
@@ -33,6 +35,20 @@ impl Radiance {
     /// A black image.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
+    }
+
+    /// Adds another image of the same size.
+    pub fn add(&mut self, other: &Self) {
+        let (sums, values) = (self.pixels.as_flattened_mut(), other.pixels.as_flattened());
+        sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// One of so many parts: of a sum the mean.
+    #[must_use]
+    pub fn part(mut self, parts: usize) -> Self {
+        let part = 1.0 / parts.max(1) as f32;
+        self.pixels.as_flattened_mut().par_iter_mut().for_each(|value| *value *= part);
+        self
     }
 
     /// The first pixel, as column and row, that is not finite, and how many are not.

@@ -113,18 +113,20 @@ impl Caster {
         let mut sum = Radiance::new(self.size[0], self.size[1]);
         let (mut hits, mut times) = (0, FrameTimes::default());
         for sample in samples {
-            self.look_from(&Camera { shift: sample.offset, ..*camera })?;
-            let arguments = sample_argument(Arguments::default(), sample);
-            self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
-            times = times.and(&self.cast()?);
+            times = times.and(&self.cast_sample(camera, sample)?);
             let (image, hit) = self.read()?;
             hits = hit;
-            let (sums, values) = (sum.pixels.as_flattened_mut(), image.pixels.as_flattened());
-            sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            sum.add(&image);
         }
-        let part = 1.0 / samples.len().max(1) as f32;
-        sum.pixels.as_flattened_mut().par_iter_mut().for_each(|value| *value *= part);
-        Ok((sum, hits, times))
+        Ok((sum.part(samples.len()), hits, times))
+    }
+
+    /// Casts one frame with one sample of every pixel.
+    pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
+        self.look_from(&Camera { shift: sample.offset, ..*camera })?;
+        let arguments = sample_argument(Arguments::default(), sample);
+        self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
+        self.cast()
     }
 
     /// The kernels of a frame, in their order.

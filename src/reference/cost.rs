@@ -41,8 +41,20 @@ pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> 
 /// # Errors
 /// If the scene has more triangles than a tree can name.
 pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Cost>> {
-    let tree = WideBvh::new(&Bvh::build(&scene.mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)?;
-    Ok(each_pixel(scene, size, |tally| Walking { tree: &tree, mesh: &scene.mesh, culling, tally }))
+    Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
+}
+
+/// The tree that costs are counted in.
+///
+/// # Errors
+/// If the scene has more triangles than a tree can name.
+pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
+    WideBvh::new(&Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
+}
+
+/// The cost of every pixel in a tree that is built.
+pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling) -> Vec<Cost> {
+    each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
 /// Counts of one pixel. Only one thread counts; a finder may be shared, so they are atomic.

@@ -2,9 +2,10 @@
 
 use super::cast::Caster;
 use super::cost::{self, Cost};
+use super::intersect::Hit;
 use super::tree::Tree;
 use crate::error::Result;
-use crate::scene::Scene;
+use crate::scene::{Mesh, Scene};
 use crate::strategy::Culling;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -45,16 +46,12 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
             let (x, y) = (f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
             let (ray, hit) = caster.look(x, y);
             let hit = hit?;
-            let triangle = &scene.mesh.triangles[hit.triangle as usize];
-            let corners = scene.mesh.corner_normals(triangle).map(|normal| normal.as_dvec3());
-            let normal: DVec3 =
-                corners.iter().zip(hit.weights).map(|(normal, weight)| *normal * weight).sum();
+            let normal = normal_at(&scene.mesh, &hit);
             let depth = (ray.direction * hit.t).dot(forward);
-            Some((depth as f32, normal.normalize_or_zero().as_vec3().to_array(), hit.triangle))
+            Some((depth as f32, normal.as_vec3().to_array(), hit.triangle))
         })
         .collect();
-    let object =
-        |triangle: u32| object_starts.partition_point(|start| *start <= triangle).saturating_sub(1) as u32;
+    let object = |triangle: u32| object_of(object_starts, triangle);
     let costs: Vec<Cost> = cost::in_tree(scene, size, culling)?;
     Ok(Layers {
         size,
@@ -65,6 +62,18 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
         tests: costs.iter().map(|cost| cost.tests).collect(),
         nodes: costs.iter().map(|cost| cost.nodes).collect(),
     })
+}
+
+/// The interpolated normal of a hit, of unit length; zero where the corners' normals cancel out.
+pub fn normal_at(mesh: &Mesh, hit: &Hit<f64>) -> DVec3 {
+    let corners = mesh.corner_normals(&mesh.triangles[hit.triangle as usize]).map(|normal| normal.as_dvec3());
+    let normal: DVec3 = corners.iter().zip(hit.weights).map(|(normal, weight)| *normal * weight).sum();
+    normal.normalize_or_zero()
+}
+
+/// The number of the object that a triangle is of, by the numbers of all objects' first triangles, in order.
+pub fn object_of(object_starts: &[u32], triangle: u32) -> u32 {
+    object_starts.partition_point(|start| *start <= triangle).saturating_sub(1) as u32
 }
 
 #[cfg(test)]

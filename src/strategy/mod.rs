@@ -24,7 +24,7 @@ pub use fastest::{Class, Constants, Task, Way, fastest};
 pub use header::{Contradiction, Header};
 pub use host::HostNeeds;
 pub use infeasible::Infeasible;
-pub use presets::{PRESETS, Preset, preset};
+pub use presets::{PRESETS, Preset, preset, preset_of};
 pub use requirements::Requirements;
 pub use values::{FOLDERS, values_of};
 pub use workload::Workload;

@@ -258,6 +258,11 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     })
 }
 
+/// The preset that a strategy is, unchanged.
+pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
+    PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

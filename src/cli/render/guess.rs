@@ -1,8 +1,9 @@
 //! The program that a picture will probably need, known before its scene is read: that of the last time, or one that the size of the
 //! mesh's file makes likely. A wrong guess costs time only.
 
-use super::{Args, is_dressed, strategy};
+use super::{Args, is_dressed};
 use crate::cache::Cache;
+use crate::cli::subject::Subject;
 use crate::device::DeviceInfo;
 use crate::filetype::unpacked_name;
 use crate::program::{ProgramSpec, Sources};
@@ -34,7 +35,7 @@ struct Remembered {
 
 /// The cache, where nobody edits kernels.
 pub fn cache(args: &Args) -> Cache {
-    if args.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
+    if args.subject.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
 
 /// The program to compile for it; none if nothing is known.
@@ -45,7 +46,7 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     if strategy.triangles.are_staged() {
         return None;
     }
-    let image_size = [args.width, args.height];
+    let image_size = args.subject.size();
     let workload = Workload { image_size, ..known };
     ProgramSpec::new(sources, &strategy, &workload, device.builtins()).ok()
 }
@@ -78,14 +79,14 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
 
 /// The strategy for a bare mesh of this size.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    if args.scene.extension()? != "obj" {
+    if args.subject.scene.extension()? != "obj" {
         return None;
     }
-    let triangles = args.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
+    let triangles = args.subject.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
     // From outside, as a bare mesh is seen.
-    let pixels = args.width as usize * args.height as usize;
+    let pixels = args.subject.width as usize * args.subject.height as usize;
     let task = Task { triangles: triangles as usize, pixels, ..Task::default() };
-    let (strategy, local_size) = strategy(args, device, task).ok()?;
+    let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
     let sky = is_dressed(args);
     let soft_lights = sky && samples(args) > 1;
@@ -94,16 +95,16 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
 
 /// Samples of each pixel: a scene file is none of a bare mesh, which a mesh's name says before it is read.
 pub fn samples(args: &Args) -> u32 {
-    let is_scene = unpacked_name(&args.scene).extension().is_some_and(|ending| ending == "toml");
+    let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::samples(args, is_dressed(args) && !is_scene)
 }
 
 /// The scene's file as it is, and all arguments that choose a program.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
-    let path = args.scene.canonicalize().ok()?;
+    let path = args.subject.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;
     let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
-    let Args { width, height, strategy, local_size, set, .. } = args;
+    let Subject { width, height, strategy, local_size, set, .. } = &args.subject;
     let samples = args.samples;
     Some(format!(
         "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?} {}\n{}",

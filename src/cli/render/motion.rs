@@ -4,7 +4,7 @@ mod frames;
 
 use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
-use super::{Args, ms_since, prepare, strategy, task};
+use super::{Args, ms_since};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
@@ -101,12 +101,12 @@ pub fn run(args: &Args) -> Result<()> {
     let all = args.motion.frames.unwrap_or(Frames { first: 1, last: count }).within(count)?;
     let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };
     let sink = sink(args, wanted, count)?;
-    let sources = Sources::of(args.cl_dir.clone())?;
+    let sources = Sources::of(args.subject.cl_dir.clone())?;
     let Opened { loaded, device, queue, .. } = open(args, &sources)?;
     let samples = super::samples(args, loaded.dressed);
     let Loaded { scene, orbit, notes, .. } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) = strategy(args, &device.info, task(args, &scene))?;
+    let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
     let missing = match &sink {
         Sink::Numbered(numbered) => {
             numbered.missing(&keys(args, (&scene, samples), &strategy, wanted, count))?
@@ -118,9 +118,9 @@ pub fn run(args: &Args) -> Result<()> {
     let mut seconds = 0.0;
     let mut output = sink.name();
     if frames > 0 {
-        let session =
+        let mut session =
             crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
-        let prepared = prepare(args, session, &strategy, local_size);
+        let prepared = args.subject.prepare(&mut session, &strategy, local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
         let shown = Shown { device: &device, prepared: &prepared, scene: &scene, orbit, count, samples };
         let casting = Instant::now();
@@ -134,7 +134,7 @@ pub fn run(args: &Args) -> Result<()> {
         triangles: scene.mesh.triangles.len(),
         device: device.info.label.clone(),
         strategy: strategy.to_string(),
-        image_size: [args.width, args.height],
+        image_size: args.subject.size(),
         frames,
         skipped,
         frame_ms: crate::measure::Summary::of(&frame_ms).map_or(0.0, |summary| summary.median_ms),
@@ -156,7 +156,7 @@ pub fn run(args: &Args) -> Result<()> {
 fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
     let target = super::target(args);
     let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
-    let size = [args.width, args.height];
+    let size = args.subject.size();
     if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
         return Err(Error::input("--shard casts numbered pictures: no two processes write to one file")
             .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
@@ -194,12 +194,12 @@ fn keys(
     wanted: Frames,
     count: u32,
 ) -> Vec<(u32, String)> {
-    let (width, height, version) = (args.width, args.height, env!("CARGO_PKG_VERSION"));
+    let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
     let shared = format!(
         "{version} {} {strategy} {width}x{height} samples {samples} turntable {count}",
         scene.content_hash()
     );
-    let kernels = args.cl_dir.as_ref().map(|folder| folder.display().to_string()).unwrap_or_default();
+    let kernels = args.subject.cl_dir.as_ref().map(|folder| folder.display().to_string()).unwrap_or_default();
     let key =
         |number| blake3::hash(format!("{shared} {kernels} frame {number}").as_bytes()).to_hex().to_string();
     wanted.numbers().map(|number| (number, key(number))).collect()

@@ -1,7 +1,7 @@
 //! Reading the scene while the driver starts, and building the program that it will probably need.
 
 use super::timeline::Timeline;
-use super::{Args, guess, load, may_be_shown, strategy, target, task, timed};
+use super::{Args, guess, load, may_be_shown, target, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
@@ -57,7 +57,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             (loaded, load_ms, tree)
         });
         let (opened, start_ms) = timed(|| -> Result<_> {
-            let device = one_device(args.device.as_deref(), sources)?;
+            let device = one_device(args.subject.device.as_deref(), sources)?;
             // The loading thread may have failed already.
             let _ = found.send(device.info.clone());
             let queue = Queue::open(device.platform, device.device)?;
@@ -78,8 +78,8 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     if args.verify.is_some() {
         return None;
     }
-    let (strategy, local_size) = strategy(args, device, task(args, scene)).ok()?;
-    let workload = Workload::of(scene, [args.width, args.height], local_size);
+    let (strategy, local_size) = args.subject.strategy(device, args.subject.task(scene)).ok()?;
+    let workload = Workload::of(scene, args.subject.size(), local_size);
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
@@ -101,7 +101,7 @@ fn early(
 /// the host does.
 fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
     let is_one_picture = guess::samples(args) == 1 && !args.motion.turns();
-    let is_small = (args.width as usize) * (args.height as usize) < SHOWN_PIXELS;
+    let is_small = (args.subject.width as usize) * (args.subject.height as usize) < SHOWN_PIXELS;
     if queue.shares_memory || is_small || !is_one_picture || !may_be_shown(args, &target(args)) {
         return None;
     }

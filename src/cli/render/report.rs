@@ -6,8 +6,8 @@ use crate::device::{Device, DeviceInfo};
 use crate::launch::Prepared;
 use crate::memory::readable;
 use crate::scene::Scene;
-use crate::strategy::{PRESETS, Strategy};
-use crate::words::counted;
+use crate::strategy::{Strategy, preset_of};
+use crate::words::{counted, rate};
 use serde::Serialize;
 
 /// The fields of `--json`.
@@ -98,11 +98,6 @@ pub struct Verified {
     pub pixels: usize,
     /// Those that the picture has.
     pub of_pixels: usize,
-}
-
-/// The preset that a strategy is, unchanged.
-pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
-    PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
 }
 
 impl Verified {
@@ -217,23 +212,12 @@ impl Report {
     }
 
     fn speeds(&self) -> Vec<String> {
-        let frame = format!("{} of the frame", per_second(self.frame_rays_per_s, "rays"));
-        let primary = self.primary_rays_per_s.map(|rate| format!("{} primary", per_second(rate, "rays")));
-        let shadow = self.shadow_rays_per_s.map(|rate| format!("{} shadow", per_second(rate, "rays")));
-        let tests = self.tests_per_s.map(|rate| per_second(rate, "tests"));
+        let frame = format!("{} of the frame", rate(self.frame_rays_per_s, "rays"));
+        let primary = self.primary_rays_per_s.map(|value| format!("{} primary", rate(value, "rays")));
+        let shadow = self.shadow_rays_per_s.map(|value| format!("{} shadow", rate(value, "rays")));
+        let tests = self.tests_per_s.map(|value| rate(value, "tests"));
         std::iter::once(frame).chain(primary).chain(shadow).chain(tests).collect()
     }
-}
-
-/// "12.60 Gtests/s".
-fn per_second(rate: f64, what: &str) -> String {
-    let (scale, prefix) = match rate {
-        1e9.. => (1e-9, "G"),
-        1e6.. => (1e-6, "M"),
-        1e3.. => (1e-3, "k"),
-        _ => (1.0, ""),
-    };
-    format!("{:.2} {prefix}{what}/s", rate * scale)
 }
 
 #[cfg(test)]
@@ -244,9 +228,9 @@ mod tests {
     fn counts_and_rates_read_well() {
         assert_eq!(counted(1, "triangle"), "1 triangle");
         assert_eq!(counted(0, "light"), "0 lights");
-        assert_eq!(per_second(12.6e9, "tests"), "12.60 Gtests/s");
-        assert_eq!(per_second(232_000.0, "rays"), "232.00 krays/s");
-        assert_eq!(per_second(0.0, "rays"), "0.00 rays/s");
+        assert_eq!(rate(12.6e9, "tests"), "12.60 Gtests/s");
+        assert_eq!(rate(232_000.0, "rays"), "232.00 krays/s");
+        assert_eq!(rate(0.0, "rays"), "0.00 rays/s");
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
-use super::report::{Verified, preset_of};
-use super::{Args, load, ms_since, strategy, target, task};
+use super::report::Verified;
+use super::{Args, load, ms_since, target};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -11,7 +11,7 @@ use crate::image::{check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::Loaded;
-use crate::strategy::Task;
+use crate::strategy::{Task, preset_of};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
@@ -92,14 +92,14 @@ impl From<Share> for Row {
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
-    check_target(&target, [args.width, args.height])?;
+    check_target(&target, args.subject.size())?;
     let Loaded { scene, notes, .. } = load(args)?;
     let scene = Arc::new(scene);
-    let sources = Sources::of(args.cl_dir.clone())?;
+    let sources = Sources::of(args.subject.cl_dir.clone())?;
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
-    let castings = castings(args, &devices, task(args, &scene))?;
-    let image_size = [args.width, args.height];
+    let castings = castings(args, &devices, args.subject.task(&scene))?;
+    let image_size = args.subject.size();
     let split = Split {
         scene: Arc::clone(&scene),
         image_size,
@@ -120,7 +120,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
-    let rays = f64::from(args.width) * f64::from(args.height) + (hits * scene.shadow_rays_per_hit()) as f64;
+    let [width, height] = image_size.map(f64::from);
+    let rays = width * height + (hits * scene.shadow_rays_per_hit()) as f64;
     let frame_ms = longest(|row| row.frame_ms);
     let report = Report {
         scene: scene.name.clone(),
@@ -156,7 +157,7 @@ fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
 /// How each device casts: as it would alone.
 fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>> {
     let casting = |device: &Device| -> Result<Casting> {
-        let (strategy, local_size) = strategy(args, &device.info, task)?;
+        let (strategy, local_size) = args.subject.strategy(&device.info, task)?;
         Ok(Casting { device: device.clone(), strategy, local_size })
     };
     devices.iter().map(casting).collect()

@@ -1,0 +1,96 @@
+//! What is cast, how large and how: the arguments that `render` and `view` share.
+
+mod look;
+
+use super::choice::{
+    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
+};
+use crate::device::DeviceInfo;
+use crate::error::Result;
+use crate::launch::{Prepared, Refused, Session};
+use crate::scene::{Loaded, Scene, Shot, load_scene_for};
+use crate::strategy::{Strategy, Task};
+use look::Look;
+use std::path::PathBuf;
+
+/// A scene, and what it is cast with.
+#[derive(Debug, clap::Args)]
+pub struct Subject {
+    /// A scene TOML or a mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; - reads standard input
+    pub scene: PathBuf,
+    /// Pixels across
+    #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub width: u32,
+    /// Pixels down
+    #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub height: u32,
+    /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
+    #[arg(long)]
+    pub device: Option<String>,
+    /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
+    #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
+    pub strategy: Option<String>,
+    /// Work-items of a work-group
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub local_size: Option<[u32; 2]>,
+    /// Change an axis of the strategy or a value of the scene
+    #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
+    pub set: Vec<(String, String)>,
+    #[command(flatten)]
+    pub look: Look,
+    /// Use the kernels of this folder instead of those built in
+    #[arg(long, value_name = "DIR")]
+    pub cl_dir: Option<PathBuf>,
+}
+
+impl Subject {
+    /// Pixels across and down.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// The scene, as large as the picture has room for where it has no camera of its own.
+    pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
+        let aspect = f64::from(self.width) / f64::from(self.height);
+        load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed })
+    }
+
+    /// What is to be cast.
+    pub fn task(&self, scene: &Scene) -> Task {
+        Task::of(scene, self.size(), false)
+    }
+
+    /// The strategy and local size asked for, or the fastest for the device.
+    pub fn strategy(&self, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
+        let (strategy, usual) = chosen_strategy(self.strategy.as_deref(), &self.set, &device.limits, task)?;
+        Ok((strategy, self.local_size.unwrap_or(usual)))
+    }
+
+    /// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
+    pub fn prepare(
+        &self,
+        session: &mut Session,
+        strategy: &Strategy,
+        [across, mut down]: [u32; 2],
+    ) -> std::result::Result<Prepared, Refused> {
+        let may_shrink = strategy.shares_tiles() && self.local_size.is_none();
+        loop {
+            match session.prepare(strategy, self.size(), [across, down]) {
+                Err(Refused::Device(_)) if may_shrink && down > 1 => down /= 2,
+                other => return other,
+            }
+        }
+    }
+
+    /// The values of the scene that options and `--set`s mean, their values read as TOML where they are TOML and as text otherwise.
+    fn overrides(&self) -> Result<Vec<(String, toml::Value)>> {
+        let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));
+        of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
+        let value = |text: &str| {
+            let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
+            parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())
+        };
+        let set = of_scene().map(|(key, text)| (key.clone(), value(text)));
+        Ok(self.look.values().into_iter().chain(set).collect())
+    }
+}

@@ -1,0 +1,161 @@
+//! From where the scene is seen: how far the user has gone from its own camera. Pure functions.
+
+use crate::scene::{Camera, Light, Orbit, Scene};
+use glam::{DQuat, DVec3, Vec3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// The nearest that the eye comes to straight above or below, in radians: there, left and right have no meaning.
+const POLE: f64 = 0.02;
+/// The nearest and the farthest, as factors of the distance of the scene's own camera.
+const DISTANCES: [f64; 2] = [1e-3, 1e3];
+
+/// A place relative to the scene's own camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Around the scene's axis, in radians.
+    pub turn: f64,
+    /// Upwards, in radians.
+    pub tilt: f64,
+    /// Distance from the axis's point, as a factor.
+    pub distance: f64,
+    /// Aside and upwards in the picture's plane, in distances from that point.
+    pub aside: [f64; 2],
+}
+
+impl Pose {
+    /// The scene's own camera.
+    pub const START: Self = Self { turn: 0.0, tilt: 0.0, distance: 1.0, aside: [0.0; 2] };
+
+    /// Goes around the scene, to the right and upwards, in radians; not over its top.
+    pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
+        self.turn = (self.turn + right).rem_euclid(TAU);
+        let most = FRAC_PI_2 - POLE;
+        // A camera that stands beyond the limit itself may stay there.
+        let (low, high) = ((-most - elevation).min(0.0), (most - elevation).max(0.0));
+        self.tilt = (self.tilt + up).clamp(low, high);
+    }
+
+    /// Moves the eye aside and upwards, in distances.
+    pub fn pan(&mut self, [right, up]: [f64; 2]) {
+        self.aside[0] += right;
+        self.aside[1] += up;
+    }
+
+    /// Comes nearer for positive steps: ten of them halve the distance.
+    pub fn zoom(&mut self, steps: f64) {
+        self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
+    }
+
+    /// Camera and lights there; at the start the scene's own, to the bit.
+    pub fn at(&self, scene: &Scene, orbit: &Orbit) -> (Camera, Vec<Light>) {
+        let (mut camera, lights) = orbit.at(scene, self.turn / TAU);
+        let from_centre = |camera: &Camera| camera.position.as_dvec3() - orbit.centre;
+        if self.tilt != 0.0 {
+            let turn = DQuat::from_axis_angle(camera.right.as_dvec3().normalize(), -self.tilt);
+            let turned = |axis: Vec3| (turn * axis.as_dvec3()).as_vec3();
+            camera.position = (turn * from_centre(&camera) + orbit.centre).as_vec3();
+            (camera.up, camera.forward) = (turned(camera.up), turned(camera.forward));
+        }
+        if self.distance != 1.0 {
+            camera.position = (from_centre(&camera) * self.distance + orbit.centre).as_vec3();
+        }
+        if self.aside != [0.0; 2] {
+            let [right, up] = self.aside;
+            let aside = camera.right.as_dvec3() * right + camera.up.as_dvec3() * up;
+            let distance = from_centre(&camera).length();
+            camera.position = (camera.position.as_dvec3() + aside * distance).as_vec3();
+        }
+        (camera, lights)
+    }
+}
+
+/// How far above the scene's level the camera stands, as an angle in radians by the direction that it looks in.
+pub fn elevation(camera: &Camera, orbit: &Orbit) -> f64 {
+    let forward: DVec3 = camera.forward.as_dvec3();
+    (-forward.dot(orbit.up)).clamp(-1.0, 1.0).asin()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+
+    const ORBIT: Orbit = Orbit { centre: DVec3::new(0.0, 0.0, -3.0), up: DVec3::Y, with_lights: false };
+
+    /// Three units before the centre, at the origin.
+    fn scene() -> Scene {
+        Scene { camera: Camera::PAPER, ..fixtures::single_triangle() }
+    }
+
+    fn distance(camera: &Camera) -> f64 {
+        camera.position.as_dvec3().distance(ORBIT.centre)
+    }
+
+    #[test]
+    fn nothing_done_is_the_scenes_own_camera() {
+        let scene = scene();
+        assert_eq!(Pose::START.at(&scene, &ORBIT), (scene.camera, scene.lights.clone()));
+    }
+
+    #[test]
+    fn going_around_keeps_the_distance_and_looks_at_the_centre() {
+        let scene = scene();
+        let mut pose = Pose::START;
+        for by in [[0.3, 0.2], [1.0, 0.5], [-2.0, -1.9], [0.0, 0.7]] {
+            pose.orbit(by, elevation(&scene.camera, &ORBIT));
+            let (camera, _) = pose.at(&scene, &ORBIT);
+            assert!((distance(&camera) - 3.0).abs() < 1e-5, "{camera:?}");
+            let towards = (ORBIT.centre - camera.position.as_dvec3()).normalize();
+            assert!(towards.distance(camera.forward.as_dvec3()) < 1e-5, "{camera:?}");
+            assert!(camera.right.dot(Vec3::Y).abs() < 1e-5, "it stays level");
+            assert!(camera.up.dot(camera.forward).abs() < 1e-5 && camera.up.y > 0.0, "{camera:?}");
+        }
+    }
+
+    #[test]
+    fn upwards_is_upwards_and_ends_before_the_top() {
+        let scene = scene();
+        let mut pose = Pose::START;
+        pose.orbit([0.0, 0.5], 0.0);
+        assert!((f64::from(pose.at(&scene, &ORBIT).0.position.y) - 3.0 * 0.5_f64.sin()).abs() < 1e-5);
+        pose.orbit([0.0, 9.0], 0.0);
+        assert!((pose.tilt - (FRAC_PI_2 - POLE)).abs() < 1e-12);
+        pose.orbit([0.0, -9.0], 0.0);
+        assert!((pose.tilt + FRAC_PI_2 - POLE).abs() < 1e-12);
+        // A camera that looks straight down goes down only.
+        pose = Pose::START;
+        pose.orbit([0.0, 0.5], FRAC_PI_2);
+        assert_eq!(pose.tilt, 0.0);
+    }
+
+    #[test]
+    fn right_is_where_the_turntable_goes() {
+        let scene = scene();
+        let mut pose = Pose::START;
+        pose.orbit([FRAC_PI_2, 0.0], 0.0);
+        assert_eq!(pose.at(&scene, &ORBIT), ORBIT.at(&scene, 0.25));
+        assert!(pose.at(&scene, &ORBIT).0.position.x > 2.9);
+    }
+
+    #[test]
+    fn ten_steps_halve_the_distance_and_there_is_a_nearest() {
+        let scene = scene();
+        let mut pose = Pose::START;
+        pose.zoom(10.0);
+        assert!((distance(&pose.at(&scene, &ORBIT).0) - 1.5).abs() < 1e-5);
+        pose.zoom(-10.0);
+        assert!((pose.distance - 1.0).abs() < 1e-12);
+        pose.zoom(1e6);
+        assert_eq!(pose.distance, DISTANCES[0]);
+    }
+
+    #[test]
+    fn aside_is_along_the_picture() {
+        let scene = scene();
+        let mut pose = Pose::START;
+        pose.pan([0.5, -0.25]);
+        let (camera, _) = pose.at(&scene, &ORBIT);
+        assert!(camera.position.distance(Vec3::new(1.5, -0.75, 0.0)) < 1e-5, "{camera:?}");
+        assert_eq!(camera.forward, scene.camera.forward);
+    }
+}

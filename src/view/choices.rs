@@ -1,0 +1,68 @@
+//! The strategies and local sizes that keys go through.
+
+use crate::device::DeviceInfo;
+use crate::strategy::{PRESETS, Strategy};
+
+/// What the scene may be cast with, and which of it is taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choices<T> {
+    all: Vec<T>,
+    taken: usize,
+}
+
+impl<T: Copy + PartialEq> Choices<T> {
+    /// What is asked for first, then the others, each once.
+    pub fn of(first: T, others: impl IntoIterator<Item = T>) -> Self {
+        let mut all = vec![first];
+        for other in others {
+            if !all.contains(&other) {
+                all.push(other);
+            }
+        }
+        Self { all, taken: 0 }
+    }
+
+    /// The one that is taken.
+    pub fn taken(&self) -> T {
+        self.all[self.taken]
+    }
+
+    /// The others in the order in which steps of 1 or -1 meet them, each as these choices with it taken.
+    pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
+        let count = self.all.len() as isize;
+        (1..count).map(move |steps| {
+            let taken = (self.taken as isize + step * steps).rem_euclid(count) as usize;
+            Self { all: self.all.clone(), taken }
+        })
+    }
+}
+
+/// The presets that are meant for a device, after the strategy that is asked for.
+pub fn strategies(first: Strategy, device: &DeviceInfo) -> Choices<Strategy> {
+    let meant = PRESETS.iter().filter(|preset| preset.meant_for.is_none_or(|kind| kind == device.kind));
+    Choices::of(first, meant.map(|preset| preset.strategy))
+}
+
+/// Usual local sizes, after the one that is asked for.
+pub fn local_sizes(first: [u32; 2]) -> Choices<[u32; 2]> {
+    Choices::of(
+        first,
+        [[1, 1], [4, 4], [8, 4], [8, 8], [16, 8], [16, 16], [32, 1], [32, 8], [64, 1], [64, 4]],
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_go_round_and_meet_each_other_once() {
+        let choices = Choices::of(3, [1, 2, 3]);
+        assert_eq!(choices.taken(), 3);
+        let met = |step| choices.others(step).map(|other| other.taken()).collect::<Vec<_>>();
+        assert_eq!((met(1), met(-1)), (vec![1, 2], vec![2, 1]));
+        let second = choices.others(1).next().expect("one");
+        assert_eq!(second.others(1).map(|other| other.taken()).collect::<Vec<_>>(), [2, 3]);
+        assert_eq!(Choices::of(3, []).others(1).count(), 0);
+    }
+}

@@ -1,0 +1,90 @@
+//! The heat map of tests: how many triangles each pixel's rays are tested against, counted by the reference.
+
+use super::Live;
+use crate::accel::WideBvh;
+use crate::error::Result;
+use crate::image::viridis;
+use crate::reference::cost::{self, Cost};
+use crate::scene::{Camera, Scene};
+use crate::strategy::Culling;
+use image::{Rgb, RgbImage};
+use std::sync::Arc;
+
+/// Pixels across and down for which one is counted: coarse at first, finer where nothing moves.
+const BLOCKS: [u32; 3] = [8, 4, 2];
+
+/// The map of one scene, made finer step by step.
+pub struct Heat {
+    of: Arc<Scene>,
+    /// Its own copy, whose camera moves.
+    scene: Scene,
+    tree: WideBvh,
+    steps: usize,
+}
+
+/// A map, and the most tests of a pixel in it.
+pub struct Map {
+    pub picture: RgbImage,
+    pub most: u32,
+}
+
+impl Heat {
+    /// Of a scene.
+    ///
+    /// # Errors
+    /// If it has more triangles than a tree can name.
+    pub fn new(scene: &Arc<Scene>) -> Result<Self> {
+        let tree = cost::tree_of(&scene.mesh)?;
+        Ok(Self { of: Arc::clone(scene), scene: scene.as_ref().clone(), tree, steps: 0 })
+    }
+
+    /// Whether it is of this scene.
+    pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
+        Arc::ptr_eq(&self.of, scene)
+    }
+
+    /// Begins again: something has changed.
+    pub fn restart(&mut self) {
+        self.steps = 0;
+    }
+
+    /// The next finer map as the strategy tests; none where there is none finer.
+    pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
+        let block = *BLOCKS.get(self.steps)?;
+        self.steps += 1;
+        self.scene.camera = camera;
+        let size = live.size();
+        let coarse = size.map(|side| side.div_ceil(block));
+        let costs = if live.strategy().tests_every_triangle() {
+            cost::exhaustive(&self.scene, coarse, Culling::None)
+        } else {
+            cost::in_built(&self.scene, &self.tree, coarse, Culling::None)
+        };
+        Some(map(&costs, coarse[0], size, block))
+    }
+}
+
+/// Each count as a block of pixels.
+fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
+    let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
+    let colours: Vec<_> =
+        costs.iter().map(|cost| Rgb(viridis(f64::from(cost.tests) / f64::from(most.max(1))))).collect();
+    let picture = RgbImage::from_fn(width, height, |x, y| colours[(y / block * across + x / block) as usize]);
+    Map { picture, most }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_is_a_block_and_the_most_is_the_lightest() {
+        let costs = [0, 1, 2, 4, 3, 0].map(|tests| Cost { tests, nodes: 9 });
+        let Map { picture, most } = map(&costs, 3, [5, 4], 2);
+        assert_eq!((most, picture.dimensions()), (4, (5, 4)));
+        assert_eq!(picture.get_pixel(0, 2).0, viridis(1.0));
+        assert_eq!(picture.get_pixel(1, 3), picture.get_pixel(0, 2));
+        assert_eq!(picture.get_pixel(4, 1).0, viridis(0.5));
+        assert_eq!(picture.get_pixel(1, 1).0, viridis(0.0));
+    }
+}

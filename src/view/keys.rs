@@ -1,0 +1,167 @@
+//! What keys do.
+
+/// A key that means something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    /// A letter or a sign, as typed.
+    Char(char),
+    /// An arrow.
+    Left,
+    /// An arrow.
+    Right,
+    /// An arrow.
+    Up,
+    /// An arrow.
+    Down,
+    /// Escape.
+    Escape,
+}
+
+/// What the user wants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// Go around the scene, to the right and upwards, in radians.
+    Orbit([f64; 2]),
+    /// Move the eye aside and upwards, in distances.
+    Pan([f64; 2]),
+    /// Come nearer, in steps.
+    Zoom(f64),
+    /// Go around by itself, or stop that.
+    Spin,
+    /// Take the next strategy, or the one before.
+    Strategy(isize),
+    /// Take the next local size, or the one before.
+    LocalSize(isize),
+    /// Take the next device.
+    Device,
+    /// Show the heat map of tests, or the picture again.
+    Tests,
+    /// Go back to the scene's own camera.
+    Reset,
+    /// Show the keys, or hide them.
+    Help,
+    /// End.
+    Quit,
+}
+
+/// Keys that do one thing, in several directions.
+pub struct Row {
+    /// As the user reads them.
+    pub names: &'static str,
+    /// What they do.
+    pub about: &'static str,
+    /// Each with its action.
+    pub keys: &'static [(Key, Action)],
+}
+
+/// A key's step around the scene, in radians.
+const ORBIT: f64 = 0.1;
+/// And aside, in distances.
+const PAN: f64 = 0.05;
+
+/// All keys.
+pub const KEYS: &[Row] = &[
+    Row {
+        names: "arrows",
+        about: "orbit: go around the scene",
+        keys: &[
+            (Key::Left, Action::Orbit([-ORBIT, 0.0])),
+            (Key::Right, Action::Orbit([ORBIT, 0.0])),
+            (Key::Up, Action::Orbit([0.0, ORBIT])),
+            (Key::Down, Action::Orbit([0.0, -ORBIT])),
+        ],
+    },
+    Row {
+        names: "j l i k",
+        about: "pan: move left, right, up, down",
+        keys: &[
+            (Key::Char('j'), Action::Pan([-PAN, 0.0])),
+            (Key::Char('l'), Action::Pan([PAN, 0.0])),
+            (Key::Char('i'), Action::Pan([0.0, PAN])),
+            (Key::Char('k'), Action::Pan([0.0, -PAN])),
+        ],
+    },
+    Row {
+        names: "+ -",
+        about: "zoom: come nearer, go away",
+        keys: &[
+            (Key::Char('+'), Action::Zoom(1.0)),
+            (Key::Char('='), Action::Zoom(1.0)),
+            (Key::Char('-'), Action::Zoom(-1.0)),
+        ],
+    },
+    Row { names: "space", about: "spin, or stop", keys: &[(Key::Char(' '), Action::Spin)] },
+    Row {
+        names: "s S",
+        about: "the next strategy, the one before",
+        keys: &[(Key::Char('s'), Action::Strategy(1)), (Key::Char('S'), Action::Strategy(-1))],
+    },
+    Row {
+        names: "w W",
+        about: "the next local size, the one before",
+        keys: &[(Key::Char('w'), Action::LocalSize(1)), (Key::Char('W'), Action::LocalSize(-1))],
+    },
+    Row { names: "d", about: "the next device", keys: &[(Key::Char('d'), Action::Device)] },
+    Row {
+        names: "t",
+        about: "the heat map of tests, or the picture",
+        keys: &[(Key::Char('t'), Action::Tests)],
+    },
+    Row { names: "r", about: "the scene's own camera again", keys: &[(Key::Char('r'), Action::Reset)] },
+    Row { names: "h", about: "these keys", keys: &[(Key::Char('h'), Action::Help)] },
+    Row {
+        names: "q Escape",
+        about: "end",
+        keys: &[(Key::Char('q'), Action::Quit), (Key::Escape, Action::Quit)],
+    },
+];
+
+/// What a key does.
+pub fn action(key: Key) -> Option<Action> {
+    KEYS.iter().flat_map(|row| row.keys).find(|(known, _)| *known == key).map(|(_, action)| *action)
+}
+
+/// Whether a key that is held does it again and again.
+pub fn repeats(key: Key) -> bool {
+    matches!(action(key), Some(Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_)))
+}
+
+/// The keys as a table, a line each.
+pub fn lines() -> impl Iterator<Item = String> {
+    KEYS.iter().map(|Row { names, about, .. }| format!("{names:<9} {about}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_key_does_two_things() {
+        let keys: Vec<Key> = KEYS.iter().flat_map(|row| row.keys).map(|(key, _)| *key).collect();
+        for (place, key) in keys.iter().enumerate() {
+            assert!(!keys[..place].contains(key), "{key:?}");
+        }
+    }
+
+    #[test]
+    fn a_rows_name_has_its_keys() {
+        for row in KEYS {
+            let named = |key: &Key| match key {
+                Key::Char(' ') => row.names.contains("space"),
+                // The key that has a plus is an equals sign without shift.
+                Key::Char('=') => row.names.contains('+'),
+                Key::Char(letter) => row.names.contains(*letter),
+                Key::Escape => row.names.contains("Escape"),
+                Key::Left | Key::Right | Key::Up | Key::Down => row.names == "arrows",
+            };
+            assert!(row.keys.iter().all(|(key, _)| named(key)), "{}", row.names);
+        }
+    }
+
+    #[test]
+    fn only_movement_repeats() {
+        assert!(repeats(Key::Left) && repeats(Key::Char('+')));
+        assert!(!repeats(Key::Char('s')) && !repeats(Key::Escape) && !repeats(Key::Char('x')));
+        assert_eq!(action(Key::Char('S')), Some(Action::Strategy(-1)));
+    }
+}

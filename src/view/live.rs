@@ -1,0 +1,293 @@
+//! A scene on a device that is cast again and again, from other places and in other ways: `render`'s own path, kept open.
+
+use super::camera::Pose;
+use super::choices::{Choices, local_sizes, strategies};
+use super::sum::Sum;
+use crate::cache::Cache;
+use crate::cli::choice::one_device;
+use crate::cli::subject::Subject;
+use crate::device::{Device, DeviceInfo, discover};
+use crate::error::{Error, Result};
+use crate::image::to_rgb8;
+use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowProgram};
+use crate::program::{Kept, Sources};
+use crate::scene::{Camera, Loaded, Sample, Scene};
+use crate::strategy::Strategy;
+use image::RgbImage;
+use std::sync::Arc;
+
+/// A picture that was cast, and what it took.
+pub struct Frame {
+    pub picture: RgbImage,
+    /// Primary and shadow rays.
+    pub rays: f64,
+    /// Device time.
+    pub ms: f64,
+}
+
+/// What casts, and with what.
+pub struct Live {
+    subject: Subject,
+    dressed: bool,
+    samples: u32,
+    sources: Sources,
+    loaded: Loaded,
+    scene: Arc<Scene>,
+    device: Device,
+    queue: Queue,
+    show: Option<ShowProgram>,
+    session: Session,
+    strategies: Choices<Strategy>,
+    local_sizes: Choices<[u32; 2]>,
+    prepared: Prepared,
+    caster: Caster,
+    sum: Sum,
+}
+
+/// How a scene is cast: the part of it that a key changes.
+type Way = (Choices<Strategy>, Choices<[u32; 2]>);
+/// What a strategy needs to cast.
+type Ready = (Prepared, Caster);
+
+impl Live {
+    /// Loads the scene and makes everything ready for the first frame. It is seen from all around.
+    pub fn open(subject: Subject, samples: u32) -> Result<Self> {
+        let sources = Sources::of(subject.cl_dir.clone())?;
+        let dressed = !subject.look.plain;
+        let loaded = subject.load(true, dressed)?;
+        let device = one_device(subject.device.as_deref(), &sources)?;
+        let scene = Arc::new(loaded.scene.clone());
+        let queue = Queue::open(device.platform, device.device)?;
+        let show = show(&queue, &sources, &device.info);
+        let mut session = session(&queue, &device, &sources, &scene, samples);
+        let way = usual(&subject, &device, &scene)?;
+        let ready = ready(&subject, &mut session, &way).map_err(|no| no.into_error(&device.info.name))?;
+        let ((strategies, local_sizes), (prepared, caster)) = (way, ready);
+        let sum = Sum::of(samples);
+        Ok(Self {
+            subject,
+            dressed,
+            samples,
+            sources,
+            loaded,
+            scene,
+            device,
+            queue,
+            show,
+            session,
+            strategies,
+            local_sizes,
+            prepared,
+            caster,
+            sum,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// What was loaded.
+    pub fn loaded(&self) -> &Loaded {
+        &self.loaded
+    }
+
+    /// The device.
+    pub fn device(&self) -> &DeviceInfo {
+        &self.device.info
+    }
+
+    /// The strategy.
+    pub fn strategy(&self) -> Strategy {
+        self.strategies.taken()
+    }
+
+    /// The local size that is cast with.
+    pub fn local_size(&self) -> [u32; 2] {
+        self.prepared.workload.local_size
+    }
+
+    /// Pixels across and down.
+    pub fn size(&self) -> [u32; 2] {
+        self.subject.size()
+    }
+
+    /// Samples that are cast, and all there are.
+    pub fn progress(&self) -> [usize; 2] {
+        self.sum.progress()
+    }
+
+    /// Camera at a place.
+    pub fn camera(&self, pose: &Pose) -> Camera {
+        pose.at(&self.scene, &self.loaded.orbit).0
+    }
+
+    /// Half the picture's height at the distance 1.
+    pub fn half_height(&self) -> f64 {
+        let camera = &self.scene.camera;
+        let [width, height] = self.size().map(f64::from);
+        f64::from(camera.tan_half_fov) * if camera.fov_is_vertical { 1.0 } else { height / width }
+    }
+
+    /// Looks from somewhere else from the next frame on.
+    pub fn moved(&mut self) {
+        self.sum.restart();
+    }
+
+    /// Casts the next sample from a place, and shows the mean of those so far; none where all are cast.
+    pub fn cast(&mut self, pose: &Pose) -> Result<Option<Frame>> {
+        let Some(sample) = self.sum.next() else { return Ok(None) };
+        let frame = self.frame(pose, &sample);
+        frame.map(Some).map_err(|refused| refused.into_error(&self.device.info.name))
+    }
+
+    fn frame(&mut self, pose: &Pose, sample: &Sample) -> std::result::Result<Frame, Refused> {
+        let reading = Refused::at("reading the image");
+        let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
+        if self.sum.lacks_image() {
+            self.sum.fill(self.caster.read().map_err(&reading)?.0);
+        }
+        if self.loaded.orbit.with_lights {
+            self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
+        }
+        let times = self.caster.cast_sample(&camera, sample).map_err(Refused::at("the launch"))?;
+        if sample.number == 0
+            && let Some((picture, hits)) = self.shown().map_err(&reading)?
+        {
+            self.sum.skip();
+            return Ok(self.told(picture, hits, &times));
+        }
+        let (image, hits) = self.caster.read().map_err(&reading)?;
+        let mean = self.sum.add(image);
+        Ok(self.told(to_rgb8(&mean, self.scene.display), hits, &times))
+    }
+
+    /// The last frame as it is shown; none where a pixel is not finite.
+    fn shown(&self) -> std::result::Result<Option<(RgbImage, usize)>, crate::launch::LaunchError> {
+        let display = self.scene.display;
+        let Some(program) = &self.show else { return self.caster.read_shown(display) };
+        let [width, height] = self.size();
+        let mut bytes = Vec::with_capacity(3 * width as usize * height as usize);
+        let hits = self.caster.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
+        Ok(hits.and_then(|hits| Some((RgbImage::from_raw(width, height, bytes)?, hits))))
+    }
+
+    fn told(&self, picture: RgbImage, hits: usize, times: &FrameTimes) -> Frame {
+        let lights = self.scene.lights.len() + usize::from(self.scene.sky.is_some());
+        let pixels = picture.pixels().len();
+        Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
+    }
+
+    /// Takes the next strategy that the device can cast.
+    ///
+    /// # Errors
+    /// Where there is no other, with the reason of the last.
+    pub fn next_strategy(&mut self, step: isize) -> Result<()> {
+        let limits = self.device.info.limits;
+        let usual = self.strategies.others(step).map(|strategies| {
+            let local_size = strategies.taken().local_size(&limits, [8, 8]);
+            (strategies, local_sizes(local_size))
+        });
+        self.take(usual.collect())
+    }
+
+    /// Takes the next local size that the device can cast with.
+    ///
+    /// # Errors
+    /// Where there is no other, with the reason of the last.
+    pub fn next_local_size(&mut self, step: isize) -> Result<()> {
+        let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
+        self.take(ways.collect())
+    }
+
+    /// The first of several ways that can be cast.
+    fn take(&mut self, ways: Vec<Way>) -> Result<()> {
+        let mut last = None;
+        for way in ways {
+            match ready(&self.subject, &mut self.session, &way) {
+                Ok((prepared, caster)) => {
+                    (self.strategies, self.local_sizes) = way;
+                    (self.prepared, self.caster) = (prepared, caster);
+                    self.sum.restart();
+                    return Ok(());
+                }
+                Err(refused) => last = Some(refused),
+            }
+        }
+        Err(match last {
+            Some(refused) => refused.into_error(&self.device.info.name),
+            None => Error::input("there is no other choice"),
+        })
+    }
+
+    /// Takes the next device, with what is usual for it.
+    ///
+    /// # Errors
+    /// Where it is the only one, or cannot be opened.
+    pub fn next_device(&mut self) -> Result<()> {
+        let found: Vec<Device> =
+            discover(&self.sources)?.into_iter().filter(|device| device.info.unusable.is_none()).collect();
+        let same = |device: &Device| device.info.identity() == self.device.info.identity();
+        let place = found.iter().position(same).map_or(0, |place| place + 1);
+        match found.get(place % found.len().max(1)) {
+            Some(device) if !same(device) => self.move_to(device.clone()),
+            _ => Err(Error::input(format!("{} is the only device", self.device.info.name))),
+        }
+    }
+
+    fn move_to(&mut self, device: Device) -> Result<()> {
+        let queue = Queue::open(device.platform, device.device)?;
+        let mut session = session(&queue, &device, &self.sources, &self.scene, self.samples);
+        let way = usual(&self.subject, &device, &self.scene)?;
+        let ready =
+            ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&device.info.name))?;
+        self.show = show(&queue, &self.sources, &device.info);
+        (self.queue, self.device, self.session) = (queue, device, session);
+        (self.strategies, self.local_sizes) = way;
+        (self.prepared, self.caster) = ready;
+        self.sum.restart();
+        Ok(())
+    }
+
+    /// Reads scene and kernels again; the way of casting stays. What fails leaves everything as it was.
+    pub fn reload(&mut self) -> Result<()> {
+        let sources = Sources::of(self.subject.cl_dir.clone())?;
+        let loaded = self.subject.load(true, self.dressed)?;
+        let scene = Arc::new(loaded.scene.clone());
+        let mut session = session(&self.queue, &self.device, &sources, &scene, self.samples);
+        let way = (self.strategies.clone(), self.local_sizes.clone());
+        let ready =
+            ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info.name))?;
+        (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
+        (self.prepared, self.caster) = ready;
+        self.sum.restart();
+        Ok(())
+    }
+}
+
+fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
+    Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(samples)
+}
+
+/// What shows pictures on a device with a memory of its own; where it cannot be built, the host does.
+fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
+    if queue.shares_memory {
+        return None;
+    }
+    let kept = Kept::of(Cache::of_user(), device);
+    ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
+}
+
+/// What is asked for, or usual on a device, before all other choices.
+fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
+    let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene))?;
+    Ok((strategies(strategy, &device.info), local_sizes(local_size)))
+}
+
+fn ready(subject: &Subject, session: &mut Session, way: &Way) -> std::result::Result<Ready, Refused> {
+    let (strategies, local_sizes) = way;
+    let prepared = subject.prepare(session, &strategies.taken(), local_sizes.taken())?;
+    let caster = prepared.caster()?;
+    Ok((prepared, caster))
+}

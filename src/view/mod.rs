@@ -1,0 +1,286 @@
+//! `raycl view`: a scene that is cast while the user moves around it.
+//!
+//! A [`screen::Screen`] shows pictures and tells what the user did; [`live::Live`] casts, by the way that `render` takes. What
+//! lies between is here: a loop that looks, acts, casts and shows.
+
+mod camera;
+mod choices;
+mod heat;
+mod help;
+pub mod keys;
+mod live;
+mod pick;
+mod rate;
+pub mod screen;
+mod sum;
+mod title;
+
+use crate::error::{Error, Result};
+use camera::{Pose, elevation};
+use heat::Heat;
+use image::RgbImage;
+use keys::{Action, action};
+pub use live::Live;
+use pick::{Picked, Picker};
+use rate::Rate;
+pub use rate::Total;
+use screen::{Input, Screen};
+use std::time::{Duration, Instant};
+
+/// The pointer's way of one height of the picture, as an angle around the scene.
+const DRAG: f64 = 3.0;
+/// What it spins with each frame, in radians: a whole turn in 360.
+const SPIN: f64 = std::f64::consts::TAU / 360.0;
+/// How long it waits for the user where there is nothing to cast.
+const REST: Duration = Duration::from_millis(8);
+
+/// When it ends by itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Until {
+    /// After so many frames, or sooner where there are no more to cast.
+    pub frames: Option<u32>,
+    /// After so many seconds.
+    pub seconds: Option<f64>,
+}
+
+/// A scene that is shown, and what the user did with it.
+pub struct Viewer<S: Screen> {
+    live: Live,
+    screen: S,
+    pose: Pose,
+    spins: bool,
+    rate: Rate,
+    /// The heat map of tests, where it is shown in the picture's place, and the most tests of a pixel.
+    heat: Option<Heat>,
+    most_tests: u32,
+    /// The keys, where they are shown.
+    help: Option<RgbImage>,
+    /// The last picture, without what is drawn over it.
+    shown: Option<RgbImage>,
+    picker: Picker,
+    pointer: Option<[u32; 2]>,
+    picked: Option<Picked>,
+    /// What the user ought to know: why a key did nothing.
+    note: Option<String>,
+    /// Whether what is drawn over the picture has changed.
+    redraws: bool,
+    /// Whether the line beside the picture is out of date.
+    stale: bool,
+}
+
+impl<S: Screen> Viewer<S> {
+    /// Shows a scene, which may spin by itself.
+    pub fn new(live: Live, screen: S, spins: bool) -> Self {
+        Self {
+            live,
+            screen,
+            pose: Pose::START,
+            spins,
+            rate: Rate::new(),
+            heat: None,
+            most_tests: 0,
+            help: None,
+            shown: None,
+            picker: Picker::default(),
+            pointer: None,
+            picked: None,
+            note: None,
+            redraws: false,
+            stale: true,
+        }
+    }
+
+    /// Shows it until the user or the time ends it; whether files have `changed` is asked each time.
+    pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
+        let start = Instant::now();
+        loop {
+            let input = self.screen.input()?;
+            if input.closed || self.obey(&input) {
+                break;
+            }
+            if changed() {
+                self.tried(Live::reload);
+            }
+            let rests = !self.show_next()?;
+            self.redraw()?;
+            self.point(input.pointer);
+            self.tell()?;
+            let over = until.seconds.is_some_and(|seconds| start.elapsed().as_secs_f64() >= seconds);
+            let enough = until.frames.is_some_and(|frames| rests || self.rate.frames() >= frames);
+            if over || enough {
+                break;
+            }
+            if rests {
+                std::thread::sleep(REST);
+            }
+        }
+        let total = self.rate.total();
+        Ok((self.live, total))
+    }
+
+    /// Casts and shows the next frame; whether there was one.
+    fn show_next(&mut self) -> Result<bool> {
+        if self.spins && self.rate.frames() > 0 {
+            self.go(Action::Orbit([SPIN, 0.0]));
+        }
+        let Some(picture) = self.next_picture()? else { return Ok(false) };
+        self.show(picture)?;
+        self.rate.count();
+        Ok(true)
+    }
+
+    /// The next picture, or heat map, that is cast; none where nothing has changed and all samples are there.
+    fn next_picture(&mut self) -> Result<Option<RgbImage>> {
+        if let Some(heat) = &mut self.heat {
+            let camera = self.live.camera(&self.pose);
+            let Some(map) = heat.next(&self.live, camera) else { return Ok(None) };
+            self.most_tests = map.most;
+            self.stale = true;
+            return Ok(Some(map.picture));
+        }
+        let Some(frame) = self.live.cast(&self.pose)? else { return Ok(None) };
+        self.rate.count_rays(frame.rays, frame.ms);
+        Ok(Some(frame.picture))
+    }
+
+    /// Shows a picture, under the keys where they are wanted.
+    fn show(&mut self, picture: RgbImage) -> Result<()> {
+        match &self.help {
+            Some(panel) => {
+                let mut under = picture.clone();
+                help::lay(panel, &mut under);
+                self.screen.show(&under)?;
+            }
+            None => self.screen.show(&picture)?,
+        }
+        self.shown = Some(picture);
+        Ok(())
+    }
+
+    /// Shows the last picture again where what is drawn over it has changed.
+    fn redraw(&mut self) -> Result<()> {
+        match self.shown.take() {
+            Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),
+            kept => {
+                self.shown = kept;
+                Ok(())
+            }
+        }
+    }
+
+    /// Does what the user wants; whether that is to end.
+    fn obey(&mut self, input: &Input) -> bool {
+        if input.orbit != [0.0; 2] {
+            // Dragged to the right, the scene turns to the right: the eye goes left.
+            self.go(Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]]));
+        }
+        if input.pan != [0.0; 2] {
+            let heights = 2.0 * self.live.half_height();
+            self.go(Action::Pan([-heights * input.pan[0], heights * input.pan[1]]));
+        }
+        if input.wheel != 0.0 {
+            self.go(Action::Zoom(input.wheel));
+        }
+        let mut actions = input.keys.iter().filter_map(|key| action(*key));
+        actions.any(|wanted| self.act(wanted))
+    }
+
+    /// Does one thing; whether that is to end.
+    fn act(&mut self, wanted: Action) -> bool {
+        match wanted {
+            Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_) | Action::Reset => self.go(wanted),
+            Action::Spin => self.spins = !self.spins,
+            Action::Strategy(step) => self.tried(|live| live.next_strategy(step)),
+            Action::LocalSize(step) => self.tried(|live| live.next_local_size(step)),
+            Action::Device => self.tried(Live::next_device),
+            Action::Tests => self.turn_heat(),
+            Action::Help => self.turn_help(),
+            Action::Quit => return true,
+        }
+        self.stale = true;
+        false
+    }
+
+    /// Shows the heat map of tests, or the picture again.
+    fn turn_heat(&mut self) {
+        let is_shown = self.heat.take().is_some();
+        self.live.moved();
+        if !is_shown {
+            match Heat::new(self.live.scene()) {
+                Ok(heat) => self.heat = Some(heat),
+                Err(error) => self.note = Some(error.to_string()),
+            }
+        }
+    }
+
+    /// Shows the keys, or hides them.
+    fn turn_help(&mut self) {
+        self.help = match self.help.take() {
+            Some(_) => None,
+            None => help::panel().ok(),
+        };
+        let [width, height] = self.live.size();
+        let fits = |panel: &RgbImage| panel.width() <= width && panel.height() <= height;
+        // Where the picture is too small for them, the line beside it has them.
+        let is_told = self.help.as_ref().is_some_and(|panel| !fits(panel));
+        self.note = is_told.then(|| keys::lines().collect::<Vec<_>>().join("; "));
+        self.redraws = true;
+    }
+
+    /// Looks from somewhere else.
+    fn go(&mut self, wanted: Action) {
+        let level = elevation(&self.live.scene().camera, &self.live.loaded().orbit);
+        match wanted {
+            Action::Orbit(by) => self.pose.orbit(by, level),
+            Action::Pan(by) => self.pose.pan(by),
+            Action::Zoom(steps) => self.pose.zoom(steps),
+            _ => self.pose = Pose::START,
+        }
+        self.changed();
+    }
+
+    /// Begins the picture again.
+    fn changed(&mut self) {
+        self.live.moved();
+        self.picked = None;
+        if let Some(heat) = &mut self.heat {
+            heat.restart();
+        }
+    }
+
+    /// Changes what casts; where that fails, everything stays as it is and the user learns why.
+    fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
+        self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
+        if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
+            self.heat = Heat::new(self.live.scene()).ok();
+        }
+        self.changed();
+        self.stale = true;
+    }
+
+    /// Finds what the pointer is at, where that may have changed.
+    fn point(&mut self, pointer: Option<[u32; 2]>) {
+        let known = std::mem::replace(&mut self.pointer, pointer);
+        let Some(pixel) = pointer else {
+            self.stale |= self.picked.take().is_some();
+            return;
+        };
+        if known == pointer && self.picked.is_some() && !self.picker.is_building() {
+            return;
+        }
+        let picked = self.picker.pick(&self.live, &self.live.camera(&self.pose), pixel);
+        self.stale |= picked != self.picked;
+        self.picked = picked;
+    }
+
+    fn tell(&mut self) -> Result<()> {
+        let (rates, is_new) = self.rate.recent();
+        if !is_new && !std::mem::take(&mut self.stale) {
+            return Ok(());
+        }
+        let tests = self.heat.as_ref().map(|_| format!("at most {} tests per pixel", self.most_tests));
+        let picked = self.picked.as_ref().map(Picked::text);
+        let more = [tests, picked, self.note.clone()];
+        self.screen.tell(&title::line(&self.live, rates, more.into_iter().flatten()))
+    }
+}

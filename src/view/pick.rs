@@ -1,0 +1,121 @@
+//! What the pointer is at: a ray of the reference through a pixel, in double precision.
+
+use super::Live;
+use crate::reference::layers::{normal_at, object_of};
+use crate::reference::ray::Frame;
+use crate::reference::traverse::Finder as _;
+use crate::reference::tree::Tree;
+use crate::scene::{Camera, Scene};
+use crate::strategy::Culling;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// A triangle at a pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picked {
+    /// Its number in the scene, from 0.
+    pub triangle: u32,
+    /// The number of its object, from 0.
+    pub object: u32,
+    /// The number of its material, from 0.
+    pub material: u32,
+    /// The interpolated normal, of unit length.
+    pub normal: [f32; 3],
+}
+
+impl Picked {
+    /// As a person reads it.
+    pub fn text(&self) -> String {
+        let Self { triangle, object, material, normal: [x, y, z] } = self;
+        format!("triangle {triangle}, object {object}, material {material}, normal ({x:.2}, {y:.2}, {z:.2})")
+    }
+}
+
+/// What a pixel's centre shows.
+pub fn pick(
+    scene: &Scene,
+    tree: &Tree,
+    camera: &Camera,
+    [width, height]: [u32; 2],
+    [x, y]: [u32; 2],
+    object_starts: &[u32],
+) -> Option<Picked> {
+    let frame = Frame::<f64>::new(&camera.pixel_frame(width, height));
+    let hit = tree.closest(&frame.primary(f64::from(x) + 0.5, f64::from(y) + 0.5))?;
+    Some(Picked {
+        triangle: hit.triangle,
+        object: object_of(object_starts, hit.triangle),
+        material: scene.mesh.triangles[hit.triangle as usize].material,
+        normal: normal_at(&scene.mesh, &hit).as_vec3().to_array(),
+    })
+}
+
+/// Picks triangles of a scene, whose tree another thread builds when the pointer is first over the picture.
+#[derive(Default)]
+pub struct Picker {
+    scene: Option<Arc<Scene>>,
+    building: Option<JoinHandle<Tree>>,
+    tree: Option<Tree>,
+}
+
+impl Picker {
+    /// What is at a pixel of the picture; none while the tree is not there, and where nothing is.
+    pub fn pick(&mut self, live: &Live, camera: &Camera, pixel: [u32; 2]) -> Option<Picked> {
+        self.ask_for_tree(live.scene());
+        let tree = self.tree.as_ref()?;
+        pick(live.scene(), tree, camera, live.size(), pixel, &live.loaded().object_starts)
+    }
+
+    /// Whether a tree is on its way.
+    pub fn is_building(&self) -> bool {
+        self.building.is_some()
+    }
+
+    fn ask_for_tree(&mut self, scene: &Arc<Scene>) {
+        if !self.scene.as_ref().is_some_and(|known| Arc::ptr_eq(known, scene)) {
+            let of = Arc::clone(scene);
+            self.scene = Some(Arc::clone(scene));
+            self.tree = None;
+            self.building = Some(std::thread::spawn(move || Tree::new(&of.mesh, Culling::None)));
+        }
+        if let Some(done) = self.building.take_if(|building| building.is_finished()) {
+            // A thread that panicked leaves nothing to pick.
+            self.tree = done.join().ok();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+    use crate::reference::layers::{NOTHING, layers};
+
+    #[test]
+    fn what_is_picked_is_what_layers_have_there() {
+        let scene = fixtures::figure_4();
+        let (size, starts) = ([80, 60], [0, 1, 2]);
+        let found = layers(&scene, &starts, size, Culling::None).expect("a small scene");
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        let mut hits = 0;
+        for (x, y) in (0..size[0]).step_by(3).flat_map(|x| (0..size[1]).step_by(3).map(move |y| (x, y))) {
+            let place = (y * size[0] + x) as usize;
+            let picked = pick(&scene, &tree, &scene.camera, size, [x, y], &starts);
+            let expected = (found.triangle[place] != NOTHING).then(|| Picked {
+                triangle: found.triangle[place],
+                object: found.object[place],
+                material: scene.mesh.triangles[found.triangle[place] as usize].material,
+                normal: found.normal[place],
+            });
+            hits += usize::from(picked.is_some());
+            assert_eq!(picked, expected, "({x}, {y})");
+        }
+        assert!(hits > 50, "{hits}");
+    }
+
+    #[test]
+    fn it_is_told_in_words() {
+        let picked = Picked { triangle: 7, object: 1, material: 0, normal: [0.0, 0.999, -0.5] };
+        assert_eq!(picked.text(), "triangle 7, object 1, material 0, normal (0.00, 1.00, -0.50)");
+    }
+}

@@ -1,0 +1,130 @@
+//! How fast frames and rays are.
+
+use crate::measure::Summary;
+use std::time::{Duration, Instant};
+
+/// The line beside the picture is renewed after this time.
+const PERIOD: Duration = Duration::from_millis(250);
+
+/// Frames since the start, and since the line was last renewed.
+pub struct Rate {
+    first: Option<Instant>,
+    last: Instant,
+    frames: u32,
+    /// Device times of frames that the device cast.
+    times_ms: Vec<f64>,
+    rays: f64,
+    recent: Recent,
+    /// Frames and rays per second, of the last whole period.
+    shown: [f64; 2],
+}
+
+struct Recent {
+    since: Instant,
+    frames: u32,
+    rays: f64,
+    ms: f64,
+}
+
+impl Recent {
+    fn now() -> Self {
+        Self { since: Instant::now(), frames: 0, rays: 0.0, ms: 0.0 }
+    }
+}
+
+/// What a whole session came to.
+#[derive(Clone, Copy, Debug)]
+pub struct Total {
+    /// Frames that were shown.
+    pub frames: u32,
+    /// From the first of them to the last.
+    pub seconds: f64,
+    /// Frames after the first over this time.
+    pub frames_per_s: f64,
+    /// Median device time of a frame.
+    pub frame_ms: f64,
+    /// Primary and shadow rays over device time.
+    pub rays_per_s: f64,
+}
+
+impl Rate {
+    /// Before the first frame.
+    pub fn new() -> Self {
+        let recent = Recent::now();
+        Self {
+            first: None,
+            last: recent.since,
+            frames: 0,
+            times_ms: Vec::new(),
+            rays: 0.0,
+            recent,
+            shown: [0.0; 2],
+        }
+    }
+
+    /// Counts a picture that was shown.
+    pub fn count(&mut self) {
+        self.last = Instant::now();
+        self.first.get_or_insert(self.last);
+        self.frames += 1;
+        self.recent.frames += 1;
+    }
+
+    /// Counts what a device cast for it.
+    pub fn count_rays(&mut self, rays: f64, ms: f64) {
+        self.times_ms.push(ms);
+        self.rays += rays;
+        self.recent.rays += rays;
+        self.recent.ms += ms;
+    }
+
+    /// Frames per second and rays per second of device time, and whether they are new since the last call.
+    pub fn recent(&mut self) -> ([f64; 2], bool) {
+        let elapsed = self.recent.since.elapsed();
+        let is_over = elapsed >= PERIOD;
+        if is_over {
+            let Recent { frames, rays, ms, .. } = std::mem::replace(&mut self.recent, Recent::now());
+            // Of a picture that rests, the rays of its last frames stay.
+            let rays_per_s = if ms > 0.0 { rays / ms * 1e3 } else { self.shown[1] };
+            self.shown = [f64::from(frames) / elapsed.as_secs_f64(), rays_per_s];
+        }
+        (self.shown, is_over)
+    }
+
+    /// Frames so far.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
+    /// All of it.
+    pub fn total(&self) -> Total {
+        let seconds = self.first.map_or(0.0, |first| (self.last - first).as_secs_f64());
+        let frames = self.frames();
+        let per = |count: f64, seconds: f64| if seconds > 0.0 { count / seconds } else { 0.0 };
+        Total {
+            frames,
+            seconds,
+            frames_per_s: per(f64::from(frames.saturating_sub(1)), seconds),
+            frame_ms: Summary::of(&self.times_ms).map_or(0.0, |summary| summary.median_ms),
+            rays_per_s: per(self.rays, self.times_ms.iter().sum::<f64>() / 1e3),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_are_counted_by_device_time() {
+        let mut rate = Rate::new();
+        assert_eq!((rate.total().frames, rate.total().rays_per_s), (0, 0.0));
+        for (rays, ms) in [(1e6, 2.0), (3e6, 6.0), (1e6, 2.0)] {
+            rate.count_rays(rays, ms);
+            rate.count();
+        }
+        let total = rate.total();
+        assert_eq!((total.frames, total.frame_ms), (3, 2.0));
+        assert!((total.rays_per_s - 5e8).abs() < 1.0, "{total:?}");
+    }
+}

@@ -1,0 +1,198 @@
+//! A window of its own. Its libraries are loaded when it opens, so that no other command needs them.
+
+use super::{Input, Screen};
+use crate::error::{Error, Result};
+use crate::view::keys::{self, Key};
+use image::RgbImage;
+use minifb::{InputCallback, MouseButton, MouseMode, ScaleMode, WindowOptions};
+use rayon::prelude::*;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+const REMEDY: &str = "--terminal shows it in this terminal instead, `raycl render` writes it to a file; elsewhere \
+    than at the display itself, `ssh -X` forwards a window";
+
+/// Pixels that a thread copies at a time.
+const TOGETHER: usize = 1 << 14;
+
+/// A window of the picture's size.
+pub struct Window {
+    window: minifb::Window,
+    size: [u32; 2],
+    /// What was typed.
+    keys: Receiver<Key>,
+    /// What is shown, 0RGB.
+    pixels: Vec<u32>,
+    /// Where the pointer was dragged from.
+    dragged: Option<[f64; 2]>,
+    /// Whether the last picture's showing has also looked what the user did.
+    looked: bool,
+}
+
+impl Window {
+    /// Opens it.
+    ///
+    /// # Errors
+    /// The user's mistake where there is no display, or its libraries are missing.
+    pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
+        if needs_display() && std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
+            return Err(Error::input("there is no display: DISPLAY is not set").with_help(REMEDY));
+        }
+        let options = WindowOptions { scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
+        let [width, height] = size.map(|side| side as usize);
+        let mut window = minifb::Window::new(title, width, height, options).map_err(|error| {
+            Error::input(format!("the window cannot be opened: {error}")).with_help(format!(
+                "it needs a display, and on Debian the packages libx11-6 and libxcursor1; {REMEDY}"
+            ))
+        })?;
+        let (sender, keys) = channel();
+        window.set_input_callback(Box::new(Typed::new(sender)));
+        Ok(Self { window, size, keys, pixels: vec![0; width * height], dragged: None, looked: false })
+    }
+
+    fn pointer(&self) -> Option<[u32; 2]> {
+        let (x, y) = self.window.get_unscaled_mouse_pos(MouseMode::Discard)?;
+        let [x, y] = [x as u32, y as u32];
+        (x < self.size[0] && y < self.size[1]).then_some([x, y])
+    }
+
+    /// How far the pointer went since the last look while a button was down.
+    fn drag(&mut self) -> [f64; 2] {
+        let down = self.is_down(MouseButton::Left) || self.pans();
+        let at = self.window.get_unscaled_mouse_pos(MouseMode::Pass).filter(|_| down);
+        let at = at.map(|(x, y)| [x, y].map(f64::from));
+        let by = match (self.dragged, at) {
+            (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
+            _ => [0.0; 2],
+        };
+        self.dragged = at;
+        by.map(|pixels| pixels / f64::from(self.size[1]))
+    }
+
+    fn is_down(&self, button: MouseButton) -> bool {
+        self.window.get_mouse_down(button)
+    }
+
+    fn pans(&self) -> bool {
+        self.is_down(MouseButton::Right) || self.is_down(MouseButton::Middle)
+    }
+}
+
+impl Screen for Window {
+    fn show(&mut self, picture: &RgbImage) -> Result<()> {
+        let parts = self.pixels.par_chunks_mut(TOGETHER).zip(picture.par_chunks(3 * TOGETHER));
+        parts.for_each(|(pixels, bytes)| {
+            for (pixel, [red, green, blue]) in pixels.iter_mut().zip(bytes.as_chunks().0) {
+                *pixel = u32::from_be_bytes([0, *red, *green, *blue]);
+            }
+        });
+        let [width, height] = self.size.map(|side| side as usize);
+        self.looked = true;
+        self.window
+            .update_with_buffer(&self.pixels, width, height)
+            .map_err(|error| Error::run(format!("the window cannot show a picture: {error}")))
+    }
+
+    fn tell(&mut self, line: &str) -> Result<()> {
+        self.window.set_title(line);
+        Ok(())
+    }
+
+    fn input(&mut self) -> Result<Input> {
+        if !std::mem::take(&mut self.looked) {
+            self.window.update();
+        }
+        let by = self.drag();
+        let (orbit, pan) = if self.pans() { ([0.0; 2], by) } else { (by, [0.0; 2]) };
+        Ok(Input {
+            keys: self.keys.try_iter().collect(),
+            orbit,
+            pan,
+            wheel: self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
+            pointer: self.pointer(),
+            closed: !self.window.is_open(),
+        })
+    }
+}
+
+/// Whether windows are X11's.
+fn needs_display() -> bool {
+    cfg!(all(unix, not(target_os = "macos")))
+}
+
+/// Keys as they are pressed, one by one: a short tap counts, however long a frame takes.
+struct Typed {
+    sender: Sender<Key>,
+    down: Vec<minifb::Key>,
+    /// Whether the last key has been down for a while.
+    is_held: bool,
+}
+
+impl Typed {
+    fn new(sender: Sender<Key>) -> Self {
+        Self { sender, down: Vec::new(), is_held: false }
+    }
+
+    fn send(&self, key: Key) {
+        if !self.is_held || keys::repeats(key) {
+            // The receiver is gone only when the window is.
+            let _ = self.sender.send(key);
+        }
+    }
+}
+
+impl InputCallback for Typed {
+    /// After the state of its key.
+    fn add_char(&mut self, code: u32) {
+        if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
+            self.send(Key::Char(letter));
+        }
+    }
+
+    fn set_key_state(&mut self, key: minifb::Key, is_down: bool) {
+        self.is_held = is_down && self.down.contains(&key);
+        self.down.retain(|known| *known != key);
+        if is_down {
+            self.down.push(key);
+            if let Some(key) = meant(key) {
+                self.send(key);
+            }
+        }
+    }
+}
+
+/// What a key means that writes nothing.
+fn meant(key: minifb::Key) -> Option<Key> {
+    use minifb::Key as Pressed;
+    Some(match key {
+        Pressed::Left => Key::Left,
+        Pressed::Right => Key::Right,
+        Pressed::Up => Key::Up,
+        Pressed::Down => Key::Down,
+        Pressed::Escape => Key::Escape,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    #[test]
+    fn a_tap_counts_and_only_movement_repeats() {
+        let (sender, keys) = channel();
+        let mut typed = Typed::new(sender);
+        // A tap, then two keys held, of which X11 tells again and again.
+        for is_down in [true, false, true, true] {
+            typed.set_key_state(minifb::Key::S, is_down);
+            if is_down {
+                typed.add_char(u32::from('s'));
+            }
+        }
+        (0..3).for_each(|_| typed.set_key_state(minifb::Key::Left, true));
+        typed.set_key_state(minifb::Key::Escape, true);
+        typed.add_char(0x1b);
+        let [s, left] = [Key::Char('s'), Key::Left];
+        assert_eq!(keys.try_iter().collect::<Vec<_>>(), [s, s, left, left, left, Key::Escape]);
+    }
+}

@@ -1,0 +1,239 @@
+//! `raycl view`: what its window shows, read from an X server without a screen, and what it shows in a terminal.
+
+use crate::binary::{NO_SETTINGS, Place, TRIANGLE, device, finish, has, program, until};
+use crate::x_server::Server;
+use image::RgbImage;
+use serde_json::Value;
+use std::process::{Child, Command, Stdio};
+use std::sync::Mutex;
+
+const SIZE: [u32; 2] = [96, 60];
+/// Keys by the symbols that X11 has for them.
+const RIGHT: u32 = 0xff53;
+const LETTER: fn(char) -> u32 = |letter| letter as u32;
+
+fn place() -> Place {
+    Place::with(&[("scene.toml", TRIANGLE)])
+}
+
+/// The command, on the test device.
+fn view(place: &Place, options: &[&str]) -> std::process::Command {
+    let mut command = program();
+    command.current_dir(place.path(".")).args(["view", "scene.toml", "--device", &device()]).args(options);
+    command.env_remove("DISPLAY").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn start(place: &Place, server: &Server, options: &[&str]) -> Child {
+    let [width, height] = SIZE.map(|side| side.to_string());
+    let all = [&["--width", &width, "--height", &height], options].concat();
+    view(place, &all).env("DISPLAY", server.display()).spawn().expect("it starts")
+}
+
+/// What `render` writes of the same scene.
+fn rendered(place: &Place, options: &[&str]) -> RgbImage {
+    let [width, height] = SIZE.map(|side| side.to_string());
+    let device = device();
+    let all = ["render", "scene.toml", "-o", "still.png", "--force", "--device", &device];
+    place.output(&[&all[..], &["--width", &width, "--height", &height], options].concat());
+    image::open(place.path("still.png")).expect("a picture").to_rgb8()
+}
+
+fn differences(a: &RgbImage, b: &RgbImage) -> u8 {
+    a.iter().zip(b.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+}
+
+/// Ends it by its key, and gives what it reports.
+fn quit(child: Child, server: &Server) -> Value {
+    server.user().press(LETTER('q'));
+    let output = finish(child);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+#[test]
+fn without_a_display_it_is_a_mistake_with_a_remedy() {
+    let place = place();
+    for (display, reason) in [("", "DISPLAY is not set"), (":4099", "the window cannot be opened")] {
+        let child = view(&place, &["--frames", "1"]).env("DISPLAY", display).spawn().expect("it starts");
+        let output = finish(child);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        has(&String::from_utf8_lossy(&output.stderr), &[reason, "--terminal", "`raycl render`"]);
+    }
+}
+
+#[test]
+fn the_window_shows_what_render_writes() {
+    let place = place();
+    for samples in ["1", "5"] {
+        let expected = rendered(&place, &["--samples", samples]);
+        let server = Server::start(SIZE);
+        let child = start(&place, &server, &["--samples", samples, "--json"]);
+        // Sums of several samples may be rounded another way.
+        let most = if samples == "1" { 0 } else { 1 };
+        server.until_shown("it shows the picture", |shown| differences(shown, &expected) <= most);
+        let report = quit(child, &server);
+        assert_eq!(report["frames"].to_string(), samples, "{report}");
+        assert_eq!(report["image_size"], serde_json::json!(SIZE));
+        assert!(report["rays_per_s"].as_f64().expect("a number") > 0.0, "{report}");
+    }
+}
+
+#[test]
+fn keys_orbit_switch_and_go_back() {
+    let place = place();
+    let server = Server::start(SIZE);
+    let child = start(&place, &server, &["--samples", "1", "--strategy", "naive", "--json"]);
+    let own = rendered(&place, &["--strategy", "naive"]);
+    let is_own = |shown: &RgbImage| differences(shown, &own) == 0;
+    server.until_shown("it shows the picture", is_own);
+    let mut user = server.user();
+    user.press(RIGHT);
+    server.until_shown("the scene has turned", |shown| !is_own(shown));
+    user.press(LETTER('r'));
+    server.until_shown("the scene's own camera is back", is_own);
+    let user = Mutex::new(user);
+    let title = || user.lock().expect("no panic").title();
+    until("the title names the strategy", || title().contains("| naive |"));
+    user.lock().expect("no panic").press(LETTER('s'));
+    until("another strategy is cast with", || !title().contains("| naive |") && title().contains("rays/s"));
+    user.lock().expect("no panic").press(LETTER('t'));
+    until("the heat map is shown", || title().contains("at most 2 tests per pixel"));
+    server.until_shown("it has other colours", |shown| differences(shown, &own) > 30);
+    user.lock().expect("no panic").press(LETTER('t'));
+    server.until_shown("the picture is back", |shown| differences(shown, &own) <= 1);
+    quit(child, &server);
+}
+
+#[test]
+fn the_pointer_finds_the_triangle() {
+    let place = place();
+    let server = Server::start(SIZE);
+    let child = start(&place, &server, &["--samples", "1", "--json"]);
+    let user = Mutex::new(server.user());
+    let title = || user.lock().expect("no panic").title();
+    user.lock().expect("no panic").point([48, 30]);
+    until("the triangle is told", || title().contains("triangle 0, object 0, material 0, normal (0.00, "));
+    user.lock().expect("no panic").point([1, 1]);
+    until("nothing is told of nothing", || !title().contains("triangle 0"));
+    quit(child, &server);
+}
+
+#[test]
+fn it_spins_and_reads_a_changed_scene_again() {
+    let place = place();
+    let server = Server::start(SIZE);
+    let child = start(&place, &server, &["--samples", "1", "--json"]);
+    let before = rendered(&place, &[]);
+    server.until_shown("it shows the picture", |shown| differences(shown, &before) == 0);
+    place.write("scene.toml", &TRIANGLE.replace("power = 10", "power = 3"));
+    let after = rendered(&place, &[]);
+    assert!(differences(&before, &after) > 20);
+    server.until_shown("it shows the changed scene", |shown| differences(shown, &after) == 0);
+    place.write("scene.toml", "power = \"none\"\n");
+    let user = Mutex::new(server.user());
+    until("the mistake is told", || user.lock().expect("no panic").title().contains("power"));
+    assert_eq!(differences(&server.picture(), &after), 0, "the last good picture stays");
+    user.lock().expect("no panic").press(LETTER(' '));
+    server.until_shown("it spins", |shown| differences(shown, &after) > 20);
+    let report = quit(child, &server);
+    assert!(report["frames"].as_u64().expect("a number") > 2, "{report}");
+}
+
+#[test]
+fn a_pipe_gets_half_blocks() {
+    let place = place();
+    let output =
+        finish(view(&place, &["--terminal", "--frames", "1", "--samples", "1"]).spawn().expect("it starts"));
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<&str> = text.lines().filter(|line| line.contains('▀')).collect();
+    assert_eq!(lines.len(), 23, "{text}");
+    for line in lines {
+        assert_eq!(line.matches('▀').count(), 80, "{line}");
+        assert!(line.starts_with("\x1b[38;2;") && line.ends_with("\x1b[0m"), "{line}");
+    }
+    assert!(text.contains("\nspeed     "), "{text}");
+}
+
+/// A terminal of tmux's own, in which a command runs; it ends when it is dropped.
+struct Tmux(String);
+
+impl Tmux {
+    fn start(place: &Place, command: &str) -> Self {
+        let tmux = Self(place.path("tmux").display().to_string());
+        let size = ["new-session", "-d", "-x", "80", "-y", "24"];
+        tmux.run(&[&["-f", "/dev/null"], &size[..], &[command]].concat());
+        tmux
+    }
+
+    fn run(&self, arguments: &[&str]) -> String {
+        let mut tmux = Command::new("tmux");
+        let output = crate::binary::run(
+            tmux.env("XDG_CONFIG_HOME", NO_SETTINGS).args(["-u", "-S", &self.0]).args(arguments),
+        );
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    }
+
+    /// What it shows, with colours.
+    fn text(&self) -> String {
+        self.run(&["capture-pane", "-p", "-e"])
+    }
+
+    /// The colours of half blocks' upper and lower halves; none where something else is written.
+    fn picture(&self) -> Option<RgbImage> {
+        let mut picture = RgbImage::new(80, 46);
+        let mut colours = [image::Rgb([0; 3]); 2];
+        for (row, line) in (0_u32..23).zip(self.text().lines()) {
+            let mut column = 0;
+            for part in line.split('\x1b') {
+                // A line begins in the colours in which the one before ended.
+                let code = part.strip_prefix('[').and_then(|part| part.split_once('m'));
+                let (codes, shown) = code.unwrap_or(("", part));
+                let codes: Vec<u8> = codes.split(';').filter_map(|code| code.parse().ok()).collect();
+                for rgb in codes.windows(5).filter(|rgb| rgb[1] == 2 && [38, 48].contains(&rgb[0])) {
+                    colours[usize::from(rgb[0] == 48)] = image::Rgb([rgb[2], rgb[3], rgb[4]]);
+                }
+                for _ in shown.chars().filter(|shown| *shown == '▀') {
+                    picture.put_pixel(column, 2 * row, colours[0]);
+                    picture.put_pixel(column, 2 * row + 1, colours[1]);
+                    column += 1;
+                }
+            }
+            (column == 80).then_some(())?;
+        }
+        Some(picture)
+    }
+}
+
+impl Drop for Tmux {
+    fn drop(&mut self) {
+        self.run(&["kill-server"]);
+    }
+}
+
+#[test]
+fn a_terminal_shows_the_picture_and_takes_keys() {
+    let place = place();
+    let device = device();
+    let still =
+        ["render", "scene.toml", "-o", "still.png", "--device", &device, "--width", "80", "--height", "46"];
+    place.output(&still);
+    let expected = image::open(place.path("still.png")).expect("a picture").to_rgb8();
+    let scene = place.path("scene.toml").display().to_string();
+    let program = env!("CARGO_BIN_EXE_raycl");
+    let report = place.path("report.txt").display().to_string();
+    let command =
+        format!("'{program}' view '{scene}' --terminal --samples 1 --device '{device}' 2>'{report}'");
+    let tmux = Tmux::start(&place, &command);
+    let is_own = || tmux.picture().is_some_and(|shown| differences(&shown, &expected) == 0);
+    until("the terminal shows the picture", is_own);
+    until("the last line tells the speed", || tmux.text().contains("rays/s"));
+    tmux.run(&["send-keys", "Right"]);
+    until("the scene has turned", || tmux.picture().is_some_and(|shown| differences(&shown, &expected) > 0));
+    tmux.run(&["send-keys", "r"]);
+    until("the scene's own camera is back", is_own);
+    tmux.run(&["send-keys", "q"]);
+    until("it has ended", || tmux.text().is_empty());
+    assert_eq!(place.text("report.txt"), "");
+}

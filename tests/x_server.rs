@@ -1,0 +1,179 @@
+//! An X server without a screen (Xvfb), the picture that it would show, and what a user does, by the X11 protocol itself:
+//! numbers are little-endian, and counted in words of four bytes.
+
+use crate::binary::until;
+use image::RgbImage;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+/// A server of its own, which ends when it is dropped.
+pub struct Server {
+    process: Child,
+    number: u32,
+    folder: tempfile::TempDir,
+}
+
+impl Server {
+    /// With one screen of this size.
+    pub fn start([width, height]: [u32; 2]) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut process = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")])
+            .arg("-fbdir")
+            .arg(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb, which `make test` installs");
+        let mut line = String::new();
+        let said = process.stdout.take().expect("a pipe");
+        BufReader::new(said).read_line(&mut line).expect("the number of a display");
+        let number = line.trim().parse().unwrap_or_else(|_| panic!("Xvfb said '{line}'"));
+        Self { process, number, folder }
+    }
+
+    /// What programs find it by.
+    pub fn display(&self) -> String {
+        format!(":{}", self.number)
+    }
+
+    /// What its screen shows: a file in the format of xwd, whose pixels are blue, green, red and nothing.
+    pub fn picture(&self) -> RgbImage {
+        let file: PathBuf = self.folder.path().join("Xvfb_screen0");
+        let bytes = std::fs::read(&file).expect("the screen's file");
+        let word = |place: usize| u32::from_be_bytes(std::array::from_fn(|i| bytes[4 * place + i]));
+        let [width, height, line_bytes] = [word(4), word(5), word(12)];
+        let first = word(0) + 12 * word(19);
+        RgbImage::from_fn(width, height, |x, y| {
+            let at = (first + y * line_bytes + 4 * x) as usize;
+            image::Rgb([bytes[at + 2], bytes[at + 1], bytes[at]])
+        })
+    }
+
+    /// A user of the one window that is there, once it is.
+    pub fn user(&self) -> User {
+        let mut stream =
+            UnixStream::connect(format!("/tmp/.X11-unix/X{}", self.number)).expect("the server's socket");
+        stream.write_all(&[b'l', 0, 11, 0, 0, 0, 0, 0, 0, 0, 0, 0]).expect("a greeting");
+        let head = read(&mut stream, 8);
+        assert_eq!(head[0], 1, "the server lets everybody in");
+        let body = read(&mut stream, 4 * usize::from(half(&head, 6)));
+        let (vendor, formats) = (usize::from(half(&body, 16)), usize::from(body[21]));
+        let root = word(&body, 32 + vendor.next_multiple_of(4) + 8 * formats);
+        let mut user = User { stream, root, window: 0, keycodes: [body[26], body[27]] };
+        let start = std::time::Instant::now();
+        while user.window == 0 {
+            assert!(start.elapsed() < crate::binary::LIMIT, "no window appears");
+            user.window = user.find_window();
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        user
+    }
+
+    /// Waits until the screen shows something.
+    pub fn until_shown(&self, what: &str, so: impl Fn(&RgbImage) -> bool) {
+        until(what, || so(&self.picture()));
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Somebody at keyboard and pointer.
+pub struct User {
+    stream: UnixStream,
+    root: u32,
+    window: u32,
+    /// The first and the last key's code.
+    keycodes: [u8; 2],
+}
+
+impl User {
+    /// Presses and lets go of the key that has this symbol (of a letter its code).
+    pub fn press(&mut self, symbol: u32) {
+        let code = self.keycode(symbol);
+        for kind in [2, 3] {
+            let mut request = vec![25, 0, 11, 0];
+            request.extend(self.window.to_le_bytes());
+            request.extend([1 << (kind - 2), 0, 0, 0]);
+            request.extend([kind, code, 0, 0, 0, 0, 0, 0]);
+            request.extend([self.root, self.window, 0].map(u32::to_le_bytes).as_flattened());
+            request.extend([0; 10]);
+            request.extend([1, 0]);
+            self.send(&request);
+        }
+    }
+
+    /// Puts the pointer on a pixel of the window.
+    pub fn point(&mut self, [x, y]: [u16; 2]) {
+        let mut request = vec![41, 0, 6, 0, 0, 0, 0, 0];
+        request.extend(self.window.to_le_bytes());
+        request.extend([0; 8]);
+        request.extend([x, y].map(u16::to_le_bytes).as_flattened());
+        self.send(&request);
+    }
+
+    /// The window's title.
+    pub fn title(&mut self) -> String {
+        let mut request = vec![20, 0, 6, 0];
+        request.extend(self.window.to_le_bytes());
+        request.extend([39, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 0]);
+        self.send(&request);
+        let (head, rest) = self.reply();
+        String::from_utf8_lossy(&rest[..word(&head, 16) as usize]).into_owned()
+    }
+
+    fn find_window(&mut self) -> u32 {
+        let mut request = vec![15, 0, 2, 0];
+        request.extend(self.root.to_le_bytes());
+        self.send(&request);
+        let (head, rest) = self.reply();
+        if half(&head, 16) == 0 { 0 } else { word(&rest, 0) }
+    }
+
+    fn keycode(&mut self, symbol: u32) -> u8 {
+        let [first, last] = self.keycodes;
+        self.send(&[101, 0, 2, 0, first, last - first + 1, 0, 0]);
+        let (head, rest) = self.reply();
+        let per_code = usize::from(head[1]);
+        let found = (0..rest.len() / 4).position(|place| word(&rest, 4 * place) == symbol);
+        first + (found.unwrap_or_else(|| panic!("no key {symbol:x}")) / per_code) as u8
+    }
+
+    fn send(&mut self, request: &[u8]) {
+        self.stream.write_all(request).expect("a request");
+    }
+
+    /// The next reply: events and errors are passed over.
+    fn reply(&mut self) -> (Vec<u8>, Vec<u8>) {
+        loop {
+            let head = read(&mut self.stream, 32);
+            assert_ne!(head[0], 0, "an error of the server: {head:?}");
+            if head[0] == 1 {
+                let rest = read(&mut self.stream, 4 * word(&head, 4) as usize);
+                return (head, rest);
+            }
+        }
+    }
+}
+
+fn read(stream: &mut UnixStream, count: usize) -> Vec<u8> {
+    let mut bytes = vec![0; count];
+    stream.read_exact(&mut bytes).expect("a reply");
+    bytes
+}
+
+fn half(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([bytes[at], bytes[at + 1]])
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]))
+}
