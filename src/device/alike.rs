@@ -1,9 +1,9 @@
-//! Whether devices are the same model in the same state, so that one may measure in another's place.
+//! Checks that devices are the same model in the same state, so that any of them can measure a point.
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// Refuses devices that differ in anything that decides a time, and says in what.
+/// Refuses devices that differ in anything that affects times; the message names the difference.
 pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     let [first, others @ ..] = devices else { return Ok(()) };
     for other in others {
@@ -18,7 +18,7 @@ pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     Ok(())
 }
 
-/// What must be the same.
+/// Returns the properties that must be equal.
 fn facts(device: &DeviceInfo) -> [(&'static str, String); 8] {
     let limits = &device.limits;
     let hardware = &device.hardware;

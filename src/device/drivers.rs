@@ -1,22 +1,23 @@
-//! The drivers that an OpenCL loader would start, so that they can be tried one by one, and a broken one left out.
+//! The drivers that an OpenCL loader would start. They can be tried one by one, so that a broken one can be
+//! left out.
 
 use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Where loaders look for drivers unless told.
+/// The folder that loaders read by default.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
-/// The variable that names another folder, or one .icd file.
+/// The environment variable that names another folder, or one .icd file.
 const FOLDER: &str = "OCL_ICD_VENDORS";
-/// The variable that names libraries beside those.
+/// The environment variable that names additional libraries.
 const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
 /// A driver, as a loader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
-    /// Found by an .icd file, which names the driver's library.
+    /// An .icd file, which names the driver's library.
     Icd(PathBuf),
-    /// Found by the name of its library.
+    /// The name of the driver's library.
     Library(String),
 }
 
@@ -29,7 +30,7 @@ impl std::fmt::Display for Driver {
     }
 }
 
-/// Every driver that is installed or named by the environment.
+/// Returns every driver that is installed or named in the environment.
 pub fn installed() -> Vec<Driver> {
     let folder = std::env::var_os(FOLDER).map_or_else(|| VENDORS.into(), PathBuf::from);
     let libraries = std::env::var(LIBRARIES).unwrap_or_default();
@@ -37,7 +38,7 @@ pub fn installed() -> Vec<Driver> {
     icd_files(&folder).into_iter().map(Driver::Icd).chain(named).collect()
 }
 
-/// The .icd files of a folder, or the one that is named itself.
+/// Returns the .icd files of a folder, or the path itself if it is such a file.
 fn icd_files(path: &Path) -> Vec<PathBuf> {
     let is_icd = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "icd");
     if path.is_file() {
@@ -50,11 +51,10 @@ fn icd_files(path: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// The variables under which a loader finds some drivers and no others. Their .icd files are copied to `folder`, which has to be
-/// empty and to outlive the loader.
+/// Returns environment variables with which a loader finds these drivers only. Their .icd files are copied to
+/// `folder`, which must be empty and must outlive the loader.
 ///
-/// # Errors
-/// A file that cannot be copied.
+/// # Errors A file that cannot be copied.
 pub fn only(drivers: &[Driver], folder: &Path) -> io::Result<[(&'static str, OsString); 2]> {
     let mut libraries = Vec::new();
     for (place, driver) in drivers.iter().enumerate() {

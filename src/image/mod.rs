@@ -35,7 +35,7 @@ impl Radiance {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
 
-    /// The first pixel, as column and row, that is not finite, and how many are not.
+    /// Returns the column and row of the first pixel that is not finite, and the number of such pixels.
     pub fn not_finite(&self) -> Option<([u32; 2], usize)> {
         let infinite = |pixel: &[f32; 3]| !pixel.iter().all(|channel| channel.is_finite());
         let first = self.pixels.iter().position(infinite)? as u32;
