@@ -1,4 +1,4 @@
-//! `raycl cache`: the data kept between runs.
+//! `raycl cache`: shows or clears the data stored between runs.
 
 use crate::cache::{Cache, LIMIT};
 use crate::error::{Error, Result};
@@ -37,14 +37,14 @@ enum Action {
 /// The output of `show`.
 #[derive(Serialize)]
 struct Shown {
-    /// Its folder; none where nothing is kept.
+    /// Its folder; null if nothing is stored.
     folder: Option<String>,
     entries: usize,
     bytes: u64,
     limit_bytes: u64,
 }
 
-/// Shows, clears or names the cache.
+/// Shows or clears the cache, or prints its path.
 pub fn run(args: Args) -> Result<()> {
     let cache = Cache::of_user();
     match args.action.unwrap_or(Action::Show) {

@@ -1,4 +1,4 @@
-//! `raycl devices`: every OpenCL platform and device, with its limits.
+//! `raycl devices`: lists every OpenCL platform and device, with its limits.
 
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Lists the devices. Errors when there is no platform.
+/// Lists the devices. It is an error if there is no platform.
 pub fn run(args: Args) -> Result<()> {
     let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
     let default = device::pick_default(&devices).map(|device| device.info.slug());

@@ -1,4 +1,4 @@
-//! `raycl figures`, for contributors: the documents' figures, from stored records.
+//! `raycl figures`, for contributors: updates the documents' figures from stored records.
 
 use crate::documents::{Difference, Documents};
 use crate::error::{Error, Result};
@@ -10,12 +10,12 @@ pub struct Args {
     /// raycl's repository
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
-    /// Write nothing; list where documents and records differ
+    /// Write nothing; list the differences between documents and records
     #[arg(long)]
     check: bool,
 }
 
-/// Makes the figures, or checks them. The command fails on differences that rewriting cannot remove.
+/// Updates or checks the figures. The command fails on differences that rewriting cannot remove.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {
@@ -32,7 +32,7 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// File, line, the text there, and the text that the records give.
+/// Formats differences: file, line, the text there, and the text that the records give.
 fn listed(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
         format!("{file}:{line}: '{stands}' stands there; the records say {records_say}")

@@ -1,4 +1,4 @@
-//! `raycl merge`: the shards of an experiment put together to one folder of results.
+//! `raycl merge`: merges the shards of an experiment into one folder of results.
 
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
@@ -22,14 +22,16 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote (its --out)
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// A part of the name of a device that is meant: others that took part are left out, and one that did not begin is
-    /// missing [default: all that took part]
+    /// Merge only devices whose names contain this: the results of others are left out, and a named device
+    /// without results counts as missing [default: all devices with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that measured a shard: going, hung, lost, or how it ended
+    /// Merge nothing; print the state of each process that measured a shard: running, hung, lost, or how it
+    /// ended
     #[arg(long)]
     status: bool,
-    /// With --status, seconds between two readings of each counter; more than the time for which a network file system shows old data
+    /// With --status, seconds between two readings of each process's counter; use more than the time for
+    /// which a network file system shows old data
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point, or with --status per attempt, instead of tables
@@ -45,7 +47,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|seconds| (0.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
-/// Merges what is there, then says what is missing.
+/// Merges the existing results, then lists the missing ones.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
@@ -78,7 +80,7 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// An error where the plan has points that are missing or failed.
+/// Returns an error if points of the plan are missing or failed.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")
@@ -115,7 +117,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     }
 }
 
-/// How each attempt is.
+/// Prints the state of each attempt.
 fn tell(args: &Args) -> Result<()> {
     let Some(plan) = ShardPlan::read(&args.out)? else {
         return Err(no_shards(&args.out));

@@ -1,4 +1,4 @@
-//! `raycl noise`: the smallest difference in time that runs on this machine can show.
+//! `raycl noise`: measures the smallest difference in time that runs on this machine can show.
 
 use super::choice::parse_assignment;
 use super::progress::observer;
@@ -17,7 +17,7 @@ pub struct Args {
     /// A word of a device's name, platform or vendor, or cpu, gpu or all [default: all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the config that it runs
+    /// Change a value of the experiment that is measured
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// If another process measures on the device, end at once instead of waiting for it
@@ -26,18 +26,18 @@ pub struct Args {
     /// Print one JSON object per device
     #[arg(long)]
     json: bool,
-    /// No progress
+    /// Print no progress
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// The experiment; it is part of the program, so that it runs anywhere.
+/// The experiment's files. They are built in, so that the command needs no other files.
 const FILES: [(&str, &str); 2] = [
     ("configs/noise.toml", include_str!("../../configs/noise.toml")),
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
 ];
 
-/// Measures in a folder of its own, which is gone afterwards.
+/// Measures in a temporary folder.
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot make a temporary folder: {error}"))

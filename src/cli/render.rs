@@ -1,4 +1,4 @@
-//! `raycl render`: a picture of a scene.
+//! `raycl render`: renders a picture of a scene.
 
 mod casting;
 mod guess;
@@ -76,13 +76,13 @@ pub struct Args {
     /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or a word of their names
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
-    /// With --devices: cast on those devices, too, that slow the frame
+    /// With --devices: also use devices that slow the frame down
     #[arg(long, requires = "devices")]
     every_device: bool,
     /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Option<String>,
-    /// Work-items of a work-group
+    /// Work-items per work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// Change an axis of the strategy or a value of the scene
@@ -179,7 +179,7 @@ fn render(args: &Args) -> Result<()> {
         verified = args.verify.map(check).transpose()?;
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
-    // Kernels that somebody edits are not worth it.
+    // Programs from kernels that are being edited are not stored.
     let keeping = args.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
     let keeping = keeping.then(|| KEEPING.to_owned());
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
@@ -205,7 +205,7 @@ fn render(args: &Args) -> Result<()> {
     tell(args, &report, &device.info)
 }
 
-/// Saves a picture, and gives back its radiance where that is what it is of.
+/// Saves a picture; returns its radiance if it has one.
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
@@ -214,13 +214,13 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
     }
 }
 
-/// Whether only what is shown is wanted, which a device may make: what is compared with the reference is radiance, whatever is
-/// saved, and so are layers.
+/// Returns whether only displayed colours are needed, which a device can compute. Verification, layers and
+/// some file formats need radiance.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; nothing is left to do then.
+/// Prints the report at the end.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     match (args.json, args.quiet) {
         _ if target(args).is_standard_output() => super::tell(args.quiet, report.text(device))?,
@@ -234,12 +234,12 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     Ok(())
 }
 
-/// What is said beside what the scene's file gives reason for.
+/// Returns notes that do not come from the scene's file.
 fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
     hard(scene, samples).into_iter().chain(dirty_program())
 }
 
-/// What is said where soft lights are seen as points.
+/// Returns a note if soft lights are cast as points.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
@@ -253,7 +253,7 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
 const KEEPING: &str =
     "another process stores the compiled program, so that the next start need not compile it";
 
-/// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
+/// Builds and uploads. If the local size is not given, a work-group gets as many tiles as fit.
 fn prepare(
     args: &Args,
     mut session: Session,
@@ -269,14 +269,14 @@ fn prepare(
     }
 }
 
-/// The result of `work`, and its duration.
+/// Returns the result of `work` and its duration.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();
     (result, ms_since(start))
 }
 
-/// The picture's path: by default the scene's name.
+/// Returns the picture's path; by default it is the scene's name.
 fn target(args: &Args) -> Target {
     let scene = unpacked_name(&args.scene);
     let stem = match scene.file_stem() {
@@ -288,37 +288,39 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
-/// The files of `--layers`, if they are asked for.
+/// Returns the files of `--layers`, if requested.
 fn layer_files(args: &Args) -> Result<Vec<Target>> {
     let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice)))
 }
 
-/// The scene, as large as the picture has room for where it has no camera of its own.
+/// Loads the scene. One without a camera is framed to fill the picture.
 fn load(args: &Args) -> Result<Loaded> {
     let aspect = f64::from(args.width) / f64::from(args.height);
     let shot = Shot { aspect, turns: args.motion.turns(), dressed: is_dressed(args) };
     load_scene_for(&args.scene, &scene_overrides(args)?, shot)
 }
 
-/// Whether a bare mesh is to have a ground, soft light and a sky; several devices take no samples.
+/// Returns whether a bare mesh gets a ground, soft light and a sky. Not with several devices, which take one
+/// sample per pixel.
 fn is_dressed(args: &Args) -> bool {
     !args.look.plain && args.devices.is_none()
 }
 
-/// Samples of each pixel: so many as are asked for, or what looks good.
+/// Returns the number of samples per pixel: the requested number, or the default.
 fn samples(args: &Args, dressed: bool) -> u32 {
     args.samples.unwrap_or(if dressed { DRESSED_SAMPLES } else { 1 })
 }
 
-/// Of a bare mesh.
+/// The default for a bare mesh.
 const DRESSED_SAMPLES: u32 = 4;
 
 fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }
 
-/// The values of the scene that options and `--set`s mean, their values read as TOML where they are TOML and as text otherwise.
+/// Returns the values of the scene that options and `--set`s change. A value is read as TOML if it is valid
+/// TOML, else as text.
 fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
     let of_scene = || args.set.iter().filter(|(key, _)| !is_axis(key));
     of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
@@ -330,13 +332,13 @@ fn scene_overrides(args: &Args) -> Result<Vec<(String, toml::Value)>> {
     Ok(args.look.values().into_iter().chain(set).collect())
 }
 
-/// The strategy and local size asked for, or the fastest for the device.
+/// Returns the requested strategy and local size, or the fastest for the device.
 fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
     let (strategy, usual) = chosen_strategy(args.strategy.as_deref(), &args.set, &device.limits, task)?;
     Ok((strategy, args.local_size.unwrap_or(usual)))
 }
 
-/// What is to be cast.
+/// Describes the work of casting the picture.
 fn task(args: &Args, scene: &Scene) -> Task {
     Task::of(scene, [args.width, args.height], false)
 }

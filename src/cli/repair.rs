@@ -1,4 +1,4 @@
-//! `raycl repair`: damaged lines out of a folder's journals.
+//! `raycl repair`: removes damaged lines from a folder's journals.
 
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
@@ -19,7 +19,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Takes damaged lines out of records, samples and rounds, and keeps each file as it was beside it.
+/// Removes damaged lines from records, samples and rounds; a copy of each original file stays in the folder.
 pub fn run(args: Args) -> Result<()> {
     if !args.folder.join("records.jsonl").is_file() {
         let error =

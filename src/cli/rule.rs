@@ -1,4 +1,5 @@
-//! `raycl rule`, for contributors: the rule by which `render` chooses, held against measurements, and its constants made of them.
+//! `raycl rule`, for contributors: compares the rule by which `render` chooses with measurements, and
+//! computes the rule's constants from them.
 
 use super::choice::one_device;
 use super::turn::hold;
@@ -11,7 +12,7 @@ use crate::rule::{Case, Measured, Sweep, cases, source};
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 
-/// Rounds in turns, of which the least counts.
+/// Number of rounds; the least time of each point is used.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
@@ -27,27 +28,27 @@ pub struct Args {
     /// A word of the device's name, platform or vendor, or cpu or gpu
     #[arg(long)]
     device: Option<String>,
-    /// Measure only cases whose name has this in it
+    /// Measure only cases whose names contain this
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
-    /// Rounds, of which the least counts
+    /// Number of rounds; the least time is used
     #[arg(long, default_value_t = ROUNDS, value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
-    /// What a reader should know of the machine, stored beside the times
+    /// A description of the machine, to be stored with the times
     #[arg(long, value_name = "WORDS", default_value = "")]
     conditions: String,
-    /// Store the sweep
+    /// Store the measurements in this file
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Print the rule's constants, as the program's text, made of stored sweeps
+    /// Compute the rule's constants from stored measurements, and print them as source code
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
     fit: Vec<PathBuf>,
-    /// Print what the rule chooses of stored sweeps
+    /// Print the rule's choices for stored measurements
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with = "cases")]
     show: Vec<PathBuf>,
 }
 
-/// Measures, shows or fits.
+/// Measures, shows choices or computes constants.
 pub fn run(args: Args) -> Result<()> {
     if !args.fit.is_empty() {
         let text = source(&read_all(&args.fit)?);
@@ -109,7 +110,7 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     Measured::of(case, scene, device, rounds)
 }
 
-/// The choice of each case beside the best.
+/// Formats the choice of each case next to the best one.
 fn text(sweep: &Sweep) -> Result<String> {
     let header = ["case", "triangles", "pixels", "chosen", "ms", "best", "ms", "ratio"];
     let mut table = super::table(&header, 1);

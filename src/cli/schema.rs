@@ -1,4 +1,4 @@
-//! `raycl schema`: JSON schemas of the files that users write, and of records.
+//! `raycl schema`: prints JSON schemas of the files that users write, and of records.
 
 use crate::error::Result;
 use crate::{config, record, scene};
@@ -14,7 +14,7 @@ A TOML file whose first line is `#:schema PATH`, relative to the file, is comple
 (Even Better TOML, Taplo, Tombi). The repository has all schemas in docs/schemas. raycl itself does not read that line. \
 That of records gives the type of each field of records.jsonl.")]
 pub struct Args {
-    /// Of what
+    /// The kind of file
     #[arg(value_name = "WHAT")]
     what: What,
 }

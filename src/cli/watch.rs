@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Files that a picture is made of.
+/// Extensions of files that affect the picture.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
-/// Editors write a file in several steps; this long after the last of them it is whole.
+/// Editors write a file in several steps; it is complete this long after the last of them.
 const QUIET: Duration = Duration::from_millis(80);
 
-/// Acts once, then again after every change to a source file in `folders`, or also below them. A failed action is reported and
-/// does not end it: the mistake may be mended by the next change.
+/// Acts once, then again after every change to a source file in `folders`, or in their subfolders. A failed
+/// action is reported and does not end the loop, since the next change may correct the mistake.
 pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
     let failed = |error: notify::Error| {
         Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
@@ -22,7 +22,7 @@ pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> R
     let (sender, changes) = channel();
     let tell = move |event: notify::Result<notify::Event>| {
         if event.is_ok_and(|event| matters(&event)) {
-            // The receiver is gone only when the program ends.
+            // The receiver only ends with the program.
             let _ = sender.send(());
         }
     };
@@ -41,7 +41,8 @@ pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> R
     }
 }
 
-/// Whether an event changes a source of the picture. The picture itself, in the same folder, is none.
+/// Returns whether an event changes a source of the picture. The picture itself, in the same folder, does not
+/// count.
 fn matters(event: &notify::Event) -> bool {
     let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
     let source = |path: &PathBuf| is_source(path);
@@ -53,7 +54,7 @@ fn is_source(path: &Path) -> bool {
     extension.is_some_and(|extension| SOURCES.contains(&extension))
 }
 
-/// Waits for a change and for the quiet after it; false when there can be none any more.
+/// Waits for a change and for the pause after it; returns false if no more changes can come.
 fn next_change(changes: &Receiver<()>) -> bool {
     if changes.recv().is_err() {
         return false;
@@ -71,7 +72,7 @@ fn next_change(changes: &Receiver<()>) -> bool {
 mod tests {
     use super::*;
 
-    /// Only a hang takes as long.
+    /// Only reached if the test hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
     #[test]

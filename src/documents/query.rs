@@ -123,8 +123,8 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. For two medians of one run it is the ratio by paired samples, as in
-/// all reports.
+/// Returns the quotient of two figures. For two medians it is the ratio by samples close in time, as in all
+/// reports.
 fn quotient(one: &Side, other: &Side) -> Told {
     if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
         let few = || Told::Nothing("not enough samples".into());
