@@ -1,4 +1,5 @@
-//! Kinds of device side by side: what each strategy is on each of them, and what it costs to use on one what is best on another.
+//! Compares kinds of device: how fast each strategy is on each of them, and how much is lost by using one
+//! device's best strategy on another.
 
 use super::overview::devices;
 use super::plot::Plot;
@@ -7,10 +8,10 @@ use super::plot::legend::shorten;
 use super::words::title;
 use crate::record::{Group, HOST, Record, median, significant};
 
-/// The characters of a device's name that a column has room for.
+/// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;
 
-/// The two heat maps; none of one device.
+/// Returns the two heat maps; none for a single device.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -19,7 +20,7 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     vec![strategies(groups, &devices), losses(groups, &devices)]
 }
 
-/// How many times as slow as the best of its scene, size and device each strategy's best is, in the mean.
+/// For each strategy, shows the mean ratio of its best time to the best time of the scene, size and device.
 fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let mut names: Vec<&str> = Vec::new();
     for record in groups.iter().filter(|group| group.device != HOST).flat_map(|group| &group.records) {
@@ -44,7 +45,7 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     plot("strategies-by-device", "Strategy by device: times the device's best", devices, rows, caption)
 }
 
-/// What it costs to use on one device what is best on another.
+/// Shows the loss from using one device's best strategy on another device.
 fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -68,7 +69,7 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     plot("losses-by-device", "One device's best on another: times the own best", devices, rows, caption)
 }
 
-/// How many times as slow as its group's best a record is, and which it is.
+/// Returns the ratio of a record's time to the best of its group, and the name of that best.
 fn over_best(group: &Group<'_>, record: &Record) -> Option<(f64, String)> {
     let best = median(group.best_where(|_| true)?)?;
     Some((median(record)? / best, format!("{}: {}", group.scene, title(record))))

@@ -1,4 +1,4 @@
-//! Headers that are right, and each way to be wrong.
+//! Tests of correct headers, and of each possible mistake.
 
 use super::super::AXES;
 use super::*;
@@ -39,7 +39,7 @@ fn prose_may_have_colons_and_addresses() {
     assert_eq!(read("intersector", &text).map(|header| header.meaning).unwrap_or_default(), "mine");
 }
 
-/// A line of the right header replaced by another: what is said, in which line, and the remedy.
+/// Replaces a line of the correct header; checks the message, its line, and the remedy.
 fn mistake(line: &str, by: &str, said: &str, help: &str) {
     let text = RIGHT.replacen(line, by, 1);
     assert_ne!(text, RIGHT, "{line} is not in it");
