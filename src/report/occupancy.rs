@@ -16,8 +16,8 @@ const REGISTERS: u32 = 63;
 /// The compute capability of the paper's device.
 const PAPER: &str = "2.0";
 
-/// Plots measured times over predicted resident threads, a mark per point with enough samples; `None` if the
-/// prediction is the same for all points.
+/// Plots measured times over predicted resident threads, a mark per point with enough samples; `None` if all
+/// strategies have fewer than three marks.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();

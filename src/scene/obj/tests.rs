@@ -1,4 +1,4 @@
-//! Odd and bad files, and `tobj` as the oracle for good ones.
+//! Tests with irregular and invalid files; `tobj` is the reference for valid ones.
 
 use super::*;
 use crate::filetype::Opened;
@@ -10,7 +10,7 @@ fn read(text: &str) -> Result<MeshFile> {
     completed(text.as_bytes())
 }
 
-/// With the normals that are made for it.
+/// Parses a file and adds generated normals.
 fn completed(bytes: &[u8]) -> Result<MeshFile> {
     let mut file = parse("test.obj", nowhere(), bytes)?;
     normals::complete(&mut file.mesh, None);
@@ -104,8 +104,8 @@ fn normals_at_some_corners_only_are_generated_at_all() {
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
 }
 
-/// A folder with a mesh whose material file is reached by `library`, and a file outside; the first material's k_L
-/// if the outer file was read.
+/// Makes a folder with a mesh that names a material file by `library`, and a material file outside of it.
+/// Returns whether the outer file was read, and the notes.
 #[cfg(unix)]
 fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let outer = tempfile::tempdir().unwrap();
@@ -144,7 +144,7 @@ fn a_material_file_outside_the_folder_or_missing_is_a_note() {
     }
 }
 
-/// The notes of one triangle with this text before it, beside a material file with that text.
+/// Returns the notes for one triangle after this text, with a material file of that text.
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
@@ -184,7 +184,7 @@ fn what_a_material_has_and_needs_not_be_done_is_not_told() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Kd\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
-    // Nor what a material asks for that no triangle has.
+    // A feature of a material that no triangle uses gives no note either.
     assert_eq!(notes_of("usemtl a", "newmtl a\nnewmtl b\nmap_Kd b.png\n"), Vec::<String>::new());
 }
 
