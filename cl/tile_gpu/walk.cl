@@ -1,4 +1,4 @@
-// The walk of a group down the tree, with a beam or with one ray.
+// The traversal of the tree by a group, with a beam or with a single ray.
 
 // The result of a lane's test of its child of a node.
 typedef struct {
@@ -7,12 +7,14 @@ typedef struct {
     uint word;
 } Child;
 
-// Whether the shaft meets this lane's child of a node nearer than reach. Errs towards a hit.
+// Tests whether the shaft meets this lane's child of a node nearer than `reach`. After rounding it may report
+// additional children, but never misses one.
 INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
-    const uint at = NODE_STRIDE * node; // below 2^32: a node has more than 32 triangles below it
+    const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
-    // Sides seen from the origin: lane i reads column i of each row, so that 32 lanes load 128 bytes side by side.
+    // The sides relative to the origin: lane i reads column i of each row, so that 32 lanes load 128 contiguous
+    // bytes.
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
     const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
@@ -21,7 +23,8 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Between near and far the shaft is a frustum. At both ends its sides are slope times z; the box must overlap in x and in y.
+    // Between near and far the shaft is a frustum. At both of these depths its sides are slope times z; the box must
+    // overlap in x and in y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -29,21 +32,22 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     return result;
 }
 
-// Puts the children that were met on the stack, nearest last where they are sorted, but for the one to visit
-// next, whose word it returns.
+// Puts the children that were met onto the stack, nearest last if they are sorted, except the one to visit next,
+// whose word it returns.
 //
-// A node visited, with seven lanes instead of 32:
+// An example of a node, with seven lanes instead of 32:
 //
 //     lane              0  1  2  3  4  5  6
 //     meets its child   -  x  -  -  x  x  -      lane_ballot: 0b0110010
 //     entry                5        2  9
-//     rank                 1        0  2         how many of those that were met are nearer
+//     rank                 1        0  2         number of nearer ones among those met
 //
 //     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
 //
-// Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1, lane 5 has 2.
+// Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1,
+// lane 5 has 2.
 INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
-    // Only one was met: it is next, and the stack stays as it is.
+    // Only one was met: it is next, and the stack is unchanged.
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
     // An entry is not negative: its bits are ordered as it is, and the last five make it the lane's own.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
