@@ -107,7 +107,7 @@ impl Anchor {
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}"))
-        .with_help("results are right without it; a later run is compared by baselines only")
+        .with_help("results are correct without it, but a later run can only be compared by baselines")
 }
 
 fn text() -> Result<String> {
@@ -143,7 +143,7 @@ fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let wrong = found.iter().enumerate().filter(|ray| !agrees(*ray)).count();
     match wrong <= MOST_GRAZING {
         true => Ok(()),
-        false => Err(failed(format!("{wrong} of {} rays hit something else than on the host", found.len()))),
+        false => Err(failed(format!("{wrong} of {} rays hit something different than on the host", found.len()))),
     }
 }
 

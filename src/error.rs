@@ -47,13 +47,13 @@ pub enum Error {
 /// The default remedy for a mistake of the user.
 const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, docs/ its files";
 /// The default remedy for a run that failed.
-const AGAIN: &str = "run it again; `raycl devices` says whether the devices are still there";
+const AGAIN: &str = "run it again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
-const ON: &str = "the same command, with --resume where it measures into a folder, goes on";
+const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
 /// The remedy for a file that cannot be written.
-const ELSEWHERE: &str = "make room on its disk, or choose a folder that may be written with --out DIR";
+const ELSEWHERE: &str = "free space on its disk, or choose a writable folder with --out DIR";
 /// The remedy for a bug in raycl.
-const FAULT: &str = "this is a fault of raycl's: please report it, with the command";
+const FAULT: &str = "this is a bug in raycl: please report it, with the command";
 
 /// A mistake in the user's input: a file, a line of a file, or an argument.
 #[derive(Debug, Error, Diagnostic)]
@@ -125,8 +125,7 @@ impl Error {
     /// the command line nor in the folder of the file that names it, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
-            "its text is not shown, as it lies outside of the folder of the file that names it; \
-             that of a file given to `raycl render` itself is",
+            "its text is not shown, since it lies outside of the folder of the file that names it; the text of a file given to `raycl render` directly is shown",
         )
     }
 

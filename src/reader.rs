@@ -57,11 +57,11 @@ fn ordinary(found: &Metadata) -> Result<()> {
     match (found.is_file(), found.is_dir()) {
         (true, _) => Ok(()),
         (_, true) => {
-            Err(Error::new(ErrorKind::IsADirectory, "it is a folder, and an ordinary file is wanted"))
+            Err(Error::new(ErrorKind::IsADirectory, "it is a folder; expected an ordinary file"))
         }
         _ => Err(Error::new(
             ErrorKind::InvalidInput,
-            "it is no ordinary file but a pipe, a socket or a device, of which none is read",
+            "it is a pipe, a socket or a device; expected an ordinary file",
         )),
     }
 }
@@ -98,7 +98,7 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
         return read_on(file, head, length);
     };
     let limit = limit_mib << 20;
-    let too_large = || Error::new(ErrorKind::FileTooLarge, format!("{what} has at most {limit_mib} MiB"));
+    let too_large = || Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB"));
     if length > limit {
         return Err(too_large());
     }
@@ -114,7 +114,7 @@ pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let limit = LIMITS_MIB.iter().find(|(known, ..)| *known == kind);
     match limit {
         Some((_, what, Some(limit_mib))) if bytes.len() as u64 > limit_mib << 20 => {
-            Err(Error::new(ErrorKind::FileTooLarge, format!("{what} has at most {limit_mib} MiB")))
+            Err(Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB")))
         }
         _ => Ok(bytes),
     }
@@ -154,7 +154,7 @@ mod tests {
             assert_eq!(bytes_of(limit).unwrap(), limit, "{what}");
             match (limit_mib, bytes_of(limit + 1)) {
                 (Some(mib), Err(error)) => {
-                    assert_eq!(error.to_string(), format!("{what} has at most {mib} MiB"));
+                    assert_eq!(error.to_string(), format!("{what} may have at most {mib} MiB"));
                 }
                 (None, Ok(length)) => assert_eq!(length, limit + 1, "{what}"),
                 (_, other) => panic!("{what}: {other:?}"),

@@ -108,7 +108,7 @@ impl Sources {
     }
 }
 
-const LAYOUT: &str = "--cl-dir wants a folder laid out as raycl's cl/, with the files that differ or are new";
+const LAYOUT: &str = "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
 
 /// The longest program that is given to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;
@@ -124,7 +124,7 @@ impl Chain {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
             return Err(Error::input(format!("kernel files include themselves: {chain}"))
-                .with_help("take one of these #include lines out"));
+                .with_help("remove one of these #include lines"));
         }
         if length > LONGEST_PROGRAM_MIB << 20 {
             let message = format!("at {name} the program has more than {LONGEST_PROGRAM_MIB} MiB");

@@ -148,7 +148,7 @@ impl WideBvh {
         }
         if wide.nodes.len() / stride > Self::MAX_INDEX {
             return Err(Error::run(
-                "the tree has more than 33,554,432 nodes, which a child word cannot name",
+                "the tree has more than 33,554,432 nodes, more than a child word can index",
             )
             .with_help("choose a larger leaf size or a wider node"));
         }
@@ -236,7 +236,7 @@ fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
 fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     if !WideBvh::WIDTHS.contains(&width) {
         return Err(Error::input(format!(
-            "a node of {width} children was asked for: 2, 4, 8, 16 or 32 are possible"
+            "a node cannot have {width} children; expected 2, 4, 8, 16 or 32"
         ))
         .with_help("choose one of these widths"));
     }
@@ -244,14 +244,14 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
         bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
     if !(own..=WideBvh::MAX_LEAF_SIZE).contains(&leaf_size) {
         return Err(Error::input(format!(
-            "leaves of up to {leaf_size} triangles were asked for: {own} to {} are possible for this tree",
+            "a leaf size of {leaf_size} is not possible; expected {own} to {} for this tree",
             WideBvh::MAX_LEAF_SIZE
         ))
         .with_help("choose a leaf size within these"));
     }
     if bvh.order.len() > WideBvh::MAX_INDEX {
         return Err(Error::run(format!(
-            "the scene has {} triangles: a tree's leaves can name {}",
+            "the scene has {} triangles: a tree's leaves can index {}",
             bvh.order.len(),
             WideBvh::MAX_INDEX
         ))

@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "points correspond by scene, image size, strategy's name and local size; a scene by its content",
+            "two points correspond if scene, image size, strategy name and local size are equal; scenes are compared by content",
         ));
     }
     if let Some(out) = &mut out {
@@ -82,7 +82,7 @@ pub fn run(args: Args) -> Result<()> {
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
             Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; ")))
-                .with_help("measure both again, one after the other, to tell a change from a busy machine"))
+                .with_help("measure both again, one after the other, to distinguish a change from a busy machine"))
         }
         _ => Ok(()),
     }

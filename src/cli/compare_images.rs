@@ -64,7 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     let (found, expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
     if (found.width, found.height) != (expected.width, expected.height) {
         return Err(Error::input(format!(
-            "{} is {} x {} pixels and {} is {} x {}: only pictures of one size can be compared",
+            "{} is {} x {} pixels and {} is {} x {}: only pictures of equal size can be compared",
             args.found.display(),
             found.width,
             found.height,
@@ -85,7 +85,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     match (args.fail_below, report.psnr_db) {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
-            "the pictures are {psnr:.2} dB apart, and at least {limit} dB are asked for"
+            "the peak signal-to-noise ratio is {psnr:.2} dB; --fail-below requires {limit} dB"
         ))
         .with_help("`--output FILE.png` shows where they differ")),
         _ => Ok(()),

@@ -21,8 +21,8 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
 Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory
-instructions, predicted occupancy) and the program's binary: binary.ptx where it is PTX text, else binary.bin.
-Nothing is cast. Registers are printed by some compilers only, memory instructions known of PTX only.")]
+instructions, predicted occupancy) and the program's binary: binary.ptx if it is PTX text, else binary.bin.
+Nothing is cast. Only some compilers print registers, and memory instructions are only counted in PTX.")]
 pub struct Args {
     /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
     scene: PathBuf,

@@ -28,14 +28,14 @@ pub fn run(args: Args) -> Result<()> {
     match left.len() {
         0 => Ok(()),
         count => Err(Error::run(format!("{count} numbers have no record:\n{}", listed(&left)))
-            .with_help("CONTRIBUTING.md tells how a number gets its record")),
+            .with_help("CONTRIBUTING.md explains how to give a number its record")),
     }
 }
 
 /// Formats differences: file, line, the text there, and the text that the records give.
 fn listed(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
-        format!("{file}:{line}: '{stands}' stands there; the records say {records_say}")
+        format!("{file}:{line}: the document has '{stands}', the records give {records_say}")
     };
     differences.iter().map(one).collect::<Vec<_>>().join("\n")
 }

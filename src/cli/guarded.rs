@@ -31,7 +31,7 @@ pub fn run() -> Result<()> {
         }
     }
     if broken.is_empty() {
-        return Err(Error::run(format!("{cause}, though every driver lists its devices"))
+        return Err(Error::run(format!("{cause}, although every driver can list its devices"))
             .with_help("try another device: `raycl devices` lists them, --device names one"));
     }
     for (driver, why) in &broken {
@@ -107,6 +107,6 @@ pub fn ends_with_its_parent() {}
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the process that does the work could not be started: {error}")).with_help(
-        "see that raycl's own file can be read and run, and that the temporary folder can be written",
+        "check that raycl's own file can be read and executed, and that the temporary folder is writable",
     )
 }

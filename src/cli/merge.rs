@@ -16,8 +16,7 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-It needs no device. Exit code: 0 when every point of the plan was measured or cannot fit the device, 1 when one is missing or failed, 2 for a \
-mistake in what was given.")]
+Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if one is missing or failed, 2 for a mistake in the arguments.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote (its --out)
     #[arg(value_name = "OUT")]
@@ -71,7 +70,7 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     let [kept, others] = merged.samples;
     super::print(format!(
-        "Merged:   {}, {}, {}; {} stay in their parts",
+        "Merged:   {}, {}, {}; {} not used",
         counted(merged.attempts, "attempt"),
         counted(merged.records, "point"),
         counted(kept, "sample"),
@@ -100,9 +99,9 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
                 kind.command
             )
         });
-        let took_part = missing.took_part.iter().map(|names| format!("these took part: {names}"));
+        let took_part = missing.took_part.iter().map(|names| format!("devices with results: {names}"));
         let lines: Vec<String> = said.chain(took_part).collect();
-        let help = format!("to measure what is missing\n{}", lines.join("\n"));
+        let help = format!("to measure the missing points\n{}", lines.join("\n"));
         return Err(Error::run(format!(
             "{} {} missing",
             counted(missing.count(), "point"),

@@ -55,7 +55,7 @@ use colour::Colour;
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.
 
 Your own defaults (device, color, results) are in ~/.config/raycl/config.toml. The variables
-RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS go before them, options before both.")]
+RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal, unless NO_COLOR is set), always or never [default: auto]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]

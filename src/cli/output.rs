@@ -26,7 +26,7 @@ fn write(text: &str) -> Result<()> {
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::run(format!("standard output could not be written: {error}"))
-                .with_help("make room where it is redirected to"))
+                .with_help("free space on the disk that it is redirected to"))
         }
         _ => Ok(()),
     }

@@ -111,7 +111,7 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
-                .with_help("`raycl peak --device NAME` measures one alone and says more")
+                .with_help("`raycl peak --device NAME` measures a single device and shows its error")
         };
         let program = std::env::current_exe().map_err(|error| failed(&error))?;
         let mut command = Command::new(program);

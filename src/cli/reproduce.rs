@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
         [] => Ok(()),
         some => {
             Err(Error::run(some.join("; "))
-                .with_help("the page was written; each folder's summary.md tells why"))
+                .with_help("the page was written; each folder's summary.md gives the reasons"))
         }
     }
 }
@@ -106,7 +106,7 @@ fn arguments(args: &Args, name: &str) -> run::Args {
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
-    let help = format!("{page}to go on from here: {}", resuming(args));
+    let help = format!("{page}to continue from here: {}", resuming(args));
     match error {
         Error::Interrupted { .. } => {
             let message = format!("{} of {total} points are done", stages.done());

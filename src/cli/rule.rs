@@ -18,8 +18,8 @@ const ROUNDS: u32 = 5;
 /// Arguments of `raycl rule`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  raycl rule docs/rule.toml --device cpu -o sweep.json    measure every way of every case
-  raycl rule --show docs/results/rule/*.json              what the rule chooses of stored sweeps
+  raycl rule docs/rule.toml --device cpu -o sweep.json    measure every candidate of every case
+  raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
     /// A file of cases
@@ -103,7 +103,7 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     let scene = case.scene(path)?;
     let task = case.task(&scene);
     if !case.is_of_its_kinds(&task) {
-        let message = format!("the case '{}' is not of its kinds: {task:?}", case.name);
+        let message = format!("the kinds of the case '{}' do not match its scene: {task:?}", case.name);
         return Err(Error::input(message).with_help("its `kinds` are few, inside, watertight and dense"));
     }
     super::tell(false, format!("measuring {}", case.name))?;
@@ -135,7 +135,7 @@ fn text(sweep: &Sweep) -> Result<String> {
     let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
     let worst = ratios.iter().copied().fold(1.0, f64::max);
     Ok(format!(
-        "device    {}, {}: least of {} rounds in turns\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst takes {worst:.3} times as long",
+        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst takes {worst:.3} times as long",
         sweep.device,
         sweep.date,
         sweep.rounds,

@@ -160,7 +160,7 @@ impl Args {
 fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
-            .with_help("rename it, or give it by a link whose name is")),
+            .with_help("rename it, or give a link whose name is UTF-8")),
         None => Ok(()),
     }
 }
@@ -219,7 +219,7 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!("{} holds an experiment in {} shards", out.display(), plan.header.shards))
-            .with_help("`--shard N/OF` measures one of them, `raycl merge` puts them together; or name another folder with --out")),
+            .with_help("`--shard N/OF` measures one of them, `raycl merge` merges them; or give another folder with --out")),
         None => Ok(()),
     }
 }

@@ -30,7 +30,7 @@ pub fn expand(
     let mut add = |found: Vec<NamedStrategy>, span: Range<usize>| {
         for strategy in found {
             if all.iter().any(|other| other.name == strategy.name) {
-                let message = format!("two strategies are called '{}'", strategy.name);
+                let message = format!("two strategies have the name '{}'", strategy.name);
                 let error = document.error(span, message, "the second is here");
                 return Err(error.with_help("give one of them another name = \"...\", or remove it"));
             }
@@ -158,7 +158,7 @@ fn named(
 ) -> Result<NamedStrategy> {
     if let Some(reason) = draft.strategy.contradiction() {
         let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
-        let message = format!("this strategy makes no sense: {reason}");
+        let message = format!("this combination of axes is not allowed: {reason}");
         return Err(document.error(span, message, format!("asks for {what}")).with_help(
             "change one of the axes in the message; where a list gives some combinations that make sense, \
              write those as [[strategy]] entries of their own",

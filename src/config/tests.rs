@@ -194,7 +194,7 @@ fn a_contradiction_names_reason_and_combination() {
     refuses(
         &text,
         &[
-            "this strategy makes no sense: shading = eager with triangles = tiled",
+            "this combination of axes is not allowed: shading = eager with triangles = tiled",
             "test.toml:7:1",
             "asks for preset=naive triangles=tiled",
         ],

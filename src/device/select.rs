@@ -102,7 +102,7 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
 fn listing(infos: &[&DeviceInfo]) -> String {
     let lines: Vec<_> = infos.iter().map(|info| format!("  {}", info.describe())).collect();
     format!(
-        "A name is any part of platform, device or vendor, or cpu, gpu, all. There is:\n{}",
+        "A name is any part of the platform's, device's or vendor's name, or cpu, gpu, all. Available:\n{}",
         lines.join("\n")
     )
 }

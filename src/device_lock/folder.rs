@@ -74,7 +74,7 @@ impl Folder {
     pub fn unusable(&self, error: &IoError) -> Error {
         let message = format!("the locks of devices cannot be kept in {}: {error}", self.path.display());
         Error::run(message).with_help(format!(
-            "{VARIABLE} names another folder; all that measure on this machine need the same one"
+            "set {VARIABLE} to another folder; all processes that measure on this machine must use the same one"
         ))
     }
 
@@ -115,7 +115,7 @@ fn refuse_second_name(file: &File) -> std::io::Result<()> {
     use std::os::unix::fs::MetadataExt as _;
     match file.metadata()?.nlink() {
         0 | 1 => Ok(()),
-        _ => Err(IoError::new(ErrorKind::InvalidInput, "it is the second name of another file")),
+        _ => Err(IoError::new(ErrorKind::InvalidInput, "it is a hard link to another file")),
     }
 }
 

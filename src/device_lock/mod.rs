@@ -78,7 +78,7 @@ impl Locks {
             }
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted(format!("it was waiting for {device}")).with_help(
-                    "run it again when the other is done; --no-wait ends at once instead of waiting",
+                    "run it again when the other process has ended; --no-wait ends at once instead of waiting",
                 ));
             }
             std::thread::sleep(LOOK_UP);
@@ -118,7 +118,7 @@ impl Locks {
 
 fn refused(holder: &Holder, device: &LockName) -> Error {
     Error::run(format!("{holder} measures on {device}")).with_help(
-        "without --no-wait this waits until that has ended; two that measure at once time each other",
+        "without --no-wait, raycl waits until that has ended; two measurements at the same time would disturb each other",
     )
 }
 

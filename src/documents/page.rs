@@ -96,7 +96,7 @@ impl Page {
         bare += rest;
         for phrase in unrecorded(&bare, &sheet.facts, fences) {
             let records_say =
-                "nothing: no query stands behind it, and it is no fact of docs/figures.toml".to_owned();
+                "nothing: no query follows it, and docs/figures.toml has no such fact".to_owned();
             self.wrong.push(Difference { line: number, stands: phrase, records_say });
         }
         self.push(&made);
@@ -108,7 +108,7 @@ impl Page {
         let stands = stands.to_owned();
         let problem = match told {
             Ok(Told::Words(says)) if stands.is_empty() => {
-                format!("{says}, and no number is before its query: {query}")
+                format!("{says}, but no number precedes the query: {query}")
             }
             Ok(Told::Words(says)) => {
                 if says != stands {

@@ -43,7 +43,7 @@ impl<'a> Query<'a> {
             operands.push((source.trim(), words.split_whitespace().collect()));
         }
         if operands.len() > 2 || operands[0].0.is_empty() {
-            return Err(format!("'{text}' is no query; expected \"SOURCE: WORDS\", one or one / another"));
+            return Err(format!("'{text}' is not a query; expected \"SOURCE: WORDS\", one or one / another"));
         }
         let mut query = Self { operands, digits: None, factor: None };
         for modifier in parts {
@@ -162,7 +162,7 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
             figure if is_figure(figure) => wanted = figure,
             word if records.iter().any(|record| is(record, word)) => picked.retain(|record| is(record, word)),
             word if PRESETS.iter().any(|preset| preset.name == word) => picked.clear(),
-            word => return Err(format!("no record in {name} is of '{word}'{}", meant(records, word))),
+            word => return Err(format!("no record in {name} matches '{word}'{}", meant(records, word))),
         }
     }
     if let Some(across) = growth {
@@ -174,7 +174,7 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     match picked[..] {
         [] => Ok(Side { told: Told::Nothing(String::new()), median_of: None }),
         [one] => Ok(Side { told: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
-        _ => Err(format!("{} records of {name} are '{}'; expected one", picked.len(), words.join(" "))),
+        _ => Err(format!("{} records of {name} match '{}'; expected exactly one", picked.len(), words.join(" "))),
     }
 }
 
@@ -250,7 +250,7 @@ mod tests {
             assert!(error.contains(part), "{error}");
         };
         wrong("8x8", "no query");
-        wrong("new: naive 8x8", "'new' is no source; expected one of old");
+        wrong("new: naive 8x8", "'new' is not a source; expected one of old");
         wrong("published: teapot naive 8x8, 3 digit", "neither");
         wrong("old: naive 1x1 still-lfe", "did you mean 'still-life'?");
         wrong("old: naive still-life", "expected one");

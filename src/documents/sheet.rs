@@ -130,7 +130,7 @@ impl Sheet {
         let wire: Wire = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| line_of(&text, span.start));
             Error::input(format!("{SHEET}:{line}: {}", error.message()))
-                .with_help("CONTRIBUTING.md tells what stands in it")
+                .with_help("CONTRIBUTING.md describes its contents")
         })?;
         let mut facts: Vec<String> = wire.facts.into_values().flatten().collect();
         facts.sort_by_key(|fact| std::cmp::Reverse(fact.len()));
@@ -192,7 +192,7 @@ impl Sheet {
             _ => column
                 .missing
                 .clone()
-                .ok_or_else(|| format!("{query}: no record, and nothing is said for it to be missing")),
+                .ok_or_else(|| format!("{query}: no record, and the column has no `missing` text")),
         }
     }
 }

@@ -52,7 +52,7 @@ impl Sources {
         let (first, rest) = name.split_once('/').unwrap_or((name, ""));
         let folder = self.folders.get(first).ok_or_else(|| {
             let known: Vec<_> = self.folders.keys().map(String::as_str).collect();
-            format!("'{first}' is no source; expected one of {}", known.join(", "))
+            format!("'{first}' is not a source; expected one of {}", known.join(", "))
         })?;
         let path = self.root.join(folder).join(rest);
         let file = PathBuf::from(format!("{}.json", path.display()));

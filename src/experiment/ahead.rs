@@ -77,7 +77,7 @@ impl Tally {
         let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
         (compiled + kept > 0).then(|| {
             format!(
-                "Built: {} compiled, {kept} taken from the cache; {} of work, for which the run waited {}",
+                "Built: {} compiled, {kept} taken from the cache; {} of work in all; the run waited {} for it",
                 programs(compiled),
                 seconds(work_ms),
                 seconds(waited_ms)

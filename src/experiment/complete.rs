@@ -69,7 +69,7 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (launch_ms > frame_ms).then(|| {
         let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
         let (launch, device) = (us(launch_ms), us(frame_ms));
-        format!("launching dominates: it takes {launch} us per frame{batched}, the device {device} us; larger images tell more")
+        format!("launch costs dominate: launching takes {launch} us per frame{batched}, the device only {device} us; use larger images")
     })
 }
 

@@ -32,7 +32,7 @@ pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
 
 fn failed(why: impl std::fmt::Display) -> Error {
     Error::run(format!("the devices could not be listed: {why}")).with_help(
-        "a driver that dies is left out where OCL_ICD_VENDORS names a folder without its .icd file",
+        "to leave out a driver that crashes, set OCL_ICD_VENDORS to a folder without its .icd file",
     )
 }
 

@@ -167,7 +167,7 @@ impl fmt::Display for Expected {
         if known == 0 {
             return write!(
                 f,
-                "at least {} frames of each; how long they take is not known yet",
+                "at least {} frames of each; how long they take is unknown",
                 self.least_frames
             );
         }
@@ -178,7 +178,7 @@ impl fmt::Display for Expected {
         }
         match known {
             _ if known == points => write!(f, ", by earlier times"),
-            some => write!(f, " for {some} of them, by earlier times; of the others it is not known yet"),
+            some => write!(f, " for {some} of them, by earlier times; the times of the others are unknown"),
         }
     }
 }

@@ -100,7 +100,7 @@ impl OpenGroup {
                     break;
                 }
                 End::AllFailed => break,
-                End::Broken => sink.says("a worker was lost: its launch is repeated whole"),
+                End::Broken => sink.says("a worker was lost: the whole launch is repeated"),
             }
         }
         if self.whole == launches { self.finish(sink) } else { Ok(()) }

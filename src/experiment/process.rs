@@ -55,7 +55,7 @@ impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
             Error::run(format!("cannot start a worker process: {error}")).with_help(
-                "see that processes (`ulimit -u`) and memory are left, and run it again with --resume",
+                "check that more processes (`ulimit -u`) and memory are available, and run it again with --resume",
             )
         };
         let mut command = Command::new(&self.program);

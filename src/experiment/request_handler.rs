@@ -181,11 +181,11 @@ fn warm_up(
 }
 
 fn no_such_point() -> Error {
-    Error::fault("a worker was asked for a point it does not have")
+    Error::fault("a worker received a request for a point that it does not have")
 }
 
 fn changed(device: Option<&DeviceInfo>) -> Error {
     let what = if device.is_some() { "a scene, a kernel file or the device" } else { "a scene" };
-    Error::run(format!("{what} changed while the run was going on"))
-        .with_help("the same command with --resume measures what changed")
+    Error::run(format!("{what} changed during the run"))
+        .with_help("run the same command with --resume to measure the affected points")
 }

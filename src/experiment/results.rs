@@ -64,7 +64,7 @@ impl Results {
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if folder.join("records.jsonl").exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
-            return Err(error.with_help("--resume goes on with them; or name another folder with --out"));
+            return Err(error.with_help("--resume continues them; or give another folder with --out"));
         }
         Self::open(folder, environment)
     }

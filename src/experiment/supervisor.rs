@@ -243,7 +243,7 @@ impl<'a> Supervisor<'a> {
         };
         let error = Error::run(format!("a worker process could not start: it {why}"));
         Err(error
-            .with_help("`raycl devices` says whether the device still answers; what is measured is kept"))
+            .with_help("`raycl devices` shows whether the device still answers; finished measurements are kept"))
     }
 
     /// Waits until a worker has opened its device.
@@ -311,6 +311,6 @@ impl Death {
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),
-        _ => Error::fault("a worker answered what it was not asked"),
+        _ => Error::fault("a worker's reply does not match its request"),
     }
 }

@@ -88,14 +88,14 @@ fn input_lines() -> Receiver<String> {
 fn find(identity: &str, sources: &Sources) -> Result<Device> {
     let gone = || {
         Error::run("the device is gone: its driver no longer lists it")
-            .with_help("`raycl devices` lists those that are there; what is measured is kept")
+            .with_help("`raycl devices` lists the available ones; finished measurements are kept")
     };
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
     pick_one(&Cache::of_user(), sources, place)?.ok_or_else(gone)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
-    serde_json::from_str(line).map_err(|error| Error::fault(format!("no request for a worker: {error}")))
+    serde_json::from_str(line).map_err(|error| Error::fault(format!("a worker received an invalid request: {error}")))
 }
 
 /// Writes a reply on a new line, since a driver may have left an unfinished one.

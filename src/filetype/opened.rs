@@ -83,7 +83,7 @@ fn within_memory(stream: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most {
-        let message = format!("it holds more than the {most} bytes that this machine has room for");
+        let message = format!("it is larger than {most} bytes, the limit on this machine");
         return Err(io::Error::new(io::ErrorKind::OutOfMemory, message));
     }
     Ok(bytes)

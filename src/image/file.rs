@@ -88,7 +88,7 @@ pub fn frame_key(path: &Path) -> Option<String> {
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
-        let error = Error::input(format!("cannot write '{name}': a picture of differences is a .png"));
+        let error = Error::input(format!("cannot write '{name}': a picture of differences must be a .png"));
         return Err(error.with_help(format!("name it '{}'", target.path().with_extension("png").display())));
     }
     target.check()

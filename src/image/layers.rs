@@ -24,7 +24,7 @@ pub fn layer_targets(target: &Target) -> Result<Vec<Target>> {
     } else if ending == "png" {
         NAMES.map(|name| target.renamed(named(path, name))).to_vec()
     } else {
-        let message = format!("'{}' is no name for layers", path.display());
+        let message = format!("'{}' is not a valid name for layers", path.display());
         return Err(Error::input(message)
             .with_help("NAME.exr holds all of them, NAME.png stands for NAME-depth.png and so on"));
     };

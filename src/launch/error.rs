@@ -38,7 +38,7 @@ pub enum LaunchError {
     #[error("{0}")]
     Tree(String),
     /// The allocator in the kernel ran out of memory.
-    #[error("the in-kernel heap ran out: {used} of {size} values were asked for")]
+    #[error("the in-kernel heap is too small: {used} values requested, {size} available")]
     HeapExhausted {
         /// Number of values requested.
         used: u64,

@@ -57,7 +57,7 @@ impl Refused {
                 "`raycl kernel STRATEGY` shows the program; another --strategy or --device may build",
             ),
             Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}"))
-                .with_help("a smaller picture, another --strategy or another --device may do"),
+                .with_help("a smaller picture, another --strategy or another --device may work"),
         }
     }
 }

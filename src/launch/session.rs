@@ -217,5 +217,5 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;
     }
-    Infeasible { reason: format!("{}, beside {held_bytes} B of other points", refused.reason) }
+    Infeasible { reason: format!("{}, in addition to {held_bytes} B of other points", refused.reason) }
 }

@@ -230,7 +230,7 @@ impl Split<'_> {
             }
             let reason = |_| {
                 format!(
-                    "with its rows a trial frame took {together_ms:.3} ms, the fastest device alone {alone_ms:.3} ms"
+                    "with it a trial frame took {together_ms:.3} ms, on the fastest device alone {alone_ms:.3} ms"
                 )
             };
             left_out.extend(team.without_slowest(reason));

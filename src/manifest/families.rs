@@ -20,7 +20,7 @@ pub static EXHAUSTIVE: Family = Family {
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
         only("tile", &["32x16"], NO_TILES),
-        rule("intersector", FilesIn("cast/intersect/", None), "casts no tiles, whose test that is"),
+        rule("intersector", FilesIn("cast/intersect/", None), "casts no tiles, and this test is for tiles"),
     ],
 };
 
@@ -302,8 +302,8 @@ const GROUP_DEFINES: Defines = &[
     (Always, "LANE_OPERATIONS"),
 ];
 
-const NO_TREE: &str = "walks no tree, and keeps the value that stands for none";
-const NO_TILES: &str = "casts no tiles of rays, and keeps the value that stands for none";
+const NO_TREE: &str = "uses no tree, and keeps the value that means none";
+const NO_TILES: &str = "casts no tiles of rays, and keeps the value that means none";
 const LEAF_ORDER: &str = "reads triangles in the order of its tree";
 const SHADES_ONCE: &str = "shades a tile's rays once";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";

@@ -43,16 +43,16 @@ pub(super) fn permit(
     let refuse = |why: String, help: String| Err(Error::input(why).with_help(help));
     let elsewhere = format!("`{}` writes elsewhere", choice.elsewhere);
     if there.is_dir() {
-        return refuse(format!("'{name}' is a folder, and a file is to be written"), elsewhere);
+        return refuse(format!("'{name}' is a folder; expected a file"), elsewhere);
     }
     if !there.is_file() && !there.is_symlink() {
-        return refuse(format!("'{name}' is no ordinary file, and is not written to"), elsewhere);
+        return refuse(format!("'{name}' is not an ordinary file, and is not replaced"), elsewhere);
     }
     if choice.force {
         return Ok(Name::Replaceable);
     }
     if there.is_symlink() {
-        let help = choice.help("replaces the link and leaves what it points to");
+        let help = choice.help("replaces the link and not its target");
         return refuse(format!("'{name}' is a link that raycl did not make"), help);
     }
     // A file that cannot be read was not made by raycl.
@@ -62,7 +62,7 @@ pub(super) fn permit(
             refuse(format!("'{name}' was changed since raycl made it"), choice.help("replaces it"))
         }
         Maker::Other => {
-            refuse(format!("'{name}' is there, and raycl did not make it"), choice.help("replaces it"))
+            refuse(format!("'{name}' exists, and raycl did not make it"), choice.help("replaces it"))
         }
     }
 }
@@ -77,7 +77,7 @@ pub(super) fn put(
 ) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot write '{}': {error}", path.display()))
-            .with_help(format!("make room, or write elsewhere with `{}`", choice.elsewhere))
+            .with_help(format!("free space on the disk, or write elsewhere with `{}`", choice.elsewhere))
     };
     let mut file = temporary_in(folder_of(path)?).map_err(failed)?;
     write(file.as_file_mut()).map_err(failed)?;
@@ -92,7 +92,7 @@ pub(super) fn put(
 
 /// Returns the error for a file that another program made after the last check.
 fn appeared(path: &Path, choice: Choice) -> Error {
-    let message = format!("'{}' appeared meanwhile, and raycl did not make it", path.display());
+    let message = format!("another program made '{}' meanwhile", path.display());
     Error::input(message).with_help(choice.help("replaces it"))
 }
 

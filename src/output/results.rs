@@ -20,11 +20,11 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     let other = entries.find(|entry| !is_begun(&entry.path()));
     let Some(other) = other else { return Ok(()) };
     let message = format!(
-        "'{}' is no folder of results: it holds '{}', which raycl did not make",
+        "'{}' is not a folder of results: it contains '{}', which raycl did not make",
         folder.display(),
         other.file_name().display()
     );
-    let help = format!("`--force` writes into it all the same, `{}` writes elsewhere", choice.elsewhere);
+    let help = format!("`--force` writes into it anyway, `{}` writes elsewhere", choice.elsewhere);
     Err(Error::input(message).with_help(help))
 }
 

@@ -106,7 +106,7 @@ impl Peak {
             Ok(File::One(one)) => Ok(vec![*one]),
             Err(_) => {
                 let error =
-                    Error::input(format!("{} does not say what a device can do at most", path.display()));
+                    Error::input(format!("{} does not contain peak rates", path.display()));
                 Err(error.with_help(WRITTEN_BY))
             }
         }

@@ -112,7 +112,7 @@ impl<'a> Rig<'a> {
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let read = |info| match event.profiling_info(info) {
             Ok(ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns)) => Ok(ns),
-            Ok(_) => Err(failed("the driver gave no time")),
+            Ok(_) => Err(failed("the driver reported no time")),
             Err(error) => Err(failed(error)),
         };
         let ns = read(ProfilingInfo::End)?.saturating_sub(read(ProfilingInfo::Start)?);

@@ -71,8 +71,7 @@ impl<T> Lines<T> {
         let first = self.damaged.first()?;
         let (count, is) = (self.damaged.len(), if self.damaged.len() == 1 { "line" } else { "lines" });
         Some(format!(
-            "{count} damaged {is} of {name}, the first line {first}, left out: `raycl repair` takes damaged lines out \
-             and keeps a copy."
+            "{count} damaged {is} of {name}, the first line {first}, left out: `raycl repair` removes damaged lines and keeps a copy."
         ))
     }
 }
@@ -108,7 +107,7 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     match (&read.lines[..], &read.damaged[..]) {
         ([], [.., last]) => {
             let message =
-                format!("{}:{last}: this line is no record, nor is any other: {reason}", path.display());
+                format!("{}:{last}: this line is not a record, and no other line is: {reason}", path.display());
             Err(Error::input(message)
                 .with_help("name a folder that `raycl run` wrote, such as results/quick"))
         }

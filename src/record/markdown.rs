@@ -85,7 +85,7 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
 /// Returns which differences this group can show.
 fn told_apart(group: &Group<'_>) -> String {
     resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
-        format!(" Differences below {} cannot be told apart here.", percent(part))
+        format!(" Differences below {} cannot be detected here.", percent(part))
     })
 }
 

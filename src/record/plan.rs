@@ -77,7 +77,7 @@ impl CurrentPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "`raycl run --resume` writes it anew; without it the latest record of each point is shown",
+                "`raycl run --resume` writes it again; without this file, the latest record of each point is shown",
             )
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;

@@ -141,7 +141,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several marks are a tie: no one of them surely takes more than 1% longer than the fastest\n");
+        text.push_str("* fastest; several marks are a tie: none of them surely takes more than 1% longer than the fastest\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
         text.push_str("n=... not enough samples: a point with fewer than five in a launch has no rank\n");
@@ -151,7 +151,7 @@ fn legend(groups: &[Group<'_>]) -> String {
         let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
         let count = warned.count();
         text.push_str(&format!(
-            "! mind {count} of these times, for example {}{size}: {warning}\n",
+            "! a warning on {count} of these times, for example {}{size}: {warning}\n",
             record.name
         ));
     }

@@ -244,13 +244,12 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}, ", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "A look: {whose}measured in one launch of the program. Intervals do not hold what another launch would draw; \
-             `[timing] launches = 3` measures that."
+            "Preliminary: {whose}measured in a single launch of the program. Intervals do not include differences between launches; `[timing] launches = 3` measures these."
         ));
     }
     notes.extend(
         resolution(records)
-            .map(|range| format!("Differences below {} cannot be told apart here.", percents(range))),
+            .map(|range| format!("Differences below {} cannot be detected here.", percents(range))),
     );
     notes
 }
@@ -314,7 +313,7 @@ mod tests {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
         assert!(how_sure(&look)[0].starts_with("A look: measured in one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
-        assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be told apart here."]);
+        assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be detected here."]);
         assert!(how_sure(&[]).is_empty());
     }
 

@@ -158,14 +158,14 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, which a tiny turn of the ray changes. There an image must match one of the turned rays."
+                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. There an image must match one of the moved rays."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
-            "Nodes of the tree that the pixel's rays visit, counted on the host. Dark: few; light: many."
+            "Number of tree nodes that each pixel's rays visit, counted on the host. Dark: few; light: many."
                 .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
@@ -192,7 +192,7 @@ fn tests_caption(record: &Record) -> String {
         "only triangles in leaves that the rays reach"
     };
     format!(
-        "Triangles that the pixel's rays are tested against, counted on the host where each pixel is shaded once: {how}. Dark: few; light: many."
+        "Number of triangles that each pixel's rays are tested against, counted on the host for one shading per pixel: {how}. Dark: few; light: many."
     )
 }
 

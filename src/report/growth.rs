@@ -28,7 +28,7 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
         title: format!("Growth with triangles, at {}: {device}", by(size)),
         x: "triangles in the scene",
         file: numbered("triangles", place),
-        besides: " Scenes differ in more than their triangles; the fit takes them as they are.",
+        besides: " Scenes differ in more than their number of triangles; the fit does not consider that.",
     };
     plot(&same, looks, labels, |group| {
         group.records.iter().find_map(|record| record.triangles).unwrap_or(0) as f64
@@ -103,10 +103,9 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => " Too few places for a fit.".to_owned(),
+        [] => " Too few different values for a fit.".to_owned(),
         some => format!(
-            " Dashed: time in proportion to a power of it, fitted by least squares to the logarithms; the exponents, with their \
-             standard errors: {}.",
+            " Dashed: a power law, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
             some.join(", ")
         ),
     };

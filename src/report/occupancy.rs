@@ -58,8 +58,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     Some(Plot::of(name, caption, &chart))
 }
 
-const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The \
-                           prediction is judged by what it is for, the speed.";
+const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The prediction is judged by the measured speed, which it should predict.";
 
 fn whose(compute_capability: Option<&str>, told: bool) -> String {
     match compute_capability {
@@ -68,8 +67,7 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
              built kernel."
         ),
         Some(cc) => format!(
-            "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not \
-             tell a kernel's registers."
+            "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not report a kernel's registers."
         ),
         None => format!(
             "The prediction is the paper's (Figure 5's device, compute capability {PAPER}), corrected for its \
@@ -81,13 +79,13 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
 /// Describes the rank correlations.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
-        return "There are too few local sizes to tell how well the prediction ranks them.".to_owned();
+        return "There are too few local sizes to judge how well the prediction ranks them.".to_owned();
     }
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {
         m if m > 0.7 => "it ranks local sizes well",
         m if m > 0.3 => "the prediction ranks local sizes partly",
-        m if m > -0.3 => "the prediction tells almost nothing about which local size is fast",
+        m if m > -0.3 => "the prediction says almost nothing about which local size is fast",
         _ => "the fast local sizes tend to be those with a lower prediction",
     };
     format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")

@@ -40,9 +40,8 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         ((*name).to_owned(), devices.iter().map(cell).collect())
     };
     let rows = names.iter().map(row).collect();
-    let caption = "Each strategy at its best local size, by how many times it is as slow as the best of its scene, size and device: \
-                   the geometric mean over scenes and sizes. 1 is the best everywhere.";
-    plot("strategies-by-device", "Strategy by device: times the device's best", devices, rows, caption)
+    let caption = "Each strategy at its best local size: its time relative to the best of its scene, size and device; geometric mean over scenes and sizes. 1 means best everywhere.";
+    plot("strategies-by-device", "Strategies by device: time relative to the device's best", devices, rows, caption)
 }
 
 /// Shows the loss from using one device's best strategy on another device.
@@ -64,9 +63,8 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "What is best on one device (row), used on another (column), by how many times it is as slow as that device's own \
-                   best: the geometric mean over scenes and sizes that both measured.";
-    plot("losses-by-device", "One device's best on another: times the own best", devices, rows, caption)
+    let caption = "The best strategy of one device (row), used on another (column): its time relative to that device's own best; geometric mean over the scenes and sizes that both measured.";
+    plot("losses-by-device", "One device's best strategy on another: time relative to that device's best", devices, rows, caption)
 }
 
 /// Returns the ratio of a record's time to the best of its group, and the name of that best.

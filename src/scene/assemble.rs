@@ -122,7 +122,7 @@ fn join(document: &Document, wire: &SceneWire, notes: &mut Vec<String>) -> Resul
         let first = joined.mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
             let message = format!("more than {} triangles in all", super::shapes::MAX_TRIANGLES);
-            return Err(document.error(object.span(), message, "this object is too many"));
+            return Err(document.error(object.span(), message, "this object exceeds the limit"));
         }
         check_positions(&file.mesh)
             .map_err(|error| document.place(object.span(), error, "of this object"))?;
@@ -219,7 +219,7 @@ impl Seen {
         self.lights.extend(lights);
         if origin != DVec3::ZERO {
             let [x, y, z] = origin.to_array();
-            notes.push(format!("the mesh lies far from its origin: here ({x}, {y}, {z}) is the origin"));
+            notes.push(format!("the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions"));
         }
     }
 }
@@ -301,8 +301,8 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
         let message = format!("the camera is at {position} and looks at the same point");
         return document.error(at([1, 2, 0]), message, "no direction").with_help("move position or look_at");
     }
-    let message = format!("the camera's up {up} is zero or along its view {}", target - position);
+    let message = format!("the camera's up {up} is zero or parallel to its view {}", target - position);
     document
         .error(at([0, 1, 2]), message, "no upright")
-        .with_help("give an `up` across the view, such as [0, 0, 1]")
+        .with_help("give an `up` that is not parallel to the view, such as [0, 0, 1]")
 }

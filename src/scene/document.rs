@@ -69,7 +69,7 @@ impl Document {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
         let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
         let held = held.map_or("a scene (TOML)", MeshFormat::name);
-        (!usual).then(|| format!("{}: read as {held}, which it holds whatever its name says", path.display()))
+        (!usual).then(|| format!("{}: read as {held}, by its contents and not by its name", path.display()))
     }
 
     /// Opens a file named in this document; a bare mesh is already open.

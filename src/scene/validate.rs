@@ -68,7 +68,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     let units = [camera.right, camera.up, camera.forward];
     let orthonormal = units.iter().all(|v| (v.length() - 1.0).abs() < 1e-3)
         && units[0].cross(units[1]).dot(-units[2]) > 0.999;
-    require(orthonormal, || "the camera's axes are no orthonormal basis".to_owned())?;
+    require(orthonormal, || "the camera's axes are not an orthonormal basis".to_owned())?;
     let tan = camera.tan_half_fov;
     require(tan > 0.0 && tan.is_finite(), || {
         "the field of view is not between 0 and 180 degrees".to_owned()
@@ -99,7 +99,7 @@ fn check_sky(sky: &Sky) -> Result<()> {
         format!("the sky's radiance is {zenith} to {horizon}; expected values from 0 to {MAX_POWER:e}")
     })?;
     require((up.length() - 1.0).abs() < 1e-3, || {
-        format!("the sky's zenith is towards {up}, of no unit length")
+        format!("the sky's zenith is towards {up}, which is not a unit vector")
     })?;
     require(*reach > 0.0 && reach.is_finite(), || format!("the sky's reach is {reach}; expected more than 0"))
 }

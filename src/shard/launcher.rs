@@ -118,7 +118,7 @@ impl Ranks {
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
         let place = place.checked_sub(self.origin).ok_or_else(|| {
             Error::input(format!("{} is {place}, but it counts from {}", self.place, self.origin))
-                .with_help("number the tasks from 1, or say which shard it is: --shard 3/16")
+                .with_help("number the tasks from 1, or give the shard: --shard 3/16")
         })?;
         Ok(Some(Told { launcher: self.launcher, place, count, number: None }))
     }
@@ -143,9 +143,9 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     match place.filter(|place| whole && *place < count) {
         Some(place) => Ok(Some(Told { launcher, place, count: Some(count), number: None })),
         None => Err(Error::input(format!(
-            "element {task} of a Slurm array of {count} that has gaps: which shard that is cannot be told"
+            "element {task} of a Slurm array of {count} that has gaps: its shard cannot be determined"
         ))
-        .with_help("--shard auto/16 takes the element's number for the shard's, from 1 to 16")),
+        .with_help("--shard auto/16 uses the element's number as the shard's, from 1 to 16")),
     }
 }
 
@@ -162,7 +162,7 @@ impl Told {
         let number = self.number.unwrap_or(self.place.saturating_add(1));
         let error = |_| {
             let from = self.number.map_or(self.place, |number| number);
-            Error::input(format!("{launcher} says {from}, which is none of {of} shards"))
+            Error::input(format!("{launcher} says {from}, which is not one of {of} shards"))
                 .with_help(format!("number the tasks so that they are the shards 1 to {of}"))
         };
         Shard::new(number, of).map_err(error)
@@ -173,8 +173,8 @@ impl Told {
 fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
     let Some(text) = variable(name) else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| {
-        Error::input(format!("{name} is '{text}', which is no number"))
-            .with_help("say which shard it is: --shard 3/16")
+        Error::input(format!("{name} is '{text}', which is not a number"))
+            .with_help("give the shard: --shard 3/16")
     })
 }
 
@@ -194,7 +194,7 @@ fn twice(array: &Told, inner: &Told) -> Error {
         ),
     };
     Error::input(format!("two launchers number this process: {}, and {}", told(array), told(inner)))
-        .with_help("let each element of the array start one process, or leave out the array; or say which shard it is: --shard 3/16")
+        .with_help("let each element of the array start one process, or leave out the array; or give the shard: --shard 3/16")
 }
 
 /// Returns an error for a batch script of several tasks that starts raycl without `srun`: it would run only
@@ -204,7 +204,7 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
-            "SLURM_PROCID is {place} of {tasks} tasks, but this is no step: raycl runs once here"
+            "SLURM_PROCID is {place} of {tasks} tasks, but this is not a step: raycl runs only once here"
         ))
         .with_help("start it with srun: srun raycl run ... --shard auto"),
     )
@@ -214,7 +214,7 @@ fn nobody() -> Error {
     let known = INNER.iter().map(|ranks| ranks.launcher).chain(["a Slurm array (SLURM_ARRAY_TASK_ID)"]);
     let known: Vec<_> = known.chain(OUTER.iter().map(|ranks| ranks.launcher)).collect();
     Error::input("--shard auto, but no launcher numbered this process")
-        .with_help(format!("say which shard it is: --shard 3/16. Known launchers: {}", known.join(", ")))
+        .with_help(format!("give the shard: --shard 3/16. Known launchers: {}", known.join(", ")))
 }
 
 #[cfg(test)]
@@ -288,11 +288,11 @@ mod tests {
             (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
-            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is none of 8 shards"),
+            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is not one of 8 shards"),
             (Some(8), "HQ_TASK_ID=0".to_owned(), "counts from 1"),
-            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "says 0, which is none of 8"),
+            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "says 0, which is not one of 8"),
             (Some(8), "OMPI_COMM_WORLD_RANK=0 OMPI_COMM_WORLD_SIZE=4".to_owned(), "started 4 processes"),
-            (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is no number"),
+            (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is not a number"),
         ];
         for (of, variables, expected) in table {
             let said = told(of, &variables).expect_err(&variables);

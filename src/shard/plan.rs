@@ -111,7 +111,7 @@ impl ShardPlan {
             return Ok(self);
         };
         let message =
-            format!("{} holds another plan: {what} differs, {there} there and {here} here", out.display());
+            format!("{} has a different plan: {what} differs, {there} there and {here} here", out.display());
         Err(Error::input(message)
             .with_help("give every shard the same command, or name another folder with --out"))
     }

@@ -48,10 +48,10 @@ pub trait Axis: Sized + Copy + Eq + 'static {
             error.with_help(match nearest(name, names) {
                 Some(meant) => format!("did you mean '{meant}'?"),
                 None if Self::INFO.listed.is_empty() => {
-                    "`raycl strategies` says what each means; a file in a folder that --cl-dir names is a value, too"
+                    "`raycl strategies` explains each; a file in a folder given by --cl-dir is a value too"
                         .to_owned()
                 }
-                None => "`raycl strategies` says what each means".to_owned(),
+                None => "`raycl strategies` explains each".to_owned(),
             })
         })
     }
@@ -183,7 +183,7 @@ file_axis! {
 }
 axis! {
     /// When the data that the ray-triangle test reads of a triangle is computed.
-    Records "records" "when what the test reads of a triangle is prepared" {
+    Records "records" "when the data that the test reads of a triangle is computed" {
         EachTest "each-test" "at each test, or with each tile of triangles: the scene's own corners are all that is kept",
         Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
@@ -199,7 +199,7 @@ axis! {
     /// When a test counts as parallel or outside.
     Epsilons "epsilons" "when a test counts as parallel or outside" {
         Paper "paper" "the paper's absolute numbers: |a| <= 1e-7, weights < -1e-10",
-        Relative "relative" "none that depend on the scene's scale",
+        Relative "relative" "tolerances relative to the triangle, independent of the scene's scale",
     }
 }
 axis! {

@@ -131,7 +131,7 @@ impl Reader<'_> {
                     return Err(self.twice(line, key.name, *first));
                 }
                 let said = key.takes.parse(value).ok_or_else(|| {
-                    let message = format!("'{value}' is no '{}'; expected {}", key.name, key.takes);
+                    let message = format!("'{value}' is not a valid '{}'; expected {}", key.name, key.takes);
                     self.wrong(line, message, nearest(value, key.takes.words().iter().copied()))
                 })?;
                 found.facts.push((line, key.name, said));
@@ -194,18 +194,18 @@ impl Reader<'_> {
         let own: Vec<_> =
             ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name)).collect();
         let message =
-            format!("'{key}' is no key of a header of {}; expected one of {}", self.axis, own.join(", "));
+            format!("'{key}' is not a key of a header of {}; expected one of {}", self.axis, own.join(", "));
         self.wrong(line, message, nearest(key, own))
     }
 
     fn twice(&self, line: usize, key: &str, first: usize) -> Error {
-        self.wrong(line, format!("'{key}' is said twice: first in line {first}"), None)
+        self.wrong(line, format!("'{key}' occurs twice: first in line {first}"), None)
     }
 
     fn wrong(&self, line: usize, message: String, meant: Option<&str>) -> Error {
         Error::input(format!("{}, line {line}: {message}", self.path)).with_help(match meant {
             Some(meant) => format!("did you mean '{meant}'?"),
-            None => "docs/own-kernels.md says what a header holds".to_owned(),
+            None => "docs/own-kernels.md describes headers".to_owned(),
         })
     }
 

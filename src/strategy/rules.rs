@@ -8,7 +8,7 @@ impl Strategy {
     /// Refuses combinations that are not allowed on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
-            Some(reason) => Err(Error::input(format!("this strategy makes no sense: {reason}"))
+            Some(reason) => Err(Error::input(format!("this combination of axes is not allowed: {reason}"))
                 .with_help("change one of these axes; `raycl strategies` lists the values of each")),
             None => Ok(()),
         }

@@ -126,7 +126,7 @@ fn refuse_names(sources: &Sources) -> Result<()> {
         if !fits(stem) || stem.is_empty() {
             let path = sources.path_of(&file);
             let message =
-                format!("{path}: a value is named as its file is, in small letters, digits and '_'");
+                format!("{path}: a value has its file's name, in lower-case letters, digits and '_'");
             let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
             return Err(
                 Error::input(message).with_help(format!("rename it, for example to {folder}{plain}.cl"))
@@ -157,7 +157,7 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
 }
 
 fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
-    let message = format!("{path} is no file of raycl's, no value of an axis, and nothing includes it");
+    let message = format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();

@@ -91,7 +91,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     let strays = unexplained_limit(reference.judged);
     let [fewest, most] = reference.hits_range;
     let apart = fewest.saturating_sub(hits).max(hits.saturating_sub(most));
-    (apart > strays).then(|| format!("{hits} pixels hit something, and {fewest} to {most} can"))
+    (apart > strays).then(|| format!("{hits} pixels hit something; expected {fewest} to {most}"))
 }
 
 /// A pixel that was compared.
@@ -151,7 +151,7 @@ fn too_many_unexplained(unexplained: usize, judged: usize) -> Option<String> {
     let limit = unexplained_limit(judged);
     (unexplained > limit).then(|| {
         format!(
-            "{unexplained} of {judged} pixels are uncertain and look like none of their rays' nudges; at most {limit} may"
+            "{unexplained} of {judged} pixels are uncertain and outside the range of their slightly moved rays; at most {limit} may be"
         )
     })
 }

@@ -52,7 +52,7 @@ impl Title<'_> {
     fn compiler(&self, program: &Preprocessed) -> String {
         let lanes = match self.strategy.shares_tiles() {
             true => {
-                format!("; work-items that share a tile tell each other by {}", self.builtins.lanes.about())
+                format!("; work-items that share a tile exchange values by {}", self.builtins.lanes.about())
             }
             false => String::new(),
         };
@@ -61,7 +61,7 @@ impl Title<'_> {
             None if program.asked.is_empty() => format!("for any device{lanes}"),
             None => {
                 format!(
-                    "for any device{lanes}; taken as absent of its compiler: {}",
+                    "for any device{lanes}; its compiler is assumed not to define: {}",
                     program.asked.join(", ")
                 )
             }
@@ -76,11 +76,11 @@ pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
         program.files.iter().filter(|file| !has_code(file)).map(String::as_str).collect();
     let mut foot = String::new();
     if !without.is_empty() {
-        foot += &comment(&format!("only macros, used above: {}", without.join(", ")));
+        foot += &comment(&format!("files that contain only macros, expanded above: {}", without.join(", ")));
     }
     if left_out > 0 {
         foot += &comment(&format!(
-            "{left_out} lines that these kernels do not need are left out; --all keeps them"
+            "{left_out} lines that these kernels do not need are left out; --all prints them"
         ));
     }
     if foot.is_empty() { foot } else { format!("\n{foot}") }

@@ -21,7 +21,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .collect();
     if points.is_empty() {
         return Err(Error::run(format!("{} has no point whose registers are known", path.display())).with_help(
-            "OpenCL does not tell a kernel's registers: only a compiler that prints them into its build log does",
+            "OpenCL does not report a kernel's registers; they are only known if the compiler prints them into its build log",
         ));
     }
     if as_json {

@@ -16,7 +16,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     let message =
         format!("the picture is wrong: {count} pixels are not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; the picture is kept, to be looked at: {}",
+        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; the picture was saved for inspection: {}",
         saved.display()
     )))
 }
@@ -43,5 +43,5 @@ pub(super) fn check(
         return Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels });
     }
     let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
-    Err(error.with_help(format!("it is kept, to be looked at: {}", saved.display())))
+    Err(error.with_help(format!("it was saved for inspection: {}", saved.display())))
 }

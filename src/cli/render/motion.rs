@@ -57,7 +57,7 @@ impl Motion {
 
 /// Reports that there are more processes than frames, so that this one has none to render.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
-    let text = format!("no frame of {}..{} is this shard's: nothing to do", all.first, all.last);
+    let text = format!("this shard has no frame of {}..{}: nothing to do", all.first, all.last);
     match (args.json, args.quiet) {
         (true, _) => {
             crate::cli::print_json(&serde_json::json!({ "frames": 0, "skipped": 0, "notes": [text] }))
@@ -159,7 +159,7 @@ fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
     let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
     let size = [args.width, args.height];
     if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
-        return Err(Error::input("--shard casts numbered pictures: no two processes write to one file")
+        return Err(Error::input("--shard needs numbered pictures, since two processes cannot write to one file")
             .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
     }
     if target.is_standard_output() {
@@ -170,7 +170,7 @@ fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
         return Ok(Sink::Movie(Movie::apng(target, size, args.motion.rate, wanted.len())));
     }
     if ending != "png" {
-        let message = format!("'{}' is no name for moving pictures", target.path().display());
+        let message = format!("'{}' is not a valid name for moving pictures", target.path().display());
         return Err(Error::input(message).with_help(
             "NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture, `-o -` a y4m stream",
         ));
@@ -275,7 +275,7 @@ fn text(report: &Report) -> String {
         format!("scene     {}: {} triangles", report.scene, report.triangles),
         format!("device    {}", report.device),
         format!(
-            "size      {width} x {height} pixels, {} frames, {} there already",
+            "size      {width} x {height} pixels, {} frames, {} of which existed already",
             report.frames, report.skipped
         ),
         format!("kernel    {:10.2} ms, the median frame", report.frame_ms),

@@ -73,7 +73,7 @@ pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocesso
     }
     let names: Vec<_> = known().map(|sm| sm.compute_capability).collect();
     let error = Error::input(format!(
-        "'{compute_capability}' is not a compute capability known here; those are {}",
+        "'{compute_capability}' is not a supported compute capability; expected one of {}",
         names.join(", ")
     ));
     Err(match nearest_capability(compute_capability) {

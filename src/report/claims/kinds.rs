@@ -61,7 +61,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         .filter_map(|one| Some((one.launch, ms(one, of)? / ms(one, to)?)))
         .collect();
     let Some(ratio) = Ratio::of_parts(&ratios, record.median_ms.unwrap_or(0.0)) else {
-        let text = format!("no sample of {point} that tells its passes apart");
+        let text = format!("no sample of {point} with separate times of its passes");
         return Line::cannot(text, "samples.jsonl beside the records".to_owned());
     };
     let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
@@ -127,7 +127,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     let Some(peak) = found.peak() else {
         return Line::cannot(
             format!("no latency of {name}"),
-            "`raycl run configs/figure-8.toml --peak`, whose folder keeps it".to_owned(),
+            "`raycl run configs/figure-8.toml --peak`, whose folder has it".to_owned(),
         );
     };
     let figure = match memory {
@@ -136,7 +136,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
         Memory::Global => peak.global_ns,
     };
     let Some([low, middle, high]) = in_cycles(&peak, &figure) else {
-        return Line::cannot("the driver does not tell the clock".to_owned(), "the clock, in MHz".to_owned());
+        return Line::cannot("the driver does not report the clock".to_owned(), "the clock, in MHz".to_owned());
     };
     let text = format!(
         "{name}: {} cycles at {} MHz, {} ns (n = {}); published {cycles}",

@@ -40,7 +40,7 @@ impl TryFrom<String> for Point {
     fn try_from(text: String) -> Result<Self, String> {
         let words: Vec<&str> = text.split(' ').collect();
         let [strategy, size, "on", scene] = words[..] else {
-            return Err(format!("'{text}' is no point; expected \"STRATEGY SIZE on SCENE\""));
+            return Err(format!("'{text}' is not a point; expected \"STRATEGY SIZE on SCENE\""));
         };
         let size = size_of(size)?;
         match size {
@@ -66,7 +66,7 @@ fn size_of(word: &str) -> Result<Size, String> {
 pub(super) fn local_size(word: &str) -> Result<[u32; 2], String> {
     let size = word.split_once('x').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
     size.filter(|size| !size.contains(&0))
-        .ok_or_else(|| format!("'{word}' is no size; expected one like 8x8, or best, square, host"))
+        .ok_or_else(|| format!("'{word}' is not a size; expected one like 8x8, or best, square, host"))
 }
 
 /// Refuses an unknown name, and suggests the most similar known one.
@@ -76,7 +76,7 @@ pub(super) fn known(what: &str, name: &str, names: &[&str]) -> Result<(), String
     }
     let meant = nearest(name, names.iter().copied());
     let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
-    Err(format!("'{name}' is no {what}{meant}"))
+    Err(format!("'{name}' is not a known {what}{meant}"))
 }
 
 impl std::fmt::Display for Point {
@@ -132,7 +132,7 @@ mod tests {
             ("serial host on teapot", "'serial' is no baseline; did you mean 'serial-f32'?"),
             ("naive 8 on teapot", "'8' is no size"),
             ("naive 8x0 on teapot", "'8x0' is no size"),
-            ("naive 8x8 teapot", "is no point; expected"),
+            ("naive 8x8 teapot", "is not a point; expected"),
         ] {
             let error = point(text).expect_err(text);
             assert!(error.contains(told), "{text}: {error}");

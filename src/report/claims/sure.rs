@@ -64,7 +64,7 @@ impl Ratio {
 
     /// Returns the line for a claim that the ratio is in `held`.
     pub(super) fn line(&self, text: String, held: RangeInclusive<f64>) -> Line {
-        let text = format!("{text}; asked: {}", asked(&held));
+        let text = format!("{text}; required: {}", asked(&held));
         match self.verdict(&held) {
             Verdict::Unclear => Line::unclear(text, self.decides(&held)),
             sure => Line::decided(text, sure == Verdict::Held),

@@ -42,7 +42,7 @@ impl Comparison {
     fn rule(&self) -> String {
         format!(
             "In each folder, a point's time is divided by that of the anchor, a fixed kernel timed in the same rounds, or, without an anchor, \
-             by the times of the baselines, or of the points that changed alike. The change is the ratio of these two ratios. Faster and slower: its 95% interval lies beyond {0}%; same: it lies \
+             by the times of the baselines, or of the points that changed by similar factors. The change is the ratio of these two ratios. Faster and slower: its 95% interval lies beyond {0}%; same: it lies \
              within {0}%; otherwise unclear. A verdict is wrong for at most one of 40 points. Fewer than five samples in a launch \
              are not enough.",
             self.threshold_percent()

@@ -106,7 +106,7 @@ fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> Strin
     lines.collect::<Vec<_>>().join("; ")
 }
 
-const NO_WINNER: &str = "no winner, for want of samples";
+const NO_WINNER: &str = "no winner (too few samples)";
 
 /// Returns the different names of some records, in their order.
 fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
@@ -172,7 +172,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray of each test from global memory ({moved} per frame on {} for primary rays alone, by arithmetic), {} from {}; {}",
+        "naive reads the ray from global memory at each test (by arithmetic {moved} per frame on {} for primary rays alone), {} from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),
@@ -213,7 +213,7 @@ fn against(best: &[(&str, String)], naive: &[(&str, String)]) -> String {
         Some(format!("{value} against {other} {name}"))
     };
     let pairs: Vec<String> = best.iter().filter_map(pair).collect();
-    if pairs.is_empty() { "the compiler tells no registers".to_owned() } else { pairs.join(", ") }
+    if pairs.is_empty() { "the compiler does not report registers".to_owned() } else { pairs.join(", ") }
 }
 
 /// Returns the ratio of naive's time to the best, and which points tie.
@@ -228,7 +228,7 @@ fn sure(contest: &Contest<'_>) -> String {
     };
     let few = match contest.ranking.unranked.len() {
         0 => String::new(),
-        few => format!(", {few} have not enough samples"),
+        few => format!(", {few} have too few samples"),
     };
     format!("{ratio}{tie}{few}")
 }

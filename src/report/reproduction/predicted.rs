@@ -39,9 +39,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
         diagonal: false,
         series,
     };
-    let caption = "Dashed: the paper's table, by blocks and threads alone. Compute capability 2.0 with the paper's 63 registers a \
-                   thread holds 512 at most, and cannot launch 32x32. On a device that tells its kernels' registers, the naive \
-                   kernel's own prediction stands beside.";
+    let caption = "Dashed: the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, compute capability 2.0 holds at most 512 threads and cannot launch 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
     Plot::of(format!("figure-5{suffix}"), caption, &chart)
 }
 

@@ -62,7 +62,7 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
 /// Returns a note about vertex colours for the user.
 pub(in crate::scene) fn note(count: usize) -> String {
     format!(
-        "colours of {} are one per triangle, the mean of its corners",
+        "colours of {}: each triangle has one colour, the mean of its corners",
         crate::words::counted(count, "vertex")
     )
 }

@@ -81,7 +81,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let ending = ending.filter(|format| *format == ImageFormat::Tga);
     let format = image::guess_format(bytes).ok().or(ending);
     let format = format.filter(|format| FORMATS.contains(format));
-    let format = format.ok_or("is no PNG, JPEG, BMP or TGA")?;
+    let format = format.ok_or("is not a PNG, JPEG, BMP or TGA")?;
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
     let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;

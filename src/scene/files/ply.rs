@@ -122,7 +122,7 @@ impl Parts {
         let mut notes = Vec::new();
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
-            notes.push(format!("{textures} TextureFile asks for textures, which raycl does not do: each triangle has one colour"));
+            notes.push(format!("{textures} TextureFile asks for textures, which raycl does not support: each triangle has one colour"));
         }
         let of_faces = header.elements.get("face").filter(|face| face.properties.contains_key("red"));
         if let Some(face) = of_faces {

@@ -40,16 +40,16 @@ impl Wish {
     /// Returns the feature, and what raycl does instead.
     fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "only a material's colour has one"),
-            Self::TextureOption => ("options of textures", "they are passed over"),
+            Self::Texture => ("textures", "only a material's colour may have one"),
+            Self::TextureOption => ("options of textures", "they are ignored"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Emission => ("emitted light", "only lights of the scene shine"),
             Self::Reflection => ("mirror reflections", "surfaces show lights only"),
             Self::Refraction => ("refraction", "every surface is opaque"),
-            Self::Unlit => ("a colour without light", "it is lit as any other"),
+            Self::Unlit => ("a colour without light", "it is lit like any other"),
             Self::NoHighlight => ("no highlight", "a Ks that is not zero makes one"),
             Self::ShadowCatcher => ("an invisible surface for shadows", "it is seen"),
-            Self::UnknownModel => ("a model of light unknown here", "Kd, Ks and Ns are used"),
+            Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
             Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),
             Self::Shine => ("ways to shine", "surfaces are diffuse, in their base colour"),
@@ -59,7 +59,7 @@ impl Wish {
             Self::FreeForm => ("curves and surfaces", "only faces are seen"),
             Self::Attribute => ("display attributes", "all faces are seen alike"),
             Self::OtherFile => ("another file or command", "it is neither read nor run"),
-            Self::Unknown => ("unknown things", "they are passed over"),
+            Self::Unknown => ("unknown things", "they are ignored"),
         }
     }
 }
@@ -137,8 +137,8 @@ impl Asked {
             let names = if quotes { format!(" ({})", count.told()) } else { String::new() };
             let verb = if count.total == 1 { "asks" } else { "ask" };
             match wish {
-                Wish::Unknown => format!("unknown keywords of {asking} are passed over{names}"),
-                _ => format!("{asking} {verb} for {what}{names}, which raycl does not do: {instead}"),
+                Wish::Unknown => format!("unknown keywords of {asking} are ignored{names}"),
+                _ => format!("{asking} {verb} for {what}{names}, which raycl does not support: {instead}"),
             }
         })
     }

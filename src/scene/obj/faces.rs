@@ -284,7 +284,7 @@ pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut V
     let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
     if lost.count > 0 {
         notes.push(format!(
-            "line {}: {} normals (vn) that the file lacks: these normals are made from the faces' shape",
+            "line {}: {} normals (vn) that the file does not have: these normals are made from the faces' shape",
             source.line(lost.first),
             naming(lost.count)
         ));
@@ -311,6 +311,6 @@ pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &
     let count = counted(names.len(), "material");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), stands in"
+        "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used"
     ));
 }

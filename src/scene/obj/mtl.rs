@@ -81,7 +81,7 @@ impl Reach<'_> {
             Ok(path) if !self.permitted.beyond && !lies_in(&path, self.folder) => Err(OUTSIDE.to_owned()),
             Ok(path) if path.is_dir() => Err("is a folder".to_owned()),
             // Reading a pipe or a device may never end.
-            Ok(path) if !path.is_file() => Err("is no ordinary file".to_owned()),
+            Ok(path) if !path.is_file() => Err("is not an ordinary file".to_owned()),
             path => path.map_err(unreadable),
         }
     }

@@ -170,8 +170,8 @@ fn what_a_material_asks_for_is_told_by_name_and_count() {
         ("illum 3", "asks for mirror reflections (illum 3)"),
         ("illum 7\nNi 1.5", "asks for refraction (illum 7)"),
         ("illum 10", "asks for an invisible surface for shadows (illum 10)"),
-        ("illum 42", "asks for a model of light unknown here (illum 42)"),
-        ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are passed over (`kd`)"),
+        ("illum 42", "asks for an unknown illumination model (illum 42)"),
+        ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are ignored (`kd`)"),
     ];
     for (lines, expected) in cases {
         let notes = notes_of("usemtl a", &format!("newmtl a\n{lines}\n"));
@@ -205,7 +205,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("usemap wood", "asks for textures (usemap)"),
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
         ("call other.obj", "asks for another file or command (call)"),
-        ("foo\nbar", "unknown keywords of 2 statements are passed over (`bar` 1, `foo` 1)"),
+        ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
         ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices are one per triangle"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),

@@ -98,7 +98,7 @@ impl Chosen {
             } else {
                 format!("{} points were", self.several.len())
             };
-            notes.push(format!("{points} measured by several attempts ({}); of each one record counts, the others stay in their parts.", few(&who)));
+            notes.push(format!("{points} measured by several attempts ({}); one record of each is used.", few(&who)));
         }
         notes
     }

@@ -79,7 +79,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 pub fn no_shards(out: &Path) -> Error {
     let what = if out.is_dir() { "holds no experiment in shards" } else { "is no folder" };
     Error::input(format!("{} {what}", out.display()))
-        .with_help("name the folder that was --out of `raycl run --shard`")
+        .with_help("give the folder that was --out of `raycl run --shard`")
 }
 
 /// Refuses a folder with the results of a run, which are not merged from attempts.
@@ -116,7 +116,7 @@ fn ended_early(attempts: &[Attempt]) -> Option<String> {
     let ends: Vec<Option<End>> = attempts.iter().map(Attempt::end).collect();
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
-        (count(&|end| end.is_none()), "were killed, or are at work yet"),
+        (count(&|end| end.is_none()), "were killed, or are still running"),
         (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost their launcher"),
         (count(&|end| matches!(end, Some(End::Interrupted))), "were interrupted"),
         (count(&|end| matches!(end, Some(End::Failed(_)))), "could not go on"),

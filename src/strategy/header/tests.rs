@@ -84,13 +84,13 @@ fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
     mistake(
         "record_floats",
         "record_float",
-        "line 3: 'record_float' is no key of a header of inter",
+        "line 3: 'record_float' is not a key of a header of inter",
         "'record_floats'",
     );
     mistake(
         "exact_signs: no",
         "memory: local",
-        "line 5: 'memory' is no key of a header of inter",
+        "line 5: 'memory' is not a key of a header of inter",
         "docs/own-kernels.md",
     );
 }
@@ -108,10 +108,10 @@ fn a_header_that_contradicts_itself_has_both_lines() {
     mistake(
         "// exact_signs: no\n",
         "// exact_signs: no\n// exact_signs: yes\n",
-        "line 6: 'exact_signs' is said twice: first in line 5",
+        "line 6: 'exact_signs' occurs twice: first in line 5",
         "",
     );
-    mistake("mine\n", "mine\n// meaning: yours\n", "line 3: 'meaning' is said twice: first in line 2", "");
+    mistake("mine\n", "mine\n// meaning: yours\n", "line 3: 'meaning' occurs twice: first in line 2", "");
     mistake(
         "any-ray",
         "origin",

@@ -108,7 +108,7 @@ impl Numbered {
 
 fn other(file: &Path, number: u32) -> Error {
     let message =
-        format!("'{}' is there, and another picture than frame {number} of this turn", file.display());
+        format!("'{}' exists and is not frame {number} of this turntable", file.display());
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 

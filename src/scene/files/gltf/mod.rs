@@ -87,7 +87,7 @@ fn passed_over(root: &Root) -> Option<String> {
         .map(|extension| quoted(extension.as_bytes()))
         .collect();
     (!unknown.is_empty())
-        .then(|| format!("extensions that raycl does not have are passed over: {}", unknown.join(", ")))
+        .then(|| format!("unsupported extensions are ignored: {}", unknown.join(", ")))
 }
 
 /// Refuses a file that requires unsupported extensions, and names them.
@@ -102,7 +102,7 @@ fn refuse_required(name: &str, root: &Root) -> Result<()> {
         return Ok(());
     }
     let what = if lacking.len() == 1 { "the extension" } else { "the extensions" };
-    Err(Error::input(format!("{name} requires {what} {}, which raycl does not have", lacking.join(", ")))
+    Err(Error::input(format!("{name} requires {what} {}, which raycl does not support", lacking.join(", ")))
         .with_help("export it without compression, with `gltf-transform copy` or Blender for example"))
 }
 
@@ -110,7 +110,7 @@ fn animations(root: &Root) -> Option<String> {
     let count = root.animations.len();
     (count > 0).then(|| {
         format!(
-            "{} left out: what they move stands as the file places it",
+            "{} left out: objects stay where the file places them",
             match count {
                 1 => "1 animation is".to_owned(),
                 _ => format!("{count} animations are"),

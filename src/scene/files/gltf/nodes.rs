@@ -245,7 +245,7 @@ impl<'a> Walk<'a> {
 impl LeftOut {
     fn notes(&self) -> impl Iterator<Item = String> {
         let notes = [
-            (self.orthographic, "orthographic camera", "not used: a view is in perspective"),
+            (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
             (self.spots, "spot light", "shown as lights in all directions"),
             (self.skins, "skinned mesh", "shown as stored, without its joints"),
             (self.targets, "primitive with morph targets", "shown without them"),
