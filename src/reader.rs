@@ -56,9 +56,7 @@ pub fn open(path: &Path) -> Result<File> {
 fn ordinary(found: &Metadata) -> Result<()> {
     match (found.is_file(), found.is_dir()) {
         (true, _) => Ok(()),
-        (_, true) => {
-            Err(Error::new(ErrorKind::IsADirectory, "it is a folder; expected an ordinary file"))
-        }
+        (_, true) => Err(Error::new(ErrorKind::IsADirectory, "it is a folder; expected an ordinary file")),
         _ => Err(Error::new(
             ErrorKind::InvalidInput,
             "it is a pipe, a socket or a device; expected an ordinary file",
@@ -98,7 +96,8 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
         return read_on(file, head, length);
     };
     let limit = limit_mib << 20;
-    let too_large = || Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB"));
+    let too_large =
+        || Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB"));
     if length > limit {
         return Err(too_large());
     }

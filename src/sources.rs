@@ -108,7 +108,8 @@ impl Sources {
     }
 }
 
-const LAYOUT: &str = "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
+const LAYOUT: &str =
+    "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
 
 /// The longest program that is given to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;

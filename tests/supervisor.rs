@@ -5,7 +5,9 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::experiment::{PointFailure, Reply, Request, Spawner, Wait, Worker};
 use raycl::record::Outcome;
+use std::cell::RefCell;
 use std::collections::HashMap;
+use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -100,5 +102,59 @@ fn workers_that_die_at_random_moments_cost_nothing() {
             Act::Answer
         });
         assert_eq!(count(&records, Outcome::Measured), POINTS, "seed {seed}");
+    }
+}
+
+#[test]
+fn workers_of_the_next_group_have_opened_their_device_before_anything_is_timed() {
+    /// The events, in order: a worker's number, and whether it reported that it is ready or was sent a frame request.
+    type Events = Rc<RefCell<Vec<(usize, &'static str)>>>;
+    struct Noting {
+        mock: Mock,
+        spawned: usize,
+        events: Events,
+    }
+    struct NotingWorker {
+        worker: Box<dyn Worker>,
+        number: usize,
+        events: Events,
+    }
+    impl Spawner for Noting {
+        fn spawn(&mut self, device: usize) -> raycl::Result<Box<dyn Worker>> {
+            self.spawned += 1;
+            let (number, events) = (self.spawned, Rc::clone(&self.events));
+            Ok(Box::new(NotingWorker { worker: self.mock.spawn(device)?, number, events }))
+        }
+    }
+    impl Worker for NotingWorker {
+        fn send(&mut self, request: &Request) {
+            if matches!(request, Request::Cast { .. }) {
+                self.events.borrow_mut().push((self.number, "casts"));
+            }
+            self.worker.send(request);
+        }
+        fn wait(&mut self, limit: Duration) -> Wait {
+            let wait = self.worker.wait(limit);
+            if wait == Wait::Reply(Reply::Started) {
+                self.events.borrow_mut().push((self.number, "is ready"));
+            }
+            wait
+        }
+    }
+    let (folder, events) = (folder(), Events::default());
+    let mut noting = Noting { mock: Mock::new(|_| Act::Answer), spawned: 0, events: Rc::clone(&events) };
+    execute(CONFIG, folder.path(), &mut noting, &AtomicBool::new(false)).expect("it runs");
+    let first =
+        |event: (usize, &str)| events.borrow().iter().position(|one| *one == event).expect("it happened");
+    assert_eq!(noting.spawned, GROUPS, "each group had one, and none was started in vain");
+    for number in 2..=GROUPS {
+        assert!(
+            first((number, "is ready")) < first((number - 1, "casts")),
+            "{number}: {:?}",
+            events.borrow()
+        );
+        let last =
+            events.borrow().iter().rposition(|one| *one == (number - 1, "casts")).expect("it happened");
+        assert!(last < first((number, "casts")), "groups follow each other");
     }
 }

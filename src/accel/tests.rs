@@ -133,6 +133,34 @@ fn places_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
 }
 
+/// Triangles far apart along each axis in turn. Each split separates few triangles from the rest; with such splits
+/// alone, the tree would be far deeper.
+#[test]
+fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
+    let mesh = mesh_of((-140..120).flat_map(|power| {
+        Vec3::AXES.map(|axis| {
+            let corner = axis * 2f32.powi(power);
+            [corner, corner * 1.25, corner * 1.5]
+        })
+    }));
+    let bvh = Bvh::build(&mesh, 1);
+    bvh.validate(&mesh).unwrap();
+    assert!((64..=64 + 10).contains(&bvh.depth), "depth {}", bvh.depth);
+}
+
+/// A hundred triangles, each half as far away as the previous one, beside a row of five thousand.
+#[test]
+fn the_depth_is_that_of_the_deeper_side() {
+    for side in [1.0, -1.0] {
+        let row = (0..5000).map(|place| Vec3::new(side * (10.0 + place as f32), 0.0, 0.0));
+        let row = row.map(|corner| [corner, corner + 0.5 * Vec3::X, corner + Vec3::Y]);
+        let halves = (0..100).map(|power| Vec3::new(-side * 2f32.powi(-power), 0.0, 0.0));
+        let halves = halves.map(|corner| [corner, corner * 1.25, corner * 1.5]);
+        let mesh = mesh_of(row.chain(halves));
+        Bvh::build(&mesh, 1).validate(&mesh).unwrap();
+    }
+}
+
 #[test]
 fn coordinates_near_the_largest_float() {
     let mesh = random_mesh(6, 2000, 0.1, 1.5e38);

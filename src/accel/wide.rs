@@ -235,10 +235,8 @@ fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
 
 fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     if !WideBvh::WIDTHS.contains(&width) {
-        return Err(Error::input(format!(
-            "a node cannot have {width} children; expected 2, 4, 8, 16 or 32"
-        ))
-        .with_help("choose one of these widths"));
+        return Err(Error::input(format!("a node cannot have {width} children; expected 2, 4, 8, 16 or 32"))
+            .with_help("choose one of these widths"));
     }
     let own =
         bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;

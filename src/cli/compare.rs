@@ -81,8 +81,9 @@ pub fn run(args: Args) -> Result<()> {
     }
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
-            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; ")))
-                .with_help("measure both again, one after the other, to distinguish a change from a busy machine"))
+            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; "))).with_help(
+                "measure both again, one after the other, to distinguish a change from a busy machine",
+            ))
         }
         _ => Ok(()),
     }

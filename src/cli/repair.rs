@@ -35,7 +35,11 @@ pub fn run(args: Args) -> Result<()> {
         return super::print("no line is damaged");
     }
     let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
-        format!("{}: removed damaged lines: {damaged}, lines kept: {kept}; copy of the original: {}", file.display(), copy.display())
+        format!(
+            "{}: removed damaged lines: {damaged}, lines kept: {kept}; copy of the original: {}",
+            file.display(),
+            copy.display()
+        )
     };
     super::print(repaired.iter().map(line).collect::<Vec<_>>().join("\n"))
 }

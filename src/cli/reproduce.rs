@@ -61,10 +61,8 @@ pub fn run(args: Args) -> Result<()> {
     say_where(&args, &write_page(&mut out)?)?;
     match failed.as_slice() {
         [] => Ok(()),
-        some => {
-            Err(Error::run(some.join("; "))
-                .with_help("the page was written; each folder's summary.md gives the reasons"))
-        }
+        some => Err(Error::run(some.join("; "))
+            .with_help("the page was written; each folder's summary.md gives the reasons")),
     }
 }
 

@@ -174,7 +174,11 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     match picked[..] {
         [] => Ok(Side { told: Told::Nothing(String::new()), median_of: None }),
         [one] => Ok(Side { told: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
-        _ => Err(format!("{} records of {name} match '{}'; expected exactly one", picked.len(), words.join(" "))),
+        _ => Err(format!(
+            "{} records of {name} match '{}'; expected exactly one",
+            picked.len(),
+            words.join(" ")
+        )),
     }
 }
 

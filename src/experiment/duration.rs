@@ -165,11 +165,7 @@ impl fmt::Display for Expected {
         };
         write!(f, "{points} points in {launches}: ")?;
         if known == 0 {
-            return write!(
-                f,
-                "at least {} frames of each; how long they take is unknown",
-                self.least_frames
-            );
+            return write!(f, "at least {} frames of each; how long they take is unknown", self.least_frames);
         }
         let seconds = self.time.as_secs();
         match seconds {

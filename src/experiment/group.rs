@@ -9,7 +9,7 @@ use super::complete::{Taken, complete};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
-use super::supervisor::{Checked, Supervisor};
+use super::supervisor::{Checked, Supervisor, Task};
 use crate::device::DeviceInfo;
 use crate::device_lock::LockName;
 use crate::error::Result;
@@ -49,6 +49,10 @@ impl OpenGroup {
         &self.points
     }
 
+    fn tasks(&self) -> impl Iterator<Item = Task<'_>> {
+        self.points.iter().map(PendingPoint::task)
+    }
+
     /// Returns whether all its points are casters on the host.
     pub fn is_on_host(&self) -> bool {
         self.points.iter().all(|pending| pending.record.is_baseline())
@@ -70,14 +74,17 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
-    /// Measures one launch in fresh workers. If a worker is lost, the whole launch is repeated. While points
-    /// are timed, no other process measures on their devices.
+    /// Measures one launch in fresh workers. The workers of the next group are started beside its checks. If a
+    /// worker is lost, the whole launch is repeated. While points are timed, no other process measures on their
+    /// devices.
     pub fn visit(
         &mut self,
+        next: Option<&Self>,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
+        supervisor.turn_to_next();
         let launches = run.experiment.timing.launches as usize;
         if self.visits == 0 {
             self.adopt(&run.stopping_rule(), launches, sink);
@@ -88,7 +95,7 @@ impl OpenGroup {
         self.visits += 1;
         loop {
             supervisor.retire();
-            self.check(run, supervisor, sink)?;
+            self.check(next, run, supervisor, sink)?;
             if self.whole == launches || self.points.is_empty() {
                 break;
             }
@@ -131,13 +138,14 @@ impl OpenGroup {
     fn build(
         &mut self,
         run: &Run<'_>,
-        supervisor: &Supervisor<'_>,
+        supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
         let Some(ahead) = run.ahead else { return Ok(()) };
         // Building, like checking, would disturb a process that measures on the device.
         let devices = lock_names(run, &self.points);
         drop(run.locks.take_all(devices, &mut |line| sink.says(line), supervisor.interrupted())?);
+        supervisor.start_ahead(self.tasks())?;
         sink.works_on("building programs");
         ahead.need(&mut self.points, supervisor.interrupted())
     }
@@ -145,13 +153,15 @@ impl OpenGroup {
     /// Checks every point; a point that fails gets its record.
     fn check(
         &mut self,
+        next: Option<&Self>,
         run: &Run<'_>,
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        supervisor.start_ahead(self.points.iter().map(PendingPoint::task))?;
+        supervisor.start_ahead(self.tasks())?;
+        supervisor.start_next(next.into_iter().flat_map(Self::tasks))?;
         for mut pending in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb the process that holds it, so it waits until the
             // device is free.
@@ -179,7 +189,7 @@ impl OpenGroup {
             }
             sink.advances(left);
         }
-        Ok(())
+        supervisor.await_next()
     }
 
     /// Times the points in the rounds of one launch.

@@ -57,10 +57,14 @@ pub fn serve(
     supervisor: &mut Supervisor<'_>,
     sink: &mut impl ResultSink,
 ) -> Result<()> {
-    while let Some(mut group) = waiting.take(device) {
+    let mut next = waiting.take(device);
+    while let Some(mut group) = next {
         device.into_iter().for_each(|device| group.settle(device));
-        group.visit(run, supervisor, sink).inspect_err(|_| waiting.locked().clear())?;
+        // With several devices, none may reserve a group that another could measure.
+        next = if device.is_none() { waiting.take(None) } else { None };
+        group.visit(next.as_ref(), run, supervisor, sink).inspect_err(|_| waiting.locked().clear())?;
         waiting.put_back(group);
+        next = next.or_else(|| waiting.take(device));
     }
     Ok(())
 }

@@ -88,6 +88,13 @@ struct Post {
     ready: HashSet<usize>,
 }
 
+/// A worker that was started ahead.
+struct Starting {
+    worker: Box<dyn Worker>,
+    /// Whether it has reported that its device is open.
+    opened: bool,
+}
+
 /// The result of a check. If it is `false`, the record has the reason why the point cannot be cast.
 pub type Checked = (Box<Record>, bool);
 
@@ -99,8 +106,10 @@ pub struct Supervisor<'a> {
     limit: Duration,
     /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started ahead and are not ready yet.
-    starting: HashMap<(usize, usize), Box<dyn Worker>>,
+    /// Workers of the present group that were started ahead of their first request.
+    starting: HashMap<(usize, usize), Starting>,
+    /// Workers of the next group.
+    next: HashMap<(usize, usize), Starting>,
     deaths: HashMap<usize, u32>,
     given_up: usize,
     losses: usize,
@@ -117,6 +126,7 @@ impl<'a> Supervisor<'a> {
             limit,
             posts: HashMap::new(),
             starting: HashMap::new(),
+            next: HashMap::new(),
             deaths: HashMap::new(),
             given_up: 0,
             losses: 0,
@@ -131,17 +141,44 @@ impl<'a> Supervisor<'a> {
 
     /// Ends all workers, so that the next requests go to new ones.
     pub fn retire(&mut self) {
-        let mut workers: Vec<_> = self.posts.drain().map(|(_, post)| post.worker).collect();
-        workers.extend(self.starting.drain().map(|(_, worker)| worker));
-        // Dropping a worker waits for its end.
-        workers.iter_mut().for_each(|worker| worker.dismiss());
+        dismiss(self.posts.drain().map(|(_, post)| post.worker).collect());
     }
 
-    /// Starts the workers of points at the same time, since most of a start is waiting for a driver.
+    /// Makes the next group the present one: it takes over the workers that were started for it.
+    pub fn turn_to_next(&mut self) {
+        let next = std::mem::take(&mut self.next);
+        let unused = std::mem::replace(&mut self.starting, next);
+        dismiss(unused.into_values().map(|starting| starting.worker).collect());
+    }
+
+    /// Starts the workers of the present group at the same time, since most of a start is waiting for a driver.
     pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
         for post in tasks.map(|task| task.post()) {
             if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
-                self.starting.insert(post, self.spawner.spawn(post.0)?);
+                let worker = self.spawner.spawn(post.0)?;
+                self.starting.insert(post, Starting { worker, opened: false });
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts the workers of the next group while the present one is checked.
+    pub fn start_next<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
+        for post in tasks.map(|task| task.post()) {
+            if !self.next.contains_key(&post) {
+                let worker = self.spawner.spawn(post.0)?;
+                self.next.insert(post, Starting { worker, opened: false });
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until the next group's workers have opened their devices, so that no start disturbs the timed casts.
+    /// A worker that fails to is started again when its turn comes.
+    pub fn await_next(&mut self) -> Result<()> {
+        for (post, mut starting) in std::mem::take(&mut self.next) {
+            if starting.opened || self.opens(starting.worker.as_mut())?.is_ok() {
+                self.next.insert(post, Starting { opened: true, ..starting });
             }
         }
         Ok(())
@@ -230,8 +267,8 @@ impl<'a> Supervisor<'a> {
     /// Starts a worker and waits until its device is open. An error ends the run; its points are not failed,
     /// but still to be measured.
     fn start(&mut self, post: (usize, usize)) -> Result<Post> {
-        if let Some(mut worker) = self.starting.remove(&post)
-            && self.opens(worker.as_mut())?.is_ok()
+        if let Some(Starting { mut worker, opened }) = self.starting.remove(&post)
+            && (opened || self.opens(worker.as_mut())?.is_ok())
         {
             return Ok(Post { worker, ready: HashSet::new() });
         }
@@ -242,8 +279,9 @@ impl<'a> Supervisor<'a> {
             Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
         };
         let error = Error::run(format!("a worker process could not start: it {why}"));
-        Err(error
-            .with_help("`raycl devices` shows whether the device still answers; finished measurements are kept"))
+        Err(error.with_help(
+            "`raycl devices` shows whether the device still answers; finished measurements are kept",
+        ))
     }
 
     /// Waits until a worker has opened its device.
@@ -296,6 +334,11 @@ impl<'a> Supervisor<'a> {
         let reason = format!("{twice} {}", death.describe());
         Some(PointFailure::new(Outcome::Crashed, reason))
     }
+}
+
+/// Ends workers at the same time. Dropping them waits for each.
+fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
+    workers.iter_mut().for_each(|worker| worker.dismiss());
 }
 
 impl Death {

@@ -95,7 +95,8 @@ fn find(identity: &str, sources: &Sources) -> Result<Device> {
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
-    serde_json::from_str(line).map_err(|error| Error::fault(format!("a worker received an invalid request: {error}")))
+    serde_json::from_str(line)
+        .map_err(|error| Error::fault(format!("a worker received an invalid request: {error}")))
 }
 
 /// Writes a reply on a new line, since a driver may have left an unfinished one.

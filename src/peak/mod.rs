@@ -105,8 +105,7 @@ impl Peak {
             Ok(File::Several(several)) => Ok(several),
             Ok(File::One(one)) => Ok(vec![*one]),
             Err(_) => {
-                let error =
-                    Error::input(format!("{} does not contain peak rates", path.display()));
+                let error = Error::input(format!("{} does not contain peak rates", path.display()));
                 Err(error.with_help(WRITTEN_BY))
             }
         }

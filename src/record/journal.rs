@@ -106,8 +106,10 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     }
     match (&read.lines[..], &read.damaged[..]) {
         ([], [.., last]) => {
-            let message =
-                format!("{}:{last}: this line is not a record, and no other line is: {reason}", path.display());
+            let message = format!(
+                "{}:{last}: this line is not a record, and no other line is: {reason}",
+                path.display()
+            );
             Err(Error::input(message)
                 .with_help("name a folder that `raycl run` wrote, such as results/quick"))
         }

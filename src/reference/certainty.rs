@@ -16,7 +16,7 @@ use std::cell::RefCell;
 /// agree on a pixel that does not change under them.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: up to twice what rounding can do, which is 16 roundings of single precision (a direction
-/// has four, an edge's cross and dot products six). Pixels that only change under wide nudges are verified too.
+/// has four, cross and dot products six). Pixels that change only under wide nudges are verified too.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
 /// rounding.
@@ -292,8 +292,7 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
     )
 }
 
-/// Returns whether no nudge changes a pixel noticeably, relative to its own brightness or to `floor` if that is
-/// greater.
+/// Returns whether no nudge changes a pixel noticeably, relative to the greater of its brightness and `floor`.
 pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }

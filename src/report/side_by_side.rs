@@ -41,7 +41,13 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     };
     let rows = names.iter().map(row).collect();
     let caption = "Each strategy at its best local size: its time relative to the best of its scene, size and device; geometric mean over scenes and sizes. 1 means best everywhere.";
-    plot("strategies-by-device", "Strategies by device: time relative to the device's best", devices, rows, caption)
+    plot(
+        "strategies-by-device",
+        "Strategies by device: time relative to the device's best",
+        devices,
+        rows,
+        caption,
+    )
 }
 
 /// Shows the loss from using one device's best strategy on another device.
@@ -64,7 +70,13 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     };
     let rows = devices.iter().map(row).collect();
     let caption = "The best strategy of one device (row), used on another (column): its time relative to that device's own best; geometric mean over the scenes and sizes that both measured.";
-    plot("losses-by-device", "One device's best strategy on another: time relative to that device's best", devices, rows, caption)
+    plot(
+        "losses-by-device",
+        "One device's best strategy on another: time relative to that device's best",
+        devices,
+        rows,
+        caption,
+    )
 }
 
 /// Returns the ratio of a record's time to the best of its group, and the name of that best.

@@ -219,7 +219,9 @@ impl Seen {
         self.lights.extend(lights);
         if origin != DVec3::ZERO {
             let [x, y, z] = origin.to_array();
-            notes.push(format!("the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions"));
+            notes.push(format!(
+                "the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions"
+            ));
         }
     }
 }

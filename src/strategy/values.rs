@@ -157,7 +157,8 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
 }
 
 fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
-    let message = format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
+    let message =
+        format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();

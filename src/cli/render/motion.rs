@@ -159,8 +159,10 @@ fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
     let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
     let size = [args.width, args.height];
     if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
-        return Err(Error::input("--shard needs numbered pictures, since two processes cannot write to one file")
-            .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
+        return Err(Error::input(
+            "--shard needs numbered pictures, since two processes cannot write to one file",
+        )
+        .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
     }
     if target.is_standard_output() {
         return Ok(Sink::Movie(Movie::y4m(target, size, args.motion.rate)));

@@ -136,7 +136,10 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
         Memory::Global => peak.global_ns,
     };
     let Some([low, middle, high]) = in_cycles(&peak, &figure) else {
-        return Line::cannot("the driver does not report the clock".to_owned(), "the clock, in MHz".to_owned());
+        return Line::cannot(
+            "the driver does not report the clock".to_owned(),
+            "the clock, in MHz".to_owned(),
+        );
     };
     let text = format!(
         "{name}: {} cycles at {} MHz, {} ns (n = {}); published {cycles}",

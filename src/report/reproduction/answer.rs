@@ -260,7 +260,8 @@ mod tests {
         );
         assert_eq!(found.size, "on teapot 8 x 8 (of naive alone 4 x 4)");
         assert!(
-            found.why.contains("from global memory (9.8 GB") && found.why.contains("does not report registers"),
+            found.why.contains("from global memory (9.8 GB")
+                && found.why.contains("does not report registers"),
             "{}",
             found.why
         );

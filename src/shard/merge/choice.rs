@@ -98,7 +98,10 @@ impl Chosen {
             } else {
                 format!("{} points were", self.several.len())
             };
-            notes.push(format!("{points} measured by several attempts ({}); one record of each is used.", few(&who)));
+            notes.push(format!(
+                "{points} measured by several attempts ({}); one record of each is used.",
+                few(&who)
+            ));
         }
         notes
     }

@@ -107,8 +107,7 @@ impl Numbered {
 }
 
 fn other(file: &Path, number: u32) -> Error {
-    let message =
-        format!("'{}' exists and is not frame {number} of this turntable", file.display());
+    let message = format!("'{}' exists and is not frame {number} of this turntable", file.display());
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 

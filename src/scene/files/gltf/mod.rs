@@ -86,8 +86,7 @@ fn passed_over(root: &Root) -> Option<String> {
         .take(8)
         .map(|extension| quoted(extension.as_bytes()))
         .collect();
-    (!unknown.is_empty())
-        .then(|| format!("unsupported extensions are ignored: {}", unknown.join(", ")))
+    (!unknown.is_empty()).then(|| format!("unsupported extensions are ignored: {}", unknown.join(", ")))
 }
 
 /// Refuses a file that requires unsupported extensions, and names them.
