@@ -107,7 +107,7 @@ impl Anchor {
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}"))
-        .with_help("results are correct without it, but a later run can only be compared by baselines")
+        .with_help("results are correct without it, but a later run can be compared with them only through baselines")
 }
 
 fn text() -> Result<String> {

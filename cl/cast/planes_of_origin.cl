@@ -53,7 +53,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying w1 = inside_edge(probe, row.b, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w1))) return 0;
     const varying w2 = inside_edge(probe, row.c, direction);
-    // A number that is not negative has no sign bit: one test for three.
+    // The bitwise or of the three has a sign bit if any of them is negative.
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 

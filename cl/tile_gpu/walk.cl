@@ -68,8 +68,8 @@ typedef struct {
     __local int *lanes;
 } Candidates;
 
-// Tests a leaf's triangles with the beam, those that the shaft cannot rule out. With `any`, a ray that hits one is done;
-// otherwise the nearest hit is kept. Returns whether any triangle was tested.
+// Tests the beam against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
+// triangle is finished; otherwise its nearest hit is stored. Returns whether any triangle was tested.
 INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
                const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);

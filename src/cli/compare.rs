@@ -14,9 +14,9 @@ use std::path::PathBuf;
   raycl compare results/main results/branch --fail-on-regression 5
   raycl compare results/pocl results/h200 --out results/pocl-h200")]
 pub struct Args {
-    /// The folder of results to compare with
+    /// The folder of the older results
     before: PathBuf,
-    /// The folder of results to judge
+    /// The folder of the newer results
     after: PathBuf,
     /// Report changes that are surely smaller than this as "same"
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]

@@ -29,7 +29,7 @@ pub struct Args {
     /// A preset, axes, or both: naive; deferred,width=4
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Work-items per work-group [default: 8x8; 32 across if a tile is shared by work-items]
+    /// Work-items per work-group [default: 8x8; 32 across if work-items share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// Print the program for this device's compiler: a word of its name, platform or vendor, or cpu or gpu

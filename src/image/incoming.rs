@@ -14,9 +14,9 @@ const COPIED_TOGETHER: usize = 1 << 18;
 
 /// A picture of which some rows are still missing.
 pub enum Incoming {
-    /// Stored until all rows have arrived; with the number of bytes that have.
+    /// The picture is stored until all rows have arrived. The number counts the bytes that have.
     Whole(RgbImage, usize),
-    /// Encoded in bands of rows as they arrive.
+    /// The picture is encoded in bands of rows as they arrive.
     Jpeg(Encoding),
 }
 

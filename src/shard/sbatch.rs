@@ -24,8 +24,9 @@ pub struct Wishes {
     pub is_known: bool,
 }
 
-/// Shards that take longer than this become elements of an array, which are started one after another, a few
-/// seconds each, and requeued singly. Shorter ones become tasks of a step, which start all at once.
+/// Shards that take longer than this become elements of a job array. Slurm starts elements one after another, which
+/// takes a few seconds each, and can requeue each of them. Shorter shards become tasks of one job step, which all
+/// start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
 /// Returns a shell script that writes both scripts and submits them.

@@ -167,7 +167,7 @@ axis! {
     /// The number of kernels per frame.
     Passes "passes" "how many kernels a frame takes" {
         Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (tiles that work-items share are shaded after it)",
-        Separate "separate" "one kernel finds the nearest hits, another shades them: timed apart",
+        Separate "separate" "one kernel finds the nearest hits, another shades them; they are timed separately",
     }
 }
 file_axis! {

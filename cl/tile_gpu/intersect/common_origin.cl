@@ -59,7 +59,7 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
     *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
-    // A number that is not negative has no sign bit: one test for three.
+    // The bitwise or of the three has a sign bit if any of them is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

@@ -57,7 +57,7 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
-    // A number that is not negative has no sign bit: one test for three.
+    // The bitwise or of the three has a sign bit if any of them is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

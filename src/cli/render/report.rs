@@ -35,7 +35,7 @@ pub struct Report {
     pub samples: u32,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
-    /// Time, after the scene was read, until the drivers had listed their devices and the device was open.
+    /// Time from the end of reading the scene until the drivers have listed their devices and the device is open.
     pub discover_ms: f64,
     /// Time for building the tree over the triangles; 0 without a tree.
     pub tree_ms: f64,

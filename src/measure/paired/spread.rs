@@ -38,7 +38,7 @@ impl Pooled {
         self.error(variance, borrowed + self.columns - 1)
     }
 
-    /// Returns the error of a row's level. Effects of a column are common to all rows, so other rows of this
+    /// Returns the error of a row's mean. Effects of a column are common to all rows, so other rows of this
     /// table add no information about them; other tables do.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(1) * (self.columns - 1));

@@ -144,7 +144,7 @@ fn size(contest: &Contest<'_>) -> String {
     let naive =
         contest.group.records.iter().copied().filter(|record| record.preset.as_deref() == Some("naive"));
     let naive = sizes(&ranking(naive).winners);
-    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (of naive alone {naive})") }
+    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (naive only: {naive})") }
 }
 
 fn sizes(records: &[&Record]) -> String {
@@ -258,7 +258,7 @@ mod tests {
             "{}",
             found.strategy
         );
-        assert_eq!(found.size, "on teapot 8 x 8 (of naive alone 4 x 4)");
+        assert_eq!(found.size, "on teapot 8 x 8 (naive only: 4 x 4)");
         assert!(
             found.why.contains("from global memory (9.8 GB")
                 && found.why.contains("does not report registers"),
