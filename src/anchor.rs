@@ -106,8 +106,9 @@ impl Anchor {
 }
 
 fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}"))
-        .with_help("results are correct without it, but a later run can be compared with them only through baselines")
+    Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}")).with_help(
+        "results are correct without it, but a later run can be compared with them only through baselines",
+    )
 }
 
 fn text() -> Result<String> {

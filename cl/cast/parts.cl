@@ -153,8 +153,8 @@ varying begin_rays(Working *working, Ray ray) {
 
 #include "common/store_radiance.cl"
 
-// Stores the result of one pass for the next: one number per pixel, which is that of its nearest triangle, or that
-// triangle's index in leaf order.
+// Stores the result of one pass for the next: one number per pixel, which is the number of its nearest
+// triangle or, for a tree, the index of that triangle in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

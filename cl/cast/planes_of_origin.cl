@@ -19,7 +19,7 @@
 
 typedef struct {
     varying t_min;
-    float overlap; // where the multiply-adds of edges begin
+    float overlap; // the first summand of each edge's multiply-adds; see overlap_of
 } Probe;
 
 Probe prepare_probe(varying t_min, Vec3 direction) {

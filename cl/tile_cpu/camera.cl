@@ -41,7 +41,7 @@ float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
             longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
 #if VECTORS < 16
         for (int axis = 0; axis < 3; axis++) {
-            // Lanes without a vector get an empty interval, which meets nothing.
+            // Lanes without a vector get an empty interval, which overlaps no box.
             slices->low[axis][part] = SELECT(vector < VECTORS, slices->low[axis][part], (float16)(FAR));
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }

@@ -116,7 +116,7 @@ INLINED float worst_of(const Group *group, const Beam *beam) {
     return lane_least_positive(group, worst);
 }
 
-// Whether any of this lane's rays still looks for a hit.
+// Returns whether any of this lane's rays still needs a hit.
 INLINED int is_looking(const Beam *beam) {
     int looking = 0;
     EACH_RAY(ray) looking |= beam->nearest[ray] < FAR;
@@ -162,7 +162,7 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
     return enough;
 }
 
-// Whether anything blocks one ray, which is a beam of its own: each lane tests its own child or triangle with it.
+// Returns whether anything blocks one ray. All lanes work on this ray: each tests it against its own child or triangle.
 INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);

@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long)]
     times: bool,
     /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is surely
-    /// slower by more than this, or if a point failed that ran before. At most one of 50 comparisons of equal
+    /// slower by more than this, or if a point fails that did not fail before. At most one of 50 comparisons of equal
     /// programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,

@@ -54,7 +54,7 @@ pub struct Args {
     /// Predict the points of a run, from the registers in its records: a folder of results, or its records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print the paper's table beside the occupancy that its 63 registers allow
+    /// Print the paper's table, and the occupancy that follows from its 63 registers per work-item
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table

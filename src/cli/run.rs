@@ -67,7 +67,7 @@ pub struct Args {
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// With --resume, measure points again that failed
+    /// With --resume, measure failed points again
     #[arg(long, requires = "resume")]
     retry_failed: bool,
     /// Time limit for one step of a point (a build with its first image; a frame), in seconds

@@ -112,9 +112,9 @@ impl Beam {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Returns whether something stops all rays that run towards the beam's origin, or none of them. A
-    /// triangle other than `own` stops them for certain if all rays hit it within `sure`; if some may hit it
-    /// within `may`, the result is uncertain.
+    /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. They are
+    /// stopped if all of them hit a triangle within `sure`, and not stopped if none can hit one within `may`.
+    /// Otherwise the result is uncertain.
     pub fn is_stopped_on_the_way_here(
         &self,
         tree: &Tree,

@@ -72,10 +72,10 @@ fn between(low: f64, high: f64) -> f64 {
 pub fn source(sweeps: &[Sweep]) -> String {
     let mut text = HEAD.to_owned();
     for (name, about, class, watertight) in [
-        ("CPU", "CPUs whose vectors hold the rays of tiles.", Class::TilesInVectors, false),
-        ("CPU_WATERTIGHT", "The same where no ray may leak.", Class::TilesInVectors, true),
-        ("GPU", "GPUs whose work-items can share tiles.", Class::SharedTiles, false),
-        ("GPU_WATERTIGHT", "The same where no ray may leak.", Class::SharedTiles, true),
+        ("CPU", "For CPUs: tiles in vectors.", Class::TilesInVectors, false),
+        ("CPU_WATERTIGHT", "For CPUs, with a watertight test.", Class::TilesInVectors, true),
+        ("GPU", "For GPUs whose work-items can share tiles.", Class::SharedTiles, false),
+        ("GPU_WATERTIGHT", "For GPUs, with a watertight test.", Class::SharedTiles, true),
     ] {
         let Some(mut constants) = fitted(sweeps, class, watertight) else { continue };
         text.push_str(&format!("\n/// {about}\npub const {name}: Constants = Constants {{\n"));
@@ -89,8 +89,9 @@ pub fn source(sweeps: &[Sweep]) -> String {
 }
 
 const HEAD: &str = "\
-//! Where one way of casting becomes faster than another: made of stored sweeps by `raycl rule --fit`, not by hand. A place between two
-//! cases of the sweeps is their geometric mean; what no sweep tells stays as it was.
+//! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
+//! stored sweeps; do not edit it. A limit between two cases of the sweeps is their geometric mean. A constant without
+//! a sweep keeps its former value.
 
 use super::fastest::Constants;
 ";

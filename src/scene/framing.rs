@@ -124,8 +124,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
         most(most(a, b), c)
     });
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
-    // Opposite planes intersect where the mesh touches both. The farther of the two intersections sees the
-    // whole mesh.
+    // Two opposite planes that both touch the mesh intersect in a line. From the farther of the two lines, the
+    // whole mesh is visible.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);

@@ -204,7 +204,7 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
-            "SLURM_PROCID is {place} of {tasks} tasks, but this is not a step: raycl runs only once here"
+            "SLURM_PROCID is {place} of {tasks} tasks, but srun did not start raycl: it runs only once here"
         ))
         .with_help("start it with srun: srun raycl run ... --shard auto"),
     )

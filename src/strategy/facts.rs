@@ -115,7 +115,7 @@ impl Intersector {
         self.header().word("exact_signs") == "yes"
     }
 
-    /// Returns the number of operations of a test up to the first proof of a miss, if its file has the count.
+    /// Returns how many operations a test takes to show that a ray misses, if the header of its file says so.
     pub fn operations(self) -> Option<u32> {
         self.header().number("operations")
     }

@@ -5,12 +5,12 @@ use super::macros::Macros;
 use super::token::{Kind, Token};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The compiler's own macros, as far as they are known, and those that conditions asked for.
+/// The known macros of the compiler, and the unknown ones that conditions use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
     /// The compiler's macros, or `__has_builtin(NAME)`, and their values.
     pub given: BTreeMap<String, i64>,
-    /// Names in conditions that are neither defined nor given; they count as absent.
+    /// Names in conditions that are neither defined nor in `given`; they count as undefined.
     pub asked: BTreeSet<String>,
 }
 

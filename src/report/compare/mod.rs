@@ -195,7 +195,8 @@ impl Comparison {
     }
 
     /// Returns the regressions of more than `limit_percent`, one line each, and the points that ran before
-    /// and fail now. At most one of 50 comparisons of equal programs finds any.
+    /// and fail now. Of 50 comparisons of equal programs, at most one
+    /// reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }
