@@ -39,7 +39,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 #endif
     if (!hit) return row_of_nothing();
 
-    // The rounding error of edges. Division by it, as a power of two, makes the overlap 1 and keeps every bit.
+    // The planes are divided by a bound of the rounding error of edges, so that the overlap becomes 1. The bound is
+    // rounded to a power of two, so that the division is exact.
     const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
     // All three planes are oriented so that inside is positive, on whichever side the origin is.
     const float turn = height > 0.0f ? per_unit : -per_unit;

@@ -122,8 +122,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut and moves the primitives. The region may be larger than needed, since it was only cut
-/// on the way down. If no cut is found in it, it is measured and the search is repeated.
+/// Finds the best cut and moves the primitives. The region may be larger than the bounds of the primitives'
+/// centres, since it comes from cutting the parent's region. If no cut is found in it, the search is repeated with
+/// the exact bounds.
 fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);

@@ -27,7 +27,7 @@ pub struct Args {
     /// Where to write: a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if it holds files that raycl did not write, and replace files of the same names; keep results in it
+    /// Write into DIR even if it contains files that raycl did not write; replaces those whose names it needs, but no results
     #[arg(long)]
     force: bool,
     /// Change a value of every config

@@ -111,7 +111,7 @@ fn no_platform() -> Error {
         .with_help(HOW_TO_GET_ONE)
 }
 
-/// Returns the number of platforms. This must be asked before the `ocl` crate is used: without platforms,
+/// Returns the number of platforms. This must be queried before the `ocl` crate is used: without platforms,
 /// each of its enumerations sleeps 10 seconds, and some panic.
 fn platform_count() -> Result<u32> {
     /// CL_PLATFORM_NOT_FOUND_KHR.

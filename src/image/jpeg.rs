@@ -103,7 +103,7 @@ impl Cut {
             return Ok(bands.remove(0));
         }
         join(&bands, height, self.blocks_across * self.block_rows).ok_or_else(|| {
-            ImageError::IoError(std::io::Error::other("the encoder of JPEG wrote something else"))
+            ImageError::IoError(std::io::Error::other("the JPEG encoder wrote bands of an unexpected form"))
         })
     }
 }

@@ -107,7 +107,7 @@ impl BuiltProgram {
         }
     }
 
-    /// Returns the binary if it is PTX text, else an empty text. Only compilers that make PTX are asked.
+    /// Returns the binary if it is PTX text, else an empty text. Only compilers that make PTX are queried.
     pub fn ptx(&self) -> String {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }

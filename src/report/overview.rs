@@ -148,7 +148,8 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
         diagonal: true,
         series,
     };
-    let caption =
-        format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
+    let caption = format!(
+        "Each dot is a point that was measured on both. Below the line, {other} is faster; above it, {one}."
+    );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
 }

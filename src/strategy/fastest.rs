@@ -77,8 +77,8 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// Returns each limit with its name and with the value of a task that is compared with it, for a device
-    /// with this many compute units.
+    /// Returns, for each limit, its name, the limit itself, and the value of the task that is compared with
+    /// it. `units` is the device's number of compute units.
     pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 8] {
         let (triangles, pixels) = (task.triangles.max(1) as f64, task.pixels.max(1) as f64);
         [

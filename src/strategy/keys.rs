@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn the_document_names_every_key_and_no_other() {
-        let rows = table("| key | of | must be there | says |");
+        let rows = table("| key | axis | required | meaning |");
         let known = |key: &Key| (key.name, key.axis, !key.optional);
         let all: BTreeSet<_> =
             KEYS.iter().map(known).chain([("meaning", "all", true), ("contradicts", "all", false)]).collect();
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_document_says_what_every_key_takes() {
-        for row in table("| key | of | must be there | says |") {
+        for row in table("| key | axis | required | meaning |") {
             let Some(key) = KEYS.iter().find(|key| key.name == row[0].trim_matches('`')) else { continue };
             let says = in_quotes(row[3]);
             for word in key.takes.words() {

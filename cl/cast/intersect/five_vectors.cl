@@ -7,8 +7,8 @@
 //
 // Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The student's intersect
 // allocates its five vectors anew at each test, and frees them after it. OpenCL C has no malloc: here each test has five
-// arrays of its own. They are volatile, and begin at a place that only the scene decides: otherwise compilers keep them in
-// registers (NVIDIA's does even so if the place is a constant). On a GPU they are in the work-item's private memory, which is
+// arrays of its own. They are volatile, and begin at an offset that depends on the scene: otherwise compilers keep them in
+// registers (NVIDIA's does even so if the offset is a constant). On a GPU they are in the work-item's private memory, which is
 // off the chip.
 // Operations: direction x e2 6, a 3, origin - v0 3, first weight 3.
 

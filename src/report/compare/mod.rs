@@ -136,7 +136,7 @@ impl Comparison {
         for (records, others, label) in [(before, after, 0), (after, before, 1)] {
             for record in records {
                 let line = match changed(record, others) {
-                    true => format!("{}: another scene in each, by its content", record.scene),
+                    true => format!("{}: the scenes of this name differ in content", record.scene),
                     false => format!("{}: only in {}", name(record), self.labels[label]),
                 };
                 if !self.others.contains(&line) {
