@@ -1,8 +1,7 @@
-// The anchor: a fixed amount of work that runs time in every round beside the points, so that a later run on the same
-// device can distinguish a slower kernel from a slower machine. It casts rays at spheres, with the loads, the
-// arithmetic and the branches of a ray caster, and shares no code with the kernels that are compared. A change in
-// this file makes a different anchor: times relative to the old anchor cannot be compared with times relative to the
-// new one.
+// The anchor: a fixed piece of work that runs make beside their frames, so that a later run on the same device can tell a
+// slower kernel from a slower machine. It casts rays at spheres, with the loads, the arithmetic and the branch of a ray caster,
+// and shares no line with the kernels that are compared. A change here is another anchor: times beside the old one say
+// nothing of times beside the new one.
 
 #ifndef SPHERES
 #error "SPHERES: how many spheres each ray is tested against"
@@ -13,11 +12,11 @@
 
 #define MISS 1e30f
 
-// spheres: the centre, and the squared radius in w. distances: one per work-item, MISS if its ray hits nothing.
+// spheres: centre, and the squared radius in w. distances: one per work-item, MISS where its ray hits nothing.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void cast_at_spheres(
     __global const float4 *restrict spheres, __global float *restrict distances) {
     const uint ray = get_global_id(0);
-    // The eye is at the origin and looks along z through the 64 x 64 points of a square; further rays repeat these.
+    // The eye is at the origin and looks along z, through the 64 x 64 points of a square; later rays begin again.
     const float3 direction = (float3)((float)(ray % 64) / 32.0f - 1.0f, (float)(ray / 64 % 64) / 32.0f - 1.0f, 1.0f);
     const float length_squared = dot(direction, direction);
     float nearest = MISS;

@@ -1,6 +1,6 @@
 // The traversal of the tree by a group, with a beam or with a single ray.
 
-// The result of a lane's test of its child of a node.
+// The result of testing the shaft against this lane's child of a node.
 typedef struct {
     int met;
     float entry; // z at which the shaft enters it
@@ -101,7 +101,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
             found[ray] = hit ? k : found[ray];
         }
     }
-    // Only now the number of the nearest one, which is read once per ray instead of once per hit.
+    // The number of the nearest triangle is read only now: once per ray instead of once per hit.
     if (!any) {
         EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
     }

@@ -193,7 +193,7 @@ fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
     match values[..] {
         [grey] => Ok([grey; 3]),
         [r, g, b] => Ok([r, g, b]),
-        _ => Err(format!("{} of {} numbers; expected one or three", words(name), values.len())),
+        _ => Err(format!("{} with {} numbers; expected one or three", words(name), values.len())),
     }
 }
 
