@@ -1,5 +1,6 @@
-//! The anchor: a fixed kernel that is timed in every round beside the points of a device. No folder of kernels replaces it, so
-//! that two runs whose machine changed meanwhile can be compared by ratios to it.
+//! The anchor: a fixed kernel that is timed in every round beside the points of a device. `--cl-dir` cannot
+//! replace it. Two runs can therefore be compared by their ratios to the anchor, even if the machine's speed
+//! changed between them.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -11,22 +12,23 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
 
-/// The kernel's file.
+/// The kernel's source file.
 const FILE: &str = "anchor/spheres.cl";
-/// Spheres that each ray is tested against.
+/// Number of spheres that each ray is tested against.
 const SPHERES: usize = 1024;
-/// Work-items of a work-group.
+/// Work-items per work-group.
 const GROUP: usize = 64;
-/// Rays per compute unit: some milliseconds on a CPU, a fifth of one on a large GPU.
+/// Rays per compute unit. They take a few milliseconds on a CPU and about 0.2 ms on a large GPU.
 const RAYS_PER_UNIT: usize = 4096;
-/// Rays whose distances are compared with the host's.
+/// Number of rays whose distances are compared with those computed on the host.
 const CHECKED: usize = 4096;
-/// Rays that may differ from the host's, which rounds otherwise: those that graze a sphere.
+/// Number of rays whose distances may differ from the host's. Host and device round differently, which
+/// matters for rays that graze a sphere.
 const MOST_GRAZING: usize = CHECKED / 100;
-/// MISS in the kernel.
+/// The distance that the kernel writes for a miss (MISS in the kernel).
 const MISS: f32 = 1e30;
 
-/// What the anchor of a device is called in `anchors.jsonl`: equal where the same work is done by the same device.
+/// Returns the anchor's name in `anchors.jsonl`. Two names are equal if the same device does the same work.
 pub fn name(device: &DeviceInfo) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let rays = rays(device.limits.compute_units);
@@ -37,17 +39,17 @@ pub fn name(device: &DeviceInfo) -> Result<String> {
     Ok(hasher.finalize().to_hex()[..32].to_owned())
 }
 
-/// The anchor on an open device.
+/// The anchor, built for one device.
 pub struct Anchor {
     queue: Queue,
     kernel: Kernel,
-    // The kernel's arguments, which live as long as it does.
+    // The kernel reads these buffers, so they must live as long as it does.
     _spheres: Buffer<Float4>,
     _distances: Buffer<f32>,
 }
 
 impl Anchor {
-    /// Builds it, runs it once and compares what it found with the host.
+    /// Builds the kernel, runs it once and checks its distances against the host's.
     pub fn build(queue: &Queue, compute_units: u32) -> Result<Self> {
         Self::of_text(queue, compute_units, &text()?)
     }
@@ -90,11 +92,12 @@ impl Anchor {
         Ok(anchor)
     }
 
-    /// Runs it once and waits for it.
+    /// Runs the kernel once and waits for it.
     pub fn run(&self) -> Result<FrameTimes> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: its two buffers are as long as the kernel's text and range need, and live as long as this does.
+        // SAFETY: both buffers are as long as the kernel's source and range require, and live as long as
+        // `self`.
         unsafe { self.kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -103,8 +106,9 @@ impl Anchor {
 }
 
 fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}"))
-        .with_help("results are right without it; a later run is compared by baselines only")
+    Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}")).with_help(
+        "results are correct without it, but a later run can be compared with them only through baselines",
+    )
 }
 
 fn text() -> Result<String> {
@@ -119,7 +123,7 @@ fn rays(compute_units: u32) -> usize {
     compute_units.max(1) as usize * RAYS_PER_UNIT
 }
 
-/// Centres and squared radii: scattered before the eye, always the same.
+/// Returns centres and squared radii of spheres scattered in front of the eye; the same in every run.
 fn spheres() -> Vec<[f32; 4]> {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut sphere = || {
@@ -131,7 +135,7 @@ fn spheres() -> Vec<[f32; 4]> {
     (0..SPHERES).map(|_| sphere()).collect()
 }
 
-/// Compares the first rays' distances with the host's.
+/// Compares the distances of the first rays with those computed on the host.
 fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let agrees = |(ray, found): (usize, &f32)| {
         let expected = nearest(ray, spheres);
@@ -140,11 +144,13 @@ fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let wrong = found.iter().enumerate().filter(|ray| !agrees(*ray)).count();
     match wrong <= MOST_GRAZING {
         true => Ok(()),
-        false => Err(failed(format!("{wrong} of {} rays hit something else than on the host", found.len()))),
+        false => {
+            Err(failed(format!("{wrong} of {} rays hit something different than on the host", found.len())))
+        }
     }
 }
 
-/// What the kernel finds for one ray.
+/// Returns the distance that the kernel should find for one ray.
 fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
     let at = |place: usize| (place % 64) as f32 / 32.0 - 1.0;
     let direction = [at(ray), at(ray / 64), 1.0];

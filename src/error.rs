@@ -1,4 +1,4 @@
-//! What can stop a run, and whose mistake it was.
+//! Errors that end a command, and whose mistake each of them is.
 
 mod nearest;
 mod quoted;
@@ -13,69 +13,69 @@ use crate::printer::{self, plain};
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
-/// Short for this crate's results.
+/// The result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An error that ends the command. What can happen to a single point of an
-/// experiment is not an error but an [`Outcome`](crate::record::Outcome).
+/// An error that ends the command. A failure of a single point of an experiment is not an error but an
+/// [`Outcome`](crate::record::Outcome).
 #[derive(Debug, Error, Diagnostic)]
 pub enum Error {
-    /// The user's mistake: exit code 2.
+    /// A mistake of the user: exit code 2.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Input(#[from] Box<InputError>),
-    /// The run could not go on: exit code 1.
+    /// A run that failed: exit code 1.
     #[error("{message}")]
     Run {
         /// What happened, in a sentence.
         message: String,
-        /// What the user can do about it.
+        /// What the user can do next.
         #[help]
         help: String,
     },
-    /// The user ended it: exit code 130, as shells say of SIGINT.
+    /// The user interrupted the command: exit code 130, as in shells after SIGINT.
     #[error("interrupted: {message}")]
     Interrupted {
-        /// How far it came.
+        /// How far the command got.
         message: String,
-        /// How to go on.
+        /// How to continue.
         #[help]
         help: String,
     },
 }
 
-/// The remedy of a mistake that has none of its own.
+/// The default remedy for a mistake of the user.
 const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, docs/ its files";
-/// That of a run which could not go on.
-const AGAIN: &str = "run it again; `raycl devices` says whether the devices are still there";
-/// That of a run which the user ended.
-const ON: &str = "the same command, with --resume where it measures into a folder, goes on";
-/// That of a file that cannot be written.
-const ELSEWHERE: &str = "make room on its disk, or choose a folder that may be written with --out DIR";
-/// That of a mistake of raycl's own.
-const FAULT: &str = "this is a fault of raycl's: please report it, with the command";
+/// The default remedy for a run that failed.
+const AGAIN: &str = "run it again; `raycl devices` shows whether the devices are still there";
+/// The remedy for a run that the user interrupted.
+const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
+/// The remedy for a file that cannot be written.
+const ELSEWHERE: &str = "free space on its disk, or choose a writable folder with --out DIR";
+/// The remedy for a bug in raycl.
+const FAULT: &str = "this is a bug in raycl: please report it, with the command";
 
-/// A mistake in what the user gave: a file, a line in it, or an argument.
+/// A mistake in the user's input: a file, a line of a file, or an argument.
 #[derive(Debug, Error, Diagnostic)]
 #[error("{message}")]
 pub struct InputError {
-    /// What is wrong, with the value and what was expected.
+    /// The problem, with the value and what was expected.
     pub message: String,
-    /// The file the mistake is in, shown around `span`.
+    /// The file that contains the mistake; the lines around `span` are shown.
     #[source_code]
     pub source_code: Option<NamedSource<String>>,
-    /// Where in the file.
+    /// The range of bytes in the file.
     #[label("{label}")]
     pub span: Option<SourceSpan>,
-    /// The words under the marked place.
+    /// The text under the marked range.
     pub label: String,
-    /// The remedy.
+    /// What the user can do about it.
     #[help]
     pub help: String,
 }
 
 impl Error {
-    /// A mistake in the user's input that has no place in a file.
+    /// Returns an error for a mistake that is not in a file.
     pub fn input(message: impl Into<String>) -> Self {
         Self::Input(Box::new(InputError {
             message: plain(&message.into()).into_owned(),
@@ -86,13 +86,14 @@ impl Error {
         }))
     }
 
-    /// A mistake of raycl's own, which nobody's input should be able to cause.
+    /// Returns an error for a bug in raycl, which no input should be able to cause.
     pub fn fault(message: impl Into<String>) -> Self {
         Self::run(message).with_help(FAULT)
     }
 
-    /// A mistake at `span` of the file `name` with the given text. A span over several lines stands for its first; a line
-    /// too long for a terminal is not shown, and its place is told in the message.
+    /// Returns an error for a mistake at `span` in the file `name` with the given text. If the span covers
+    /// several lines, the first is shown. A line that is too long for a terminal is not shown; the message
+    /// then gives the line number.
     pub fn in_file(
         name: impl AsRef<str>,
         text: impl Into<String>,
@@ -120,31 +121,30 @@ impl Error {
         }))
     }
 
-    /// A mistake in a file whose text may not be shown: neither on the command line nor in the folder of the file that names it,
-    /// it may be anybody's.
+    /// Returns an error for a mistake in a file whose text must not be shown. The file is neither named on
+    /// the command line nor in the folder of the file that names it, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
-            "its text is not shown, as it lies outside of the folder of the file that names it; \
-             that of a file given to `raycl render` itself is",
+            "its text is not shown, since it lies outside of the folder of the file that names it; the text of a file given to `raycl render` directly is shown",
         )
     }
 
-    /// A run that cannot go on.
+    /// Returns an error for a run that failed.
     pub fn run(message: impl Into<String>) -> Self {
         Self::Run { message: plain(&message.into()).into_owned(), help: AGAIN.to_owned() }
     }
 
-    /// The user ended it.
+    /// Returns an error for a command that the user interrupted.
     pub fn interrupted(message: impl Into<String>) -> Self {
         Self::Interrupted { message: plain(&message.into()).into_owned(), help: ON.to_owned() }
     }
 
-    /// A file or folder of results that cannot be written.
+    /// Returns an error for a file or folder of results that cannot be written.
     pub fn unwritable(what: impl std::fmt::Display, error: &dyn std::fmt::Display) -> Self {
         Self::run(format!("cannot write {what}: {error}")).with_help(ELSEWHERE)
     }
 
-    /// What is to be done about it.
+    /// Returns what the user can do about it.
     pub fn remedy(&self) -> &str {
         match self {
             Self::Input(error) => &error.help,
@@ -152,7 +152,7 @@ impl Error {
         }
     }
 
-    /// Adds the remedy.
+    /// Sets the remedy.
     #[must_use]
     pub fn with_help(mut self, remedy: impl Into<String>) -> Self {
         let remedy = plain(&remedy.into()).into_owned();
@@ -163,14 +163,16 @@ impl Error {
         self
     }
 
-    /// The mistake of naming a file that cannot be read: the remedy is the nearest name beside it, or else `otherwise`.
+    /// Returns an error for a file that cannot be read. The remedy names the most similar file name in the
+    /// same folder; if there is none, it is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         let meant = nearest_file(path).map(|meant| format!("did you mean `{}`?", meant.display()));
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display()))
             .with_help(meant.unwrap_or_else(|| otherwise.to_owned()))
     }
 
-    /// Gives an input error that has no place yet the place that `at` gives its message; the remedy stays.
+    /// Adds a location to an input error that has none: `at` makes the new error from the message. The remedy
+    /// is kept.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
@@ -179,7 +181,7 @@ impl Error {
         if help == GENERAL { placed } else { placed.with_help(help) }
     }
 
-    /// The exit code the command ends with.
+    /// Returns the exit code of the command.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
@@ -202,7 +204,7 @@ mod tests {
         assert_eq!((shown.as_str(), shown.len()), ("# ?]0;title?\n??2Jv x\n", text.len()));
     }
 
-    /// The error as it is printed where there is no terminal, at a marked place of a text.
+    /// Returns the error as it is printed without a terminal, for the range of `text` that equals `mark`.
     fn printed(text: &str, mark: &str) -> String {
         let start = text.find(mark).unwrap();
         let error = Error::in_file("a.toml", text, start..start + mark.len(), "a mistake", "here");

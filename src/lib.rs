@@ -2,8 +2,8 @@
 //!
 //! # The stable part
 //!
-//! What is listed here keeps its meaning between versions, as [Semantic Versioning](https://semver.org) says; `examples/` has a program
-//! for each.
+//! The items listed here stay compatible between versions, as [Semantic Versioning](https://semver.org) says;
+//! `examples/` has a program for each.
 //!
 //! | | |
 //! |---|---|
@@ -23,19 +23,18 @@
 //!
 //! # The inside
 //!
-//! All modules are raycl's own: public for its tests, hidden here, and changed without notice.
-//! The rooms, in the order an experiment passes through them:
-//! [`config`] reads a TOML experiment; [`scene`] loads what it names;
-//! [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
-//! [`program`] assembles and builds kernels from `cl/` as the [`manifest`] says ([`sources`] has their files); [`launch`] runs them;
-//! [`verify`] compares their image with the [`reference`](mod@reference); [`measure`] times them, the [`anchor`] beside them;
-//! [`printer`] keeps control characters from terminals; [`reader`] opens the files that users name, [`filetype`] names
-//! those that are something else; [`memory`] says what the host can hold, [`load`] what else it does; [`record`] keeps what
-//! was found. [`image`] turns radiance into pictures; [`output`] writes files where the user says, and replaces nothing of
-//! anybody else's.
-//! [`shard`] splits an experiment among machines and puts the pieces together. [`cli`] holds one file per subcommand;
-//! [`documents`] makes the figures of this repository's documents of its stored records. [`cache`] keeps between runs what can
-//! be made again.
+//! All modules are internal: public for raycl's own tests, hidden in these pages, and changed without notice.
+//! In the order in which an experiment uses them: [`config`] reads a TOML experiment; [`scene`] loads the
+//! scenes that it names; [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
+//! [`program`] assembles and builds kernels from `cl/` as the [`manifest`] says ([`sources`] has their
+//! files); [`launch`] runs them; [`verify`] compares their image with the [`reference`](mod@reference);
+//! [`measure`] times them, the [`anchor`] beside them; [`printer`] keeps control characters from terminals;
+//! [`reader`] opens the files that users name, [`filetype`] recognises files of other formats; [`memory`]
+//! measures the host's free memory, [`load`] the processor time that other processes take; [`record`] stores
+//! the results. [`image`] turns radiance into pictures; [`output`] writes files for the user and never
+//! replaces a file that raycl did not make. [`shard`] splits an experiment among machines and merges their
+//! results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's
+//! documents of its stored records. [`cache`] stores data between runs that raycl can compute again.
 
 #[doc(hidden)]
 pub mod accel;

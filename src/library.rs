@@ -1,4 +1,4 @@
-//! What other programs may build upon: casting a picture, reading hits, running an experiment.
+//! The stable interface for other programs: cast a picture, read hits, run an experiment.
 
 use crate::cli::choice::{chosen_strategy, one_device};
 use crate::cli::{Cli, run};
@@ -16,14 +16,14 @@ use crate::strategy::{Culling, Task};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A scene on an open device, ready to be cast.
+/// A scene and an open device, ready to cast pictures.
 pub struct Raycaster {
     device: Device,
     session: Session,
     scene: Arc<Scene>,
 }
 
-/// A picture and how long it took.
+/// A picture and the time it took.
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// Radiance at every pixel.
@@ -36,11 +36,11 @@ pub struct Picture {
 }
 
 impl Raycaster {
-    /// Opens a device for a scene: the first that matches a word of its name, platform or vendor, or `cpu` or `gpu`; without a
-    /// word the one that `RAYCL_DEVICE` names, or the most capable one.
+    /// Opens a device for a scene. `device` is a word of the device's name, platform or vendor, or `cpu` or
+    /// `gpu`; the first match is used. Without a word, the device is the one that `RAYCL_DEVICE` names, or
+    /// else the most capable one.
     ///
-    /// # Errors
-    /// If no device matches, or none is usable.
+    /// # Errors If no device matches, or none is usable.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
         let sources = Sources::Embedded;
         let device = one_device(device, &sources)?;
@@ -54,12 +54,12 @@ impl Raycaster {
         &self.device.info.name
     }
 
-    /// Casts a picture of so many pixels across and down, by a strategy as `raycl render --strategy` takes it (a preset, axes, or
-    /// both: `naive`, `deferred,width=4`), or the fastest that is known for the device and the scene. Programs are compiled once
-    /// and kept, as raycl itself does.
+    /// Casts a picture of `size` pixels (across, down). The strategy is written as for `raycl render
+    /// --strategy`: a preset, axes, or both (`naive`, `deferred,width=4`). Without one, the fastest strategy
+    /// known for the device and the scene is used. Compiled programs are stored in raycl's cache.
     ///
-    /// # Errors
-    /// If the strategy contradicts itself, if device or host cannot hold it, or if the driver fails.
+    /// # Errors If the strategy's values contradict each other, if it needs more memory than the device or
+    /// the host has, or if the driver fails.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         let task = Task::of(&self.scene, size, false);
         let (strategy, local_size) = chosen_strategy(strategy, &[], &self.device.info.limits, task)?;
@@ -74,40 +74,39 @@ impl Raycaster {
 }
 
 impl Picture {
-    /// Writes it as the file's ending says: PNG and JPEG as the scene's display shows it, EXR and HDR as radiance. A file that
-    /// raycl did not make stays.
+    /// Writes the picture in the format of the file's extension: PNG and JPEG after the scene's display
+    /// transform, EXR and HDR as linear radiance. A file that raycl did not make is never replaced.
     ///
-    /// # Errors
-    /// If the ending is none of these, or the file cannot be written or is another program's.
+    /// # Errors If the extension is none of these, if the file cannot be written, or if another program made
+    /// it.
     pub fn save(&self, path: &Path) -> Result<()> {
         let choice = Choice { force: false, elsewhere: "another path" };
         save(&self.radiance, self.display, &Target::new(path, choice))
     }
 }
 
-/// What each pixel's ray hits: depth, normal, triangle, object. Cast on the host in double precision, without a device.
+/// Returns what the ray of each pixel hits: depth, normal, triangle and object. The rays are cast on the host
+/// in double precision, without a device.
 ///
-/// # Errors
-/// If the scene has more triangles than a tree can name.
+/// # Errors If the scene has more triangles than a tree can index (33,554,432).
 pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
     layers(&loaded.scene, &loaded.object_starts, size, Culling::None)
 }
 
-/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does, and goes on where an interrupted one ended if `resume` is set.
-/// Points are measured in processes of their own: this program, started again. Its `main` therefore begins with
-/// [`serve_if_worker`].
+/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume` it continues an
+/// interrupted run. Points are measured in worker processes, which are this program started again; therefore
+/// `main` must begin with [`serve_if_worker`].
 ///
-/// # Errors
-/// A mistake in the config, with its line; a folder that holds something else; an interruption. A point that fails is a record
-/// with its reason, and no error.
+/// # Errors If the config has a mistake (the message gives its line), if the folder holds files of something
+/// else, or if the run is interrupted. A point that fails is not an error: its record has the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let arguments = run::Args::of(config.to_owned(), out, &devices, &[], [resume, false]);
     Ok(run::measure(&arguments, &mut ())?.1)
 }
 
-/// The first line of the `main` of a program that runs experiments. Where the process was started as a worker of one, it measures
-/// and ends; otherwise nothing happens.
+/// Call this first in the `main` of a program that runs experiments. In a worker process it measures and then
+/// ends the process; otherwise it does nothing.
 pub fn serve_if_worker() {
     if std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
         return;

@@ -1,52 +1,54 @@
-//! What else the machine does while raycl measures: from `/proc`, where there is one.
+//! Measures how much processor time other processes take while raycl measures. The figures come from `/proc`,
+//! so only Linux has them.
 
 use std::path::Path;
 use std::time::Instant;
 
-/// Processor time by the system's clock ticks, since some moment of the past.
+/// Processor time in clock ticks of the system, counted from an arbitrary moment in the past.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Ticks {
-    /// Spent on anything.
+    /// Time spent by all processes.
     busy: f64,
-    /// Taken by other guests of the same hardware.
+    /// Time taken by other virtual machines on the same hardware.
     stolen: f64,
-    /// All there was, idle or not, of all processors.
+    /// All time, idle or not, of all processors.
     all: f64,
-    /// Spent by this process and its workers.
+    /// Time spent by this process and its workers.
     own: f64,
 }
 
-/// What others took of a stretch of time.
+/// The processor time that others took during an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
-    /// How long it was.
+    /// Length of the interval in milliseconds.
     pub ms: f64,
-    /// Processors' worth of time that other processes took.
+    /// Processor time of other processes, in processors: 1.5 means one and a half processors.
     pub others: f64,
-    /// Processors' worth of time that went to other guests of the hardware.
+    /// Processor time of other virtual machines on the same hardware, in processors.
     pub stolen: f64,
-    /// Processors that there are.
+    /// Number of processors of this machine.
     pub processors: usize,
-    /// Processes that ran or waited to, in the mean of the last minute.
+    /// Mean number of processes that ran or waited to run in the last minute.
     pub load_1m: Option<f64>,
 }
 
-/// Watches what others take from one look to the next.
+/// Measures what others take between one reading and the next.
 pub struct Watch {
     since: Instant,
     before: Option<Ticks>,
 }
 
-/// Shorter stretches are only some ticks long, and say nothing.
+/// Shorter intervals have only a few ticks, too few for a result.
 const SHORTEST_MS: f64 = 200.0;
 
 impl Watch {
-    /// Begins to watch.
+    /// Takes the first reading.
     pub fn start() -> Self {
         Self { since: Instant::now(), before: ticks() }
     }
 
-    /// What others took since the last look; none where the system does not tell, or it was just now.
+    /// Returns what others took since the last reading; `None` if the system does not report it or the
+    /// interval is too short.
     pub fn look(&mut self) -> Option<Load> {
         let ms = self.since.elapsed().as_secs_f64() * 1e3;
         if ms < SHORTEST_MS {
@@ -63,7 +65,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // A worker that has ended is no longer in the sum.
+    // The workers' sum falls when a worker ends.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,
@@ -88,7 +90,7 @@ fn processors() -> Option<usize> {
     Some(stat.lines().filter(is_one).count()).filter(|count| *count > 0)
 }
 
-/// The first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal.
+/// Reads the first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal.
 fn machine_ticks(stat: &str) -> Option<Ticks> {
     let numbers: Vec<f64> = stat
         .lines()
@@ -103,7 +105,7 @@ fn machine_ticks(stat: &str) -> Option<Ticks> {
     Some(Ticks { busy, stolen, all: busy + idle + iowait + stolen, own: 0.0 })
 }
 
-/// Processor time of this process and of the processes that it started.
+/// Returns the processor time of this process and of the processes that it started.
 fn own_ticks() -> f64 {
     let mut all = process_ticks("self");
     for task in std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten() {
@@ -117,7 +119,8 @@ fn process_ticks(process: &str) -> f64 {
     text(format!("/proc/{process}/stat")).and_then(|stat| user_and_system(&stat)).unwrap_or(0.0)
 }
 
-/// Fields 14 and 15 of a process's `stat`; its name, the second, may hold anything but ends with the last bracket.
+/// Returns fields 14 and 15 of a process's `stat` (user and system time). Field 2, the process's name, may
+/// contain any character, but it ends with the last bracket.
 fn user_and_system(stat: &str) -> Option<f64> {
     let after_name = &stat[stat.rfind(')')? + 1..];
     let mut fields = after_name.split_whitespace().skip(11);

@@ -12,30 +12,31 @@ fn main() -> ExitCode {
         Err(error) => {
             choose_look();
             let code = ExitCode::from(error.exit_code());
-            // Nobody is left to tell when standard error is closed too.
+            // If standard error is closed too, nobody can be told.
             raycl::printer::tell(format!("{:?}", miette::Report::new(error)));
             code
         }
     }
 }
 
-/// Drivers read these when they are loaded, in this process or in a worker, which inherits them.
+/// Sets the variables that limit the drivers' threads. A driver reads them when it is loaded, here or in a
+/// worker, which inherits them.
 fn limit_threads() {
     for (name, value) in raycl::device::thread_variables() {
-        // SAFETY: the program has just begun: no driver is loaded and no other thread runs that could read the
-        // environment meanwhile.
+        // SAFETY: the program has just begun: no driver is loaded and no other thread could read the
+        // environment at the same time.
         unsafe { std::env::set_var(name, value) };
     }
 }
 
-/// How errors look: lines are wrapped for a terminal only (in a log, a message stays in one line and can be searched for), and
-/// coloured as the user says.
+/// Sets how errors are printed: coloured as the user chose, and wrapped only on a terminal. In a log a
+/// message stays on one line, so that it can be searched for.
 fn choose_look() {
     let look = MietteHandlerOpts::new().wrap_lines(std::io::stderr().is_terminal());
     let look = match raycl::cli::colour::told() {
         Some(coloured) => look.color(coloured),
         None => look,
     };
-    // It fails only where a hook is set already, and then that one will do.
+    // This fails only if a hook is already set, and then that one is used.
     let _ = miette::set_hook(Box::new(move |_| Box::new(look.clone().build())));
 }

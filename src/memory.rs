@@ -13,7 +13,8 @@ pub struct Available {
 }
 
 impl Available {
-    /// The least of what the machine has available and what the control groups of this process leave it.
+    /// Returns the smaller of the machine's available memory and what the control groups of this process
+    /// still allow.
     pub fn read() -> Self {
         let machine = read_text(Path::new(MEMINFO)).and_then(|text| meminfo_available(&text));
         let machine = machine.map(|bytes| Self { bytes, source: MEMINFO.to_owned() });
@@ -24,7 +25,8 @@ impl Available {
         groups.chain(machine).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
     }
 
-    /// Refuses an allocation of more than these bytes before it is made. `what` names it, `sum` is its arithmetic.
+    /// Returns an error if more than `bytes` would have to be allocated than are available. `what` names the
+    /// allocation, and `sum` is its arithmetic, for the message.
     pub fn hold(&self, bytes: u64, what: &str, sum: &str) -> Result<()> {
         if bytes <= self.bytes {
             return Ok(());
@@ -42,17 +44,18 @@ impl Available {
 
 const MEMINFO: &str = "/proc/meminfo";
 
-/// The most memory that this process has had at one time (VmHWM); none where the system does not tell.
+/// Returns the largest amount of memory that this process has had at any time (VmHWM); `None` if the system
+/// does not report it.
 pub fn peak_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmHWM:")
 }
 
-/// The memory that this process has at present (VmRSS); none where the system does not tell.
+/// Returns the memory that this process has now (VmRSS); `None` if the system does not report it.
 pub fn resident_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmRSS:")
 }
 
-/// "512 B", "3.4 MB", "1.2 GB": decimal, as memory needs are written.
+/// Formats bytes in decimal units: "512 B", "3.4 MB", "1.2 GB".
 pub fn readable(bytes: u64) -> String {
     let number = bytes as f64;
     match bytes {
@@ -71,13 +74,14 @@ fn meminfo_available(text: &str) -> Option<u64> {
     kibibytes(text, "MemAvailable:")
 }
 
-/// The value of a line such as `VmHWM:   1234 kB`, in bytes.
+/// Returns the value of a line such as `VmHWM:   1234 kB`, in bytes.
 fn kibibytes(text: &str, key: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(key))?;
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The names of three figures in a version of control groups: the limit, the use, and the reclaimable part of it.
+/// The names under which a version of control groups reports three numbers: the limit, the use, and the
+/// reclaimable part of the use.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,
@@ -92,8 +96,8 @@ const VERSION_1: GroupFiles = GroupFiles {
 const VERSION_2: GroupFiles =
     GroupFiles { limit: "memory.max", used: "memory.current", reclaimable: "inactive_file" };
 
-/// Every folder whose limit holds for a process with this /proc/self/cgroup, innermost first. A container may see
-/// its own group as the root, so the root is always among them.
+/// Returns every folder whose limit applies to a process with this text in /proc/self/cgroup, innermost
+/// first. A container may see its own group as the root, so the root is always included.
 fn group_folders(text: &str) -> Vec<(PathBuf, &'static GroupFiles)> {
     let mut folders = Vec::new();
     for line in text.lines() {
@@ -117,9 +121,9 @@ fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
     Some(Available { bytes, source: folder.join(files.limit).display().to_string() })
 }
 
-/// What a limit leaves: pages of files that nobody needs are given back when memory is short.
+/// Returns what a limit leaves. File pages that the kernel can reclaim count as free.
 fn group_left(limit: &str, used: &str, stat: &str, reclaimable: &str) -> Option<u64> {
-    let limit: u64 = limit.trim().parse().ok()?; // version 2 says "max" where there is none
+    let limit: u64 = limit.trim().parse().ok()?; // version 2 writes "max" if there is no limit
     let used: u64 = used.trim().parse().ok()?;
     let entry = |line: &str| line.strip_prefix(reclaimable)?.strip_prefix(' ')?.trim().parse::<u64>().ok();
     let reclaimable = stat.lines().find_map(entry).unwrap_or(0);

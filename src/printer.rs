@@ -1,17 +1,18 @@
-//! The one way to terminals and to Markdown for text that may be anybody's: names, files' words, drivers' messages. Control
-//! characters would move a terminal's cursor, rename its window or forge lines of a log: they are shown as `\u001b`, which
-//! JSON reads as well.
+//! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
+//! Markdown. All such text must pass through here. Control characters could move a terminal's cursor, rename
+//! its window or forge lines of a log; they are printed as `\u001b`, which is also valid JSON.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Whether a character steers who shows it: controls, and those that turn the direction of writing.
+/// Returns whether a character could control a terminal: control characters, and those that change the
+/// direction of writing.
 fn steers(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// The text with what would steer a terminal shown as its code.
+/// Returns the text with control characters replaced by their codes.
 pub fn plain(text: &str) -> Cow<'_, str> {
     escaped(text, steers)
 }
@@ -31,13 +32,13 @@ fn escaped(text: &str, refused: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// The same in one line.
+/// Does the same for a single line: line breaks are replaced too.
 pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| steers(c) || c == '\n' || c == '\t')
 }
 
-/// The text that a program itself has coloured: colours stay (`ESC [ 1 ; 31 m`), everything else that steers does not.
-/// What is put into it from elsewhere has to be [`plain`] already.
+/// Returns text that raycl itself has coloured. Colour codes stay (`ESC [ 1 ; 31 m`), all other control
+/// characters are replaced. Text from elsewhere must have passed through [`plain`] before it was coloured.
 pub fn coloured(text: &str) -> Cow<'_, str> {
     if !text.contains(steers) {
         return Cow::Borrowed(text);
@@ -54,14 +55,15 @@ pub fn coloured(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown + rest)
 }
 
-/// How many bytes the colour that a text begins with has.
+/// Returns the length in bytes of the colour code at the start of a text.
 fn colour(text: &str) -> Option<usize> {
     let inner = text.strip_prefix("\u{1b}[")?;
     let digits = inner.find(|c: char| !c.is_ascii_digit() && c != ';')?;
     inner[digits..].starts_with('m').then_some(2 + digits + 1)
 }
 
-/// Text in Markdown that stands for itself, in one line: what would be a heading, a link, a cell's end or HTML is escaped.
+/// Escapes text for one line of Markdown, so that nothing in it becomes a heading, a link, the end of a cell
+/// or HTML.
 pub fn markdown(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in escaped(&text.replace(['\n', '\t'], " "), steers).chars() {
@@ -73,7 +75,7 @@ pub fn markdown(text: &str) -> String {
     shown
 }
 
-/// A line on standard error. A log that cannot be written is no reason to stop.
+/// Prints a line to standard error. If that fails, the command continues.
 pub fn tell(text: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "{}", coloured(&text.to_string()));
 }

@@ -1,34 +1,35 @@
-//! The one way to the files that users name: ordinary files only, and no more of them than the table allows.
+//! Opens the files that users name. Only ordinary files are read, and only up to a limit that depends on the
+//! kind of file.
 
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
 
-/// What a file is read as.
+/// The purpose that a file is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A scene or an experiment.
     Toml,
     /// An MTL file.
     Materials,
-    /// A picture that a mesh takes colours from.
+    /// An image that a mesh uses as a texture.
     Texture,
-    /// What `raycl peak` wrote of a device.
+    /// The output of `raycl peak` for a device.
     Peaks,
     /// A file of `--cl-dir`.
     Kernel,
-    /// An OBJ file: memory is asked first.
+    /// An OBJ file. Before it is read, its size is compared with the free memory.
     Mesh,
-    /// A picture to be compared: its decoder has a limit of its own.
+    /// A picture to be compared; its decoder has its own limit.
     Picture,
-    /// What a run says of itself: `plan.json`, `environment.json`.
+    /// A file that a run writes about itself: `plan.json`, `environment.json`.
     Results,
     /// A picture that a report shows.
     Shown,
 }
 
-/// How many MiB of a file are read at most, by what it is read as; `None`: as memory allows. `docs/scenes.md` and
-/// `docs/reliability.md` say the same.
+/// The largest file in MiB that is read for each purpose; `None` means that only the free memory limits it.
+/// `docs/scenes.md` and `docs/reliability.md` give the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
@@ -41,12 +42,11 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Shown, "a picture of results", Some(64)),
 ];
 
-/// Opens an ordinary file. Pipes and devices, which may never answer or never end, are refused at once.
+/// Opens an ordinary file. Pipes and devices are refused at once, since reading from them may never end.
 ///
-/// # Errors
-/// What the system says, or that it is no ordinary file.
+/// # Errors The system's error, or that this is not an ordinary file.
 pub fn open(path: &Path) -> Result<File> {
-    // Opening a pipe waits for its writer: the name is asked first, and the file once more.
+    // Opening a pipe would wait for its writer, so the path is checked before, and the open file once more.
     ordinary(&path.metadata()?)?;
     let file = File::open(path)?;
     ordinary(&file.metadata()?)?;
@@ -56,75 +56,70 @@ pub fn open(path: &Path) -> Result<File> {
 fn ordinary(found: &Metadata) -> Result<()> {
     match (found.is_file(), found.is_dir()) {
         (true, _) => Ok(()),
-        (_, true) => {
-            Err(Error::new(ErrorKind::IsADirectory, "it is a folder, and an ordinary file is wanted"))
-        }
+        (_, true) => Err(Error::new(ErrorKind::IsADirectory, "it is a folder; expected an ordinary file")),
         _ => Err(Error::new(
             ErrorKind::InvalidInput,
-            "it is no ordinary file but a pipe, a socket or a device, of which none is read",
+            "it is a pipe, a socket or a device; expected an ordinary file",
         )),
     }
 }
 
-/// The whole of an ordinary file.
+/// Reads all of an ordinary file.
 ///
-/// # Errors
-/// As [`open`] and [`rest`].
+/// # Errors As [`open`] and [`rest`].
 pub fn bytes(path: &Path, kind: Kind) -> Result<Vec<u8>> {
     rest(open(path)?, Vec::new(), kind)
 }
 
-/// The same as text.
+/// Reads all of an ordinary file as text.
 ///
-/// # Errors
-/// As [`bytes`], or that it is not UTF-8.
+/// # Errors As [`bytes`], or that the text is not UTF-8.
 pub fn text(path: &Path, kind: Kind) -> Result<String> {
     utf8(bytes(path, kind)?)
 }
 
-/// A file's bytes as text.
+/// Returns a file's bytes as text.
 ///
-/// # Errors
-/// That they are not UTF-8.
+/// # Errors That they are not UTF-8.
 pub fn utf8(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
-/// A file of which `head` has been read, to its end: no more than its kind may have, and no more than it said it had where
-/// only memory limits it.
+/// Reads the rest of a file of which `head` has already been read, and returns all of it. It reads at most
+/// the limit of the file's kind, or, if only memory limits it, at most the size that the file system
+/// reported.
 ///
-/// # Errors
-/// What the system says, or that the file is too large.
+/// # Errors The system's error, or that the file is too large.
 pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let length = file.metadata()?.len();
     let Some((_, what, Some(limit_mib))) = LIMITS_MIB.iter().find(|(known, ..)| *known == kind) else {
         return read_on(file, head, length);
     };
     let limit = limit_mib << 20;
-    let too_large = || Error::new(ErrorKind::FileTooLarge, format!("{what} has at most {limit_mib} MiB"));
+    let too_large =
+        || Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB"));
     if length > limit {
         return Err(too_large());
     }
-    // Files of /proc say they have nothing, and others grow.
+    // Files in /proc report a length of 0, and other files may grow while they are read.
     let bytes = read_on(file, head, limit + 1)?;
     if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
 }
 
-/// Bytes that were read from no file, within the limit of their kind.
+/// Checks bytes that did not come from a file against the limit of their kind.
 ///
-/// # Errors
-/// That they are too many.
+/// # Errors That they are too many.
 pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let limit = LIMITS_MIB.iter().find(|(known, ..)| *known == kind);
     match limit {
         Some((_, what, Some(limit_mib))) if bytes.len() as u64 > limit_mib << 20 => {
-            Err(Error::new(ErrorKind::FileTooLarge, format!("{what} has at most {limit_mib} MiB")))
+            Err(Error::new(ErrorKind::FileTooLarge, format!("{what} may have at most {limit_mib} MiB")))
         }
         _ => Ok(bytes),
     }
 }
 
-/// `head` and what follows it, up to a length.
+/// Returns `head` and the bytes that follow it, up to `length` bytes in all.
 fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
     let mut bytes = head;
     let left = length.saturating_sub(bytes.len() as u64);
@@ -133,7 +128,8 @@ fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Whether a file lies in a folder or deeper, links followed: text of others' files is not shown to who wrote the name.
+/// Returns whether a file lies in a folder or its subfolders, after following links. The text of a file
+/// elsewhere must not be shown to the author of a file that names it.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))
@@ -157,7 +153,7 @@ mod tests {
             assert_eq!(bytes_of(limit).unwrap(), limit, "{what}");
             match (limit_mib, bytes_of(limit + 1)) {
                 (Some(mib), Err(error)) => {
-                    assert_eq!(error.to_string(), format!("{what} has at most {mib} MiB"));
+                    assert_eq!(error.to_string(), format!("{what} may have at most {mib} MiB"));
                 }
                 (None, Ok(length)) => assert_eq!(length, limit + 1, "{what}"),
                 (_, other) => panic!("{what}: {other:?}"),

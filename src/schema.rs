@@ -1,25 +1,26 @@
-//! JSON schemas of the TOML files that users write, made of the types that read them: with one, an editor completes keys, explains them
-//! and marks what raycl would refuse. And of records, so that other programs know the type of a field that is null in all of a file.
-//! `raycl schema` prints them.
+//! JSON schemas of the TOML files that users write, derived from the types that read them. With a schema, an
+//! editor completes keys, explains them and marks mistakes. Records have a schema too, so that other programs
+//! know the type of a field that is null throughout a file. `raycl schema` prints the schemas.
 
 use schemars::generate::SchemaSettings;
 use schemars::transform::RecursiveTransform;
 use schemars::{JsonSchema, Schema, json_schema};
 use serde_json::Value;
 
-/// The schema of a TOML file that is read as a `T`.
+/// Returns the schema of a TOML file that is read as a `T`.
 pub(crate) fn of<T: JsonSchema>(title: &str) -> Value {
     let mut settings = settings();
     settings.transforms.push(Box::new(RecursiveTransform(without_null)));
     titled::<T>(settings, title)
 }
 
-/// The schema of a `T` in JSON.
+/// Returns the schema of a `T` stored as JSON.
 pub(crate) fn of_json<T: JsonSchema>(title: &str) -> Value {
     titled::<T>(settings(), title)
 }
 
-/// Editors' TOML plugins know this draft. Nothing is referred to: each table stands where it is used.
+/// Settings for the generated schemas: the draft that editors' TOML plugins support, and no references, so
+/// that each table is described where it is used.
 fn settings() -> SchemaSettings {
     let mut settings = SchemaSettings::draft07();
     settings.inline_subschemas = true;
@@ -32,12 +33,12 @@ fn titled<T: JsonSchema>(settings: SchemaSettings, title: &str) -> Value {
     schema.to_value()
 }
 
-/// One of these names.
+/// Returns a schema for one of these names.
 pub(crate) fn names(names: impl Iterator<Item = &'static str>) -> Schema {
     json_schema!({ "type": "string", "enum": names.collect::<Vec<_>>() })
 }
 
-/// TOML has no null: a key that may be absent is no key that may be null.
+/// TOML has no null, so an optional key is one that may be absent, not one that may be null.
 fn without_null(schema: &mut Schema) {
     if let Some(Value::Array(types)) = schema.get_mut("type") {
         types.retain(|one| one != "null");
@@ -59,7 +60,7 @@ fn without_null(schema: &mut Schema) {
     }
 }
 
-/// Schemas of types that are read by hand; each is also the type's own `schema()`.
+/// Implements the schemas of types that are deserialised by hand, each by the type's own `schema()`.
 macro_rules! schema_by_hand {
     ($($type:ty => $schema:expr;)+) => {$(
         impl $type {

@@ -1,4 +1,5 @@
-//! The user's own settings, `~/.config/raycl/config.toml`: what counts where neither an option nor the environment says it.
+//! The user's own settings in `~/.config/raycl/config.toml`. They apply where neither an option nor an
+//! environment variable is given.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -12,14 +13,14 @@ use crate::reader::{self, Kind};
 use crate::toml_error::toml_error;
 use crate::xdg;
 
-/// The variable that names the default device.
+/// The environment variable that names the default device.
 pub const DEVICE: &str = "RAYCL_DEVICE";
-/// The variable that names the folder of results.
+/// The environment variable that names the folder of results.
 pub const RESULTS: &str = "RAYCL_RESULTS";
-/// The remedy of a value that is wrong.
+/// The remedy for a wrong value.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
 
-/// The file as TOML has it.
+/// The file as written in TOML.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Wire {
@@ -28,7 +29,7 @@ struct Wire {
     results: Option<Spanned<String>>,
 }
 
-/// What was read, with the text for messages.
+/// The settings, with the file's text for messages.
 #[derive(Debug, Default)]
 struct Settings {
     name: String,
@@ -38,17 +39,16 @@ struct Settings {
 
 static USER: OnceLock<Settings> = OnceLock::new();
 
-/// Reads the user's file, once and before anything asks for a setting. A user who has none has no settings.
+/// Reads the user's settings file, if there is one. Call it once, before any setting is used.
 ///
-/// # Errors
-/// An input error with file, line and the nearest right name; then there are no settings.
+/// # Errors An input error with the file, the line and the most similar valid name. No settings apply then.
 pub fn load() -> Result<()> {
     let Some(path) = xdg::folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("config.toml"))
     else {
         return Ok(());
     };
     let settings = read(&path)?;
-    // A second reading would change nothing.
+    // Reading the file a second time would change nothing.
     let _ = USER.set(settings);
     Ok(())
 }
@@ -90,28 +90,28 @@ fn user() -> &'static Settings {
     USER.get().unwrap_or_else(|| NONE.get_or_init(Settings::default))
 }
 
-/// What the environment says, if anything.
+/// Returns an environment variable's value if it is set.
 fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|text| !text.trim().is_empty())
 }
 
-/// When to use colours.
+/// Returns when to use colours.
 pub fn colour() -> Option<Colour> {
     user().wire.color
 }
 
-/// The folder in which runs make theirs: `results` where nobody says otherwise.
+/// Returns the folder in which runs make their folders: `results` by default.
 pub fn results() -> PathBuf {
     let set = || user().wire.results.as_ref().map(|path| path.get_ref().clone());
     xdg::expanded(Path::new(&variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned())))
 }
 
-/// The word for the device to use where the command names none.
+/// Returns the user's word for the default device, which applies if the command names none.
 pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }
 
-/// A mistake in the word that [`device`] gave, told where it stands.
+/// Adds to an error about the default device where that word comes from.
 pub fn blame_device(error: Error) -> Error {
     error.placed(|message| match (variable(DEVICE), &user().wire.device) {
         (None, Some(word)) => user().error(word, message),

@@ -1,4 +1,4 @@
-//! Kernel files: those built in, and a folder whose files take their places or add to them.
+//! Kernel source files: those built into the binary, and those of a folder that replace them or add to them.
 
 use crate::error::{Error, Result, nearest};
 use crate::reader::{self, Kind};
@@ -7,18 +7,19 @@ use std::path::{Path, PathBuf};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
 
-/// Where kernel files come from.
+/// Where kernel source files come from.
 #[derive(Clone, Debug, Default)]
 pub enum Sources {
     /// The files this binary was built with.
     #[default]
     Embedded,
-    /// A folder laid out as `cl/` is, for who edits kernels: what it lacks is built in.
+    /// A folder laid out like `cl/`, for users who edit kernels. Files that it lacks are taken from the
+    /// binary.
     Folder(PathBuf),
 }
 
 impl Sources {
-    /// The text of one file, named relative to `cl/`.
+    /// Returns the text of a file, named relative to `cl/`.
     pub fn read(&self, name: &str) -> Result<String> {
         if let Self::Folder(folder) = self {
             let path = folder.join(name);
@@ -45,7 +46,7 @@ impl Sources {
         }
     }
 
-    /// A file with what it includes in place, where no name depends on a strategy.
+    /// Returns a file with its includes inserted, for files whose includes do not depend on a strategy.
     pub fn read_joined(&self, name: &str) -> Result<String> {
         let mut text = String::new();
         self.join(name, &mut Chain::default(), &mut text)?;
@@ -68,7 +69,7 @@ impl Sources {
         Ok(())
     }
 
-    /// The files of the folder, in order; none where there is no folder.
+    /// Returns the sorted names of the folder's files; none if there is no folder.
     pub fn own_files(&self) -> Result<Vec<String>> {
         let Self::Folder(folder) = self else { return Ok(Vec::new()) };
         let mut files = Vec::new();
@@ -81,7 +82,7 @@ impl Sources {
         Ok(files)
     }
 
-    /// All files, in order: those built in, and those that a folder adds.
+    /// Returns the sorted names of all files: those built in and those that a folder adds.
     pub fn files(&self) -> Result<Vec<String>> {
         let mut files = self.own_files()?;
         files.extend(Self::names().into_iter().map(str::to_owned));
@@ -90,7 +91,7 @@ impl Sources {
         Ok(files)
     }
 
-    /// What messages call a file: its path where it is the folder's.
+    /// Returns a file's name for messages: its path if it comes from the folder.
     pub fn path_of(&self, name: &str) -> String {
         match self {
             Self::Folder(folder) if folder.join(name).exists() => folder.join(name).display().to_string(),
@@ -98,7 +99,7 @@ impl Sources {
         }
     }
 
-    /// The names of all files that the program has of its own, in order.
+    /// Returns the sorted names of all files built into the binary.
     pub fn names() -> Vec<&'static str> {
         let mut names = Vec::new();
         file_names(&EMBEDDED, &mut names);
@@ -107,23 +108,24 @@ impl Sources {
     }
 }
 
-const LAYOUT: &str = "--cl-dir wants a folder laid out as raycl's cl/, with the files that differ or are new";
+const LAYOUT: &str =
+    "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
 
-/// A program longer than this is none that a compiler should be given.
+/// The longest program that is given to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
-/// The files that are being joined, each included by the one before.
+/// The files that are being joined; each is included by the one before.
 #[derive(Default)]
 pub struct Chain(Vec<String>);
 
 impl Chain {
-    /// Goes into a file; `length` is the program's so far. A file that includes itself would never end, and files that
-    /// include others twice and more grow without measure.
+    /// Enters an included file; `length` is that of the program so far. Returns an error if a file includes
+    /// itself or if the program becomes too long, as happens when files include others several times.
     pub fn enter(&mut self, name: &str, length: usize) -> Result<()> {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
             return Err(Error::input(format!("kernel files include themselves: {chain}"))
-                .with_help("take one of these #include lines out"));
+                .with_help("remove one of these #include lines"));
         }
         if length > LONGEST_PROGRAM_MIB << 20 {
             let message = format!("at {name} the program has more than {LONGEST_PROGRAM_MIB} MiB");
@@ -133,13 +135,14 @@ impl Chain {
         Ok(())
     }
 
-    /// Leaves the last file.
+    /// Leaves the innermost file.
     pub fn leave(&mut self) {
         self.0.pop();
     }
 }
 
-/// The file that a line includes. A form that only a compiler would follow is refused: it could name any file of the machine.
+/// Returns the file that a line includes, if it includes one. An `#include` in any other form is refused: only a
+/// compiler could resolve it, and it could name any file of the machine.
 pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&'a str>> {
     let file = line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next());
     let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
@@ -154,7 +157,7 @@ pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&
     }
 }
 
-/// A file of the folder. What lies outside of it, by name or by link, is somebody else's.
+/// Reads a file of the folder. A path that leads out of the folder, by its name or by a link, is refused.
 fn read_inside(path: &Path, folder: &Path) -> Result<String> {
     if !reader::lies_in(path, folder) {
         let message = format!("{} lies outside of the kernels' folder and is not read", path.display());
@@ -164,7 +167,7 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
         .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT))
 }
 
-/// The `.cl` files in a folder and those within it, named from `root`.
+/// Collects the `.cl` files of a folder and its subfolders, named relative to `root`.
 fn kernel_files(root: &Path, folder: &Path, files: &mut Vec<String>) -> Result<()> {
     let failed = |error| Error::input(format!("cannot read {}: {error}", folder.display())).with_help(LAYOUT);
     for entry in std::fs::read_dir(folder).map_err(failed)? {

@@ -1,8 +1,8 @@
-//! What `toml` found wrong, with its place and the nearest right name.
+//! Errors of the `toml` crate, with their location and the most similar valid name.
 
 use crate::error::{Error, nearest};
 
-/// What serde expected in a value's place, in its own words and none of the document's.
+/// Returns what serde expected, in serde's words and without any text of the document.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let told = ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];
@@ -10,11 +10,13 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     told.then(|| message.rsplit_once(", expected ")).flatten().map(|(_, expected)| expected.trim_end())
 }
 
-/// The error for a document that does not parse, shown where it is wrong. `help` is the remedy where no name was misspelt.
+/// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the
+/// remedy unless a name was misspelt.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     let span = error.span().unwrap_or(0..0);
     let message = error.message().trim_end().to_owned();
-    // serde says: unknown field `a`, expected one of `b`, `c`; of a value among several, unknown variant `a`, expected ...
+    // serde's message reads: unknown field `a`, expected one of `b`, `c`; or, for one of several values,
+    // unknown variant `a`, expected ...
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let what = [("unknown field", "key", "keys"), ("unknown variant", "value", "values")]
         .into_iter()

@@ -1,13 +1,13 @@
-//! Numbers in sentences.
+//! Formats numbers in sentences.
 
-/// "1 material", "2 entries", "12,345 vertices". The plural is that of the first of several words: "3 primitives of lines", save where that is
-/// an adjective: "2 compute units".
+/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The first of several words
+/// gets the plural ("3 primitives of lines"), unless it is an adjective ("2 compute units").
 pub fn counted(count: usize, what: &str) -> String {
     let what = if count == 1 { what.to_owned() } else { plural(what) };
     format!("{} {what}", grouped(count))
 }
 
-/// Thousands are set apart where there are ten of them or more.
+/// Groups digits by thousands from 10,000 on.
 fn grouped(count: usize) -> String {
     let digits = count.to_string();
     if digits.len() < 5 {

@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-/// `raycl` in the folder that `variable` names, or else in `below` of the home folder; none where neither is known.
+/// Returns the folder `raycl` within the folder that `variable` names, or else within `below` of the home
+/// folder; `None` if neither is known.
 pub fn folder(variable: &str, below: &str) -> Option<PathBuf> {
     let base = named(variable).or_else(|| Some(home()?.join(below)))?;
     Some(base.join("raycl"))
 }
 
-/// A path whose first part is `~` with the home folder in its place.
+/// Replaces a leading `~` by the home folder.
 pub fn expanded(path: &Path) -> PathBuf {
     let Ok(rest) = path.strip_prefix("~") else { return path.to_owned() };
     home().map_or_else(|| path.to_owned(), |home| home.join(rest))
@@ -18,7 +19,7 @@ fn home() -> Option<PathBuf> {
     named("HOME")
 }
 
-/// A path that is not absolute counts as none.
+/// Returns the path in a variable; a relative path is ignored.
 fn named(variable: &str) -> Option<PathBuf> {
     std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute())
 }

@@ -174,7 +174,7 @@ fn unknown_names_are_answered_with_the_nearest() {
     has(&argument_mistake(&["--set", "wdith=4"]), &["'wdith' is neither", "did you mean 'width'"]);
     has(&argument_mistake(&["--set", "camera.positoin=1"]), &["`positoin`", "did you mean `position`"]);
     let message = argument_mistake(&["--device", "portabel"]);
-    has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "There is:"]);
+    has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "Available:"]);
     let message = config_mistake("[\"naive\"]", "[\"navie\"]");
     has(&message, &["config.toml:6", "'navie' is not a preset", "did you mean 'naive'"]);
 }
@@ -215,7 +215,7 @@ fn a_local_size_that_no_device_holds_is_refused_with_arithmetic() {
 #[test]
 fn a_folder_of_kernels_that_is_not_there() {
     let message = argument_mistake(&["--cl-dir", "nowhere"]);
-    has(&message, &["cannot read nowhere", "laid out as raycl's cl/"]);
+    has(&message, &["cannot read nowhere", "laid out like raycl's cl/"]);
 }
 
 #[test]

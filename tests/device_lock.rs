@@ -86,7 +86,7 @@ fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
         vec!["peak", "--device", &device, "--no-wait"],
     ] {
         let message = place.mistake(&arguments, 1);
-        has(&message, &[&process, "without --no-wait this waits"]);
+        has(&message, &[&process, "without --no-wait, raycl waits"]);
     }
     let refused = place.raycl(&run("third", &device, &["--peak", "--no-wait"])).assert().code(1);
     has(&String::from_utf8_lossy(&refused.get_output().stderr), &[&process]);

@@ -12,7 +12,7 @@ fn documents() -> Documents {
 
 fn told(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
-        format!("{file}:{line}: '{stands}' stands there; the records say {records_say}\n")
+        format!("{file}:{line}: the document has '{stands}', the records give {records_say}\n")
     };
     differences.iter().map(one).collect()
 }

@@ -211,7 +211,7 @@ fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
     has(&place.text("out/summary.md"), &["1 damaged line of records.jsonl, the first line 2, left out"]);
     has(
         &place.output(&["repair", "out"]),
-        &["records.jsonl: 1 damaged taken out, 2 kept", "records.jsonl.damaged-1"],
+        &["records.jsonl: removed damaged lines: 1, lines kept: 2", "records.jsonl.damaged-1"],
     );
     assert_eq!(place.text("out/records.jsonl"), format!("{record}\n{record}\n"));
     assert_eq!(place.text("out/records.jsonl.damaged-1"), text);

@@ -116,7 +116,7 @@ fn the_cache_is_shown_cleared_and_named() {
     has(&said(&["cache", "clear"]), &["removed"]);
     assert!(entries(&place).is_empty() && others.exists());
     let none = raycl(&place, &["cache"]).env("RAYCL_CACHE_MIB", "0").assert().success();
-    has(&String::from_utf8_lossy(&none.get_output().stdout), &["Nothing is kept", "RAYCL_CACHE_MIB is 0"]);
+    has(&String::from_utf8_lossy(&none.get_output().stdout), &["Nothing is stored", "RAYCL_CACHE_MIB is 0"]);
     raycl(&place, &["cache", "path"]).env("RAYCL_CACHE_MIB", "0").assert().code(1);
 }
 

@@ -142,8 +142,8 @@ fn a_kernel_is_printed_to_be_read() {
             "// ---- cast/intersect/moller_trumbore.cl, line ",
             "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
             "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",
-            "// only macros, used above: ",
-            "are left out; --all keeps them",
+            "// files that contain only macros, expanded above: ",
+            "are left out; --all prints them",
         ],
     );
     let mut headings = text.lines().filter(|line| line.starts_with("// ---- "));
@@ -198,5 +198,5 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
     let message = Place::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
     has(&message, &["common/lanes.cl, line ", "32 work-items", "help: "]);
     has(&Place::new().mistake(&["kernel", "navie"], 2), &["naive"]);
-    has(&Place::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2), &["makes no sense"]);
+    has(&Place::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2), &["is not allowed"]);
 }

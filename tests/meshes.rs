@@ -157,7 +157,7 @@ fn any_scale_and_place_looks_the_same() {
             let (found, said) = picture(&place, name, &["--verify"]);
             let different = differing(&found, &expected);
             assert!(different < 30, "{name}: {different} pixels at {scale}, {by:?}");
-            assert_eq!(said.contains("is the origin"), by != [0.0; 3], "{said}");
+            assert_eq!(said.contains("was subtracted from its positions"), by != [0.0; 3], "{said}");
         }
     }
     // In a scene the map keeps its coordinates until it is moved, in double precision.
@@ -202,7 +202,7 @@ fn an_interior_wound_the_other_way_is_noted_and_turned() {
                 [[object]]\nmesh = \"a.obj\"\ncrease = 0\n";
     let place = Place::with(&[("a.obj", &obj(&moved(1.0, [0.0; 3]))), ("room.toml", room)]);
     let (dark, said) = picture(&place, "room.toml", &[]);
-    has(&said, &["% of what is seen faces away from the camera", "--two-sided"]);
+    has(&said, &["% of the visible surface faces away from the camera", "--two-sided"]);
     let (lit, said) = picture(&place, "room.toml", &["--two-sided"]);
     assert!(!said.contains("faces away"), "{said}");
     let mean = |picture: &RgbImage| picture.iter().map(|v| u64::from(*v)).sum::<u64>() / picture.len() as u64;

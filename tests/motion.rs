@@ -57,11 +57,11 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
     // Other options, another scene, a changed file: none is taken for the frame, and none is lost.
     let before = std::fs::read(place.path("mesh-0001.png")).expect("a frame");
     let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "5"], &SIZE[..]].concat(), 2);
-    has(&message, &["'mesh-0001.png' is there, and another picture than frame 1", "`--force`"]);
+    has(&message, &["'mesh-0001.png' exists and is not frame 1", "`--force`"]);
     assert_eq!(std::fs::read(place.path("mesh-0001.png")).expect("a frame"), before);
     std::fs::write(place.path("mesh-0002.png"), "mine").expect("a file");
     let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "6"], &SIZE[..]].concat(), 2);
-    has(&message, &["'mesh-0002.png' is there, and raycl did not make it"]);
+    has(&message, &["'mesh-0002.png' exists, and raycl did not make it"]);
     let forced = turn(&place, &["mesh.obj", "--turntable", "5", "--force"]);
     assert_eq!((&forced["frames"], &forced["skipped"]), (&5.into(), &0.into()));
 }
@@ -132,12 +132,15 @@ fn mistakes_are_told_before_anything_is_cast() {
         (vec!["--turntable", "4", "--frames", "3..5"], "--turntable has 4 frames"),
         (vec!["--turntable", "4", "--frames", "3..1"], "such as 1..30"),
         (vec!["--frames", "1..2"], "--turntable"),
-        (vec!["--turntable", "4", "-o", "a.jpg"], "'a.jpg' is no name for moving pictures"),
+        (vec!["--turntable", "4", "-o", "a.jpg"], "'a.jpg' is not a valid name for moving pictures"),
         (vec!["--turntable", "4", "-o", "nowhere/a.png"], "there is no folder"),
         (vec!["--turntable", "4", "--watch"], "--watch"),
         (vec!["--shard", "1/2"], "--turntable"),
         (vec!["--turntable", "4", "--shard", "3/2"], "there is no shard 3 of 2"),
-        (vec!["--turntable", "4", "--shard", "1/2", "-o", "a.apng"], "no two processes write to one file"),
+        (
+            vec!["--turntable", "4", "--shard", "1/2", "-o", "a.apng"],
+            "two processes cannot write to one file",
+        ),
     ] {
         has(&place.mistake(&[&["render", "mesh.obj"], &options[..]].concat(), 2), &[message]);
     }

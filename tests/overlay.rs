@@ -124,14 +124,14 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let folder = changed(&place, "cast/intersct/baldwin_weber.cl", "", "");
     has(
         &mistake(&place, &folder),
-        &["nothing includes it", "did you mean cast/intersect/baldwin_weber.cl?", "tile_gpu/intersect/"],
+        &["no file includes it", "did you mean cast/intersect/baldwin_weber.cl?", "tile_gpu/intersect/"],
     );
     let place = Place::new();
     let folder = changed(&place, "cast/exhaustve.cl", "", "");
     has(
         &mistake(&place, &folder),
         &[
-            "nothing includes it",
+            "no file includes it",
             "did you mean cast/exhaustive.cl?",
             "lies in cast/vectors/, cast/triangles/",
         ],
@@ -148,7 +148,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
         ],
     );
 
-    has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir wants a folder"]);
+    has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);
     let place = Place::with(&[("empty/readme.txt", "")].map(|_| ("note.txt", "no kernel")));
     has(&mistake(&place, "."), &["holds no kernel file"]);
 }

@@ -179,7 +179,7 @@ fn runs_write_into_folders_of_results_only() {
     let run = ["run", "config.toml", "--out", "thesis"];
     for more in [&[][..], &["--resume"]] {
         let message = refused_folder(&place, &[&run[..], more].concat());
-        has(&message, &["'thesis' is no folder of results: it holds 'summary.md'"]);
+        has(&message, &["'thesis' is not a folder of results: it contains 'summary.md'"]);
     }
     has(&refused_folder(&place, &["reproduce", "--out", "thesis"]), &["it holds 'summary.md'"]);
     has(
@@ -202,6 +202,6 @@ fn refused_folder(place: &Place, arguments: &[&str]) -> String {
     let mut command = place.raycl(arguments);
     let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(2).get_output().clone();
     let message = String::from_utf8(output.stderr).expect("UTF-8");
-    has(&message, &["`--force` writes into it all the same", "`--out DIR` writes elsewhere"]);
+    has(&message, &["`--force` writes into it anyway", "`--out DIR` writes elsewhere"]);
     message
 }

@@ -227,9 +227,9 @@ fn pages_and_pictures_that_somebody_made_or_changed_stay() {
     let images = ["compare-images", &a, &b, "--quiet", "--output", &differences];
     keeps_what_was_changed(&images, three.path(), "d.png");
     let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", &b], 2);
-    assert!(complaint.contains("b.png' is there, and raycl did not make it"), "{complaint}");
+    assert!(complaint.contains("b.png' exists, and raycl did not make it"), "{complaint}");
     let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", "d.exr"], 2);
-    assert!(complaint.contains("a picture of differences is a .png"), "{complaint}");
+    assert!(complaint.contains("a picture of differences must be a .png"), "{complaint}");
     // A folder of results is raycl's.
     outcome(&["report", path(&results), "--quiet"], 0);
     outcome(&["report", path(&results), "--quiet"], 0);

@@ -133,7 +133,7 @@ fn launches_are_in_the_journals_and_one_is_called_a_look() {
         assert!(low <= median && median <= high, "{record}");
     }
     let summary = place.text("out/summary.md");
-    has(&summary, &["cannot be told apart here", "| 10 in 2 |"]);
+    has(&summary, &["cannot be detected here", "| 10 in 2 |"]);
     assert!(!summary.contains("A look"), "{summary}");
     let again = ["--set", "timing.launches=1", "--resume"];
     place.raycl(&arguments(&device(), &again)).assert().success();

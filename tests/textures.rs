@@ -134,7 +134,7 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     has(&said, &["1 material asks for textures (map_Ks), which raycl does not do"]);
     assert_eq!(found, render(&place, &["--set", "textures=false"]).0);
     std::fs::write(place.path("none.png"), "no picture").expect("a file");
-    has(&render(&place, &[]).1, &["texture `none.png` is no PNG, JPEG, BMP or TGA"]);
+    has(&render(&place, &[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
     // A face without texture coordinates, and one whose coordinate the file lacks.
     std::fs::write(place.path("room.mtl"), MTL).expect("a file");
     std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))

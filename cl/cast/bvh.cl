@@ -1,8 +1,9 @@
-// Each work-item's rays walk the tree together: one ray, or a packet of WIDTH. Included twice: with ANY_HIT 1 it
-// defines any_hit, with ANY_HIT 0 closest_hit, as exhaustive.cl does.
+// Each work-item's rays traverse the tree together: one ray, or a packet of WIDTH rays. Included twice: with ANY_HIT
+// 1 it defines any_hit, with ANY_HIT 0 closest_hit, like exhaustive.cl.
 
 #if ANY_HIT
-// Lanes of `wanted` that hit anything nearer than t_max, from `bias` along w_i off the working vector P.
+// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
+// the working vector P, in the direction w_i.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
@@ -10,7 +11,7 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Mask open = wanted;
 #define REACH SELECT(open, t_max, (varying)(-1.0f))
 #else
-// Finds the nearest hit at t_min < t of the rays in the working vectors.
+// Finds the nearest hit at t > t_min for the rays in the working vectors.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     const Vec3 from = working_get(working, RAY_ORIGIN);
     const Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
@@ -22,11 +23,11 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     const BoxProbe box_probe = prepare_box_probe(from, along_ray);
     Waiting stack[STACK_SIZE];
     int waiting = 0;
-    // Node 0 is the root. The stack holds children still to be visited, the nearest on top.
+    // Node 0 is the root. The stack contains children to be visited, the nearest on top.
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // A leaf: its triangles lie side by side in leaf order.
+            // A leaf: its triangles are contiguous in leaf order.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++) {
 #if RECORDS_ONCE
@@ -38,14 +39,15 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 Hit hit;
 #if ANY_HIT
                 const Vec3 to_light = working_get(working, TO_LIGHT);
-                // Off the surface by the bias, so that the triangle just hit does not shadow itself.
+                // The ray starts at a distance from the surface, so that the triangle that was just hit does not
+                // shadow itself.
                 const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
                 if (intersect(&probe, start, to_light, row, t_max, &hit)) open &= !hit.lanes;
 #else
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
-                // Lanes of a packet that are outside the image are carried along, but keep no hit.
+                // Lanes outside the image take part in the traversal, but record no hit.
                 const Mask nearer = wanted & hit.lanes;
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, place);
@@ -62,10 +64,10 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         } else {
             waiting = push_met_children(&box_probe, scene->tree.nodes + NODE_STRIDE * (size_t)word, REACH, stack, waiting);
         }
-        // The nearest child that can still hold a nearer hit.
+        // The nearest child that may still contain a nearer hit.
 #if !ANY_HIT
         const varying reach = REACH;
-        // Boxes entered behind the nearest hits found meanwhile are dropped unopened.
+        // Children whose boxes are entered behind the nearest hits found meanwhile are dropped without a visit.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

@@ -1,6 +1,7 @@
-// Which children of a node rays meet. The tests err towards a hit.
+// Tests which children of a node are hit by rays. After rounding, the tests may report additional hits, but never
+// miss one.
 
-// The reciprocal of a component; where the component is nearly zero, the reciprocal of a small number.
+// Returns the reciprocal of a component; for a component that is nearly zero, the reciprocal of a small number.
 varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
 }
@@ -16,16 +17,17 @@ BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
     return probe;
 }
 
-// A child waiting to be visited.
+// A child to be visited.
 typedef struct {
     uint word;
     float entry;
 } Waiting;
 
-// Puts a child onto the stack, below those of its node (above `below`) that are entered earlier. Returns the new height.
+// Puts a child onto the stack, below those children of its node (above `below`) that are entered earlier. Returns the
+// new height of the stack.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
-    // Insertion sort: children that are entered earlier move up, so that the nearest ends on top.
+    // Insertion sort: children that are entered earlier move up, so that the nearest is on top.
     for (; place > below && stack[place - 1].entry < entry; place--) stack[place] = stack[place - 1];
     stack[place].word = word;
     stack[place].entry = entry;
@@ -33,8 +35,8 @@ int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
 }
 
 #if WIDTH == 1
-// One ray tests all children at once, a lane each. A node is loaded whole before its first use, in as few loads as the
-// device allows.
+// One ray tests all children at once, one lane per child. A node is loaded completely before its first use, in as few
+// loads as the device allows.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2
@@ -51,18 +53,19 @@ typedef union {
     float each[CHILD_LANES];
 } EachBox;
 
-// Where a ray passes the sides of an axis.
+// Returns where a ray crosses the two sides of an axis.
 BoxLanes pass_sides(const __global float *sides, float origin, float per_direction) {
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
-// Puts the children of a node that the ray enters before `reach` onto the stack, nearest last. Returns its new height.
+// Puts the children of a node that the ray enters before `reach` onto the stack, nearest last. Returns the new height
+// of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     const int below = waiting;
     for (int first = 0; first < NODE_WIDTH; first += CHILD_LANES) {
         const __global float *box = node + first;
-        // The slab test (Kay and Kajiya 1986), a lane per child: t at both sides of each axis.
+        // The slab test (Kay and Kajiya 1986), one lane per child: t at both sides of each axis.
         const BoxLanes x0 = pass_sides(box, o.x, per.x), x1 = pass_sides(box + NODE_WIDTH, o.x, per.x);
         const BoxLanes y0 = pass_sides(box + 2 * NODE_WIDTH, o.y, per.y), y1 = pass_sides(box + 3 * NODE_WIDTH, o.y, per.y);
         const BoxLanes z0 = pass_sides(box + 4 * NODE_WIDTH, o.z, per.z), z1 = pass_sides(box + 5 * NODE_WIDTH, o.z, per.z);
@@ -79,10 +82,10 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
     return waiting;
 }
 #else
-// Lanes whose ray meets a child's box nearer than reach, and where it enters.
+// Returns the lanes whose ray hits a child's box nearer than `reach`, and where the ray enters the box.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
-    // The slab test (Kay and Kajiya 1986), a lane per ray: t at both sides of each axis.
+    // The slab test (Kay and Kajiya 1986), one lane per ray: t at both sides of each axis.
     const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
     const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
     const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;
@@ -92,23 +95,24 @@ Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, 
     return (near <= far) & (near <= reach);
 }
 
-// The least of the lanes that are set.
+// Returns the smallest value among the lanes of the mask.
 float least_of(varying values, Mask mask) {
     Lanes lanes;
-    // The packet visits a child when its first ray comes to it.
+    // The packet visits a child at the distance at which its first ray enters.
     lanes.all = SELECT(mask, values, (varying)(FAR));
     float least = lanes.each[0];
     for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);
     return least;
 }
 
-// Puts the children of a node that any ray enters before its `reach` onto the stack, nearest last. Returns its new height.
+// Puts the children of a node that any ray enters before its `reach` onto the stack, nearest last. Returns the new
+// height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {
         varying entry;
         const Mask met = enter_box(probe, node + child, reach, &entry);
-        // One ray that meets the box takes the whole packet along.
+        // If one ray hits the box, the whole packet visits the child.
         if (ANY(met)) waiting = push_child(stack, below, waiting, as_uint(node[CHILD_ROW + child]), least_of(entry, met));
     }
     return waiting;

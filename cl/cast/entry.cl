@@ -10,17 +10,18 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
-// The search counted rays in pixels; shading needs unit directions, so that t is a distance.
+// During the search, ray directions are in pixel coordinates. Shading needs unit directions, so that t is a distance.
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
 #endif
-    // Lanes past the image's edge took part so far, since all must reach the barriers; from here on they count as misses.
+    // Lanes outside the image have taken part so far, since all must reach the barriers; from here on they count as
+    // misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }
 
-// The nearest triangle of every pixel, or NO_HIT.
+// Stores the nearest triangle of every pixel, or NO_HIT.
 __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = own_pixels(image_size);
@@ -37,7 +38,8 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
-    // A ray's floats become one lane each of seven vectors (origin, direction, t_min); past the last ray, lanes repeat it.
+    // The floats of the rays become seven vectors with one lane per ray (origin, direction, t_min). Lanes after the
+    // last ray repeat it.
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {

@@ -1,6 +1,6 @@
-// Lanes' own triangles, gathered one lane after another.
+// Gathers a different triangle for each lane, one lane after another.
 
-// The surface of each lane's triangle; lanes without a hit read nothing and hold zeros.
+// Returns the surface of each lane's triangle. Lanes without a hit read nothing and contain zeros.
 Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
     Lanes column[FLOATS_OF_SURFACE];
     IntLanes id;
@@ -13,12 +13,13 @@ Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
 
 #include "common/meet_plane.cl"
 
-// Where rays meet each lane's own triangle.
+// Returns where each lane's ray hits that lane's triangle.
 Hit meet_planes(const Geometry *geometry, varying_int triangle, Vec3 origin, Vec3 direction) {
     Lanes column[9];
     IntLanes id;
     id.all = triangle;
-    // Nine columns, a lane per ray: corner a in 0 to 2, the edge from a to b in 3 to 5, from a to c in 6 to 8.
+    // Nine columns with one lane per ray: corner a in 0 to 2, the edge from a to b in 3 to 5, the edge from a to c in
+    // 6 to 8.
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;

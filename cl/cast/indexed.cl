@@ -1,5 +1,5 @@
-// The OBJ's own form: a set of positions, a set of normals, three indices per triangle into each, and a
-// material a triangle. Indices have INDEX_BITS bits.
+// The layout of OBJ files: a set of positions, a set of normals, three indices per triangle into each, and one
+// material per triangle. Indices have INDEX_BITS bits.
 
 #if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)
 #error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: entries of each set where it is staged, else 0"
@@ -76,7 +76,7 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // Two loads, one after the other: the index, then the position, which other triangles share.
+    // Two loads in sequence: the index, then the position, which other triangles share.
     VERTEX_SPACE const Index *index = geometry->position_indices + 3 * triangle;
     Corners corners;
     corners.a = LOAD3(geometry->positions + 3 * index[0]);
@@ -89,7 +89,7 @@ Corners corners(const Geometry *geometry, int triangle) {
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const Index *index = geometry->normal_indices + 3 * triangle;
     MATERIAL_SPACE const float *material = geometry->materials + MATERIAL_FLOATS * geometry->material_indices[triangle];
-    // Columns as surface_of reads them: normals 0 to 8, the material from 9 on.
+    // Columns in the order of surface_of: normals 0 to 8, the material from 9 on.
     for (int corner = 0; corner < 3; corner++)
         for (int i = 0; i < 3; i++) column[3 * corner + i].each[lane] = geometry->normals[3 * index[corner] + i];
     for (int i = 0; i < MATERIAL_FLOATS; i++) column[9 + i].each[lane] = material[i];

@@ -1,6 +1,6 @@
-// The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments.
-// {braces} name an axis: the host includes the file of the strategy's value there. An include under `#if NAME` is followed
-// only where the host defines NAME as 1.
+// The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments. A
+// name of an axis in {braces} stands for the file of the strategy's value. An include under `#if NAME` is followed
+// only if the host defines NAME as 1.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -141,7 +141,7 @@
 #define search_ray camera_ray
 #endif
 
-// Puts rays into the working vectors. Returns the least distance at which their hits count.
+// Puts rays into the working vectors. Returns the smallest distance at which their hits count.
 varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
@@ -153,8 +153,8 @@ varying begin_rays(Working *working, Ray ray) {
 
 #include "common/store_radiance.cl"
 
-// The result that one pass leaves for the next: a number per pixel, of its nearest triangle or of that triangle's place in
-// leaf order.
+// Stores the result of one pass for the next: one number per pixel, which is the number of its nearest
+// triangle or, for a tree, the index of that triangle in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

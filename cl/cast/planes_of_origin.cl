@@ -1,15 +1,16 @@
-// Rays that share an origin: primary rays the eye, shadow rays a light. Corners P and Q seen from there span the plane
-// (P - Q) x (P + Q) = 2 P x Q, and a ray lies inside the edge PQ where its direction's dot product with that plane is
-// positive; the triangle next door has the same plane with all signs turned. 1 / t is the dot product with N / N.A, where
-// N = (B - A) x (C - A). prepare_origins makes a row per triangle once per frame, for the eye and for each light.
+// Tests rays that share an origin: the eye for primary rays, a light for shadow rays. Relative to this origin, the
+// corners P and Q of an edge span the plane with the normal (P - Q) x (P + Q) = 2 P x Q. A ray lies inside the edge
+// if the dot product of its direction and that normal is positive. The neighbouring triangle has the same plane with
+// all signs reversed. 1 / t is the dot product of the direction with N / N.A, where N = (B - A) x (C - A).
+// prepare_origins makes one row per triangle and origin, once per frame.
 
 #ifndef LINEAR_IN_PIXEL
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// Whether to check after each edge if all rays are outside. Where vectors are made of scalars, the check saves the rest of
-// most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). Where vectors are registers, a check costs
-// more than an edge (10% slower on a CPU).
+// Whether to check after each edge if all rays are outside. If vectors consist of scalars, the check saves the rest
+// of most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). If vectors are registers, a
+// check costs more than an edge (10% slower on a CPU).
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -18,7 +19,7 @@
 
 typedef struct {
     varying t_min;
-    float overlap; // where the multiply-adds of edges begin
+    float overlap; // the first summand of each edge's multiply-adds; see overlap_of
 } Probe;
 
 Probe prepare_probe(varying t_min, Vec3 direction) {
@@ -28,40 +29,41 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Planes are scaled so that triangles overlap by 1, which costs nothing: it is where the multiply-adds begin. A ray counted
-// in pixels has a z of 1, so that its planes hold the overlap themselves; then -0 is added, which changes nothing (-0 + z is z).
+// Planes are scaled so that triangles overlap by 1. This costs nothing, since the chain of multiply-adds starts with
+// that number. A ray in pixel coordinates has a z of 1, so that its planes contain the overlap already; then -0 is
+// added, which changes nothing (-0 + z is z).
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
-// The terms that pixels share come first: depth, then down.
+// The terms that neighbouring pixels share come first: depth, then down.
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
 
-// How far inside an edge a direction is.
+// Returns how far inside an edge a direction is.
 varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
-// there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
+// otherwise there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // Three dot products of three terms, one for each edge; the origin takes no part, as the planes hold it.
+    // Three dot products of three terms, one for each edge. The origin is not needed, since the planes contain it.
     const varying w0 = inside_edge(probe, row.a, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w0))) return 0;
     const varying w1 = inside_edge(probe, row.b, direction);
     if (ASK_EDGE_BY_EDGE && ALL_NEGATIVE(AS_INT(w1))) return 0;
     const varying w2 = inside_edge(probe, row.c, direction);
-    // A number that is not negative has no sign bit: one test for three.
+    // The bitwise or of the three has a sign bit if any of them is negative.
     const varying_int outside = AS_INT(w0) | AS_INT(w1) | AS_INT(w2);
     if (ALL_NEGATIVE(outside)) return 0;
 
-    // Few rays come here. 1 / t is linear in the direction; the edge functions, divided by their sum, are the weights.
+    // Few rays get here. 1 / t is linear in the direction; the edge functions, divided by their sum, are the weights.
     const varying per_t = along_plane(0.0f, row.u, row.v, row.w, direction);
     const varying per_sum = 1.0f / (w0 + w1 + w2);
     hit->t = 1.0f / per_t;
     hit->w1 = w1 * per_sum;
     hit->w2 = w2 * per_sum;
-    // per_t * t_max > 1 says 0 < t < t_max without a division's rounding.
+    // per_t * t_max > 1 means 0 < t < t_max, without the rounding of a division.
     hit->lanes = (outside >= 0) & (per_t * t_max > 1.0f) & (hit->t > probe->t_min);
     return 1;
 }

@@ -10,10 +10,11 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // A shadow ray runs towards the light: its front faces are those that face away from the light.
+    // A shadow ray runs towards the light, but is tested from the light: faces that face away from the light are its
+    // front faces.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
-    // Only the eye's rays come in a grid.
+    // Only rays from the eye form a grid of pixels.
     if (!origin) row = row_along_pixels(row, corner, step_x, step_y);
 #endif
     STORE_ROW(row, prepared + 3 * ((size_t)origin * triangle_count + triangle))

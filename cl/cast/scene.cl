@@ -1,15 +1,15 @@
-// The scene as a kernel sees it, and the source of the rows that a traversal tests.
+// The scene's buffers, and the source of the rows that a traversal tests.
 
 typedef struct {
     Geometry geometry;
     const __global float *lights; // position (3), power (3) each
     int light_count;
-    float bias; // how far a shadow ray starts from its surface
+    float bias; // the distance from its surface at which a shadow ray starts
 #if PLANES_OF_ORIGIN
     const __global float4 *prepared; // a row per triangle, first for the eye, then for each light
 #endif
 #if RECORDS_ONCE
-    const __global ROW_UNIT *records; // a row per triangle, in the mesh's order, or that of a tree's leaves
+    const __global ROW_UNIT *records; // one row per triangle, in the mesh's order, or in leaf order
 #endif
 #if TREE
     Tree tree;
@@ -25,7 +25,7 @@ typedef struct {
 #endif
 } Scene;
 
-// Origins are counted 0 for the eye, 1 for the first light: planes differ between them, corners do not.
+// Origin 0 is the eye, 1 the first light. Planes depend on the origin, corners do not.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);
@@ -50,15 +50,15 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 #define BIND_TILE(scene) scene.tile = tile_store;
 #define TILE_STEP(scene) TILE_TRIANGLES
 
-// Every work-item of the group must come here, and for the same tile.
+// Every work-item of the group must call this, and for the same tile.
 void stage_tile(const Scene *scene, int origin, int first) {
-    barrier(CLK_LOCAL_MEM_FENCE); // all are done with the tile before
+    barrier(CLK_LOCAL_MEM_FENCE); // all have finished the previous tile
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);
     for (int k = LOCAL_INDEX; k < end; k += LOCAL_X * LOCAL_Y) {
         const Row row = source_row(scene, origin, first + k);
         STORE_ROW(row, scene->tile + ROW_UNITS * k)
     }
-    // Nobody reads the tile before all of it is written.
+    // No work-item may read the tile before it is complete.
     barrier(CLK_LOCAL_MEM_FENCE);
 }
 

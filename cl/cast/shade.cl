@@ -1,7 +1,7 @@
-// Radiance towards the eye at a hit, from all lights that reach it.
+// Radiance towards the eye at a hit, from all lights that are visible from there.
 
-// Sums the lights that reach `active` lanes' hits, at distance t and with the working vectors' weights, into
-// the working vector RADIANCE of these lanes.
+// Sums the light at the hits of `active` lanes, at distance t and with the weights in the working vectors, into the
+// working vector RADIANCE of these lanes.
 void shade(Working *working, const Scene *scene, const Surface *surface, varying t, Mask active) {
     // P = origin + t w, and n = w0 n0 + w1 n1 + w2 n2 of unit length.
     const Vec3 weights = working_get(working, WEIGHTS);
@@ -10,13 +10,13 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    // With shading = eager, a lane may hold the radiance of a hit behind this one: its sum begins again.
+    // With shading = eager, a lane may contain the radiance of a hit behind this one, so its sum starts again.
     const varying zero = (varying)(0.0f);
     working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
 
     for (int light = 0; light < scene->light_count; light++) {
         const __global float *at = scene->lights + LIGHT_FLOATS * light;
-        // w_i, and the cosine n . w_i: a light behind the surface gives nothing and needs no shadow ray.
+        // w_i, and the cosine n . w_i. A light behind the surface contributes nothing and needs no shadow ray.
 #if SOFT
         const Pixels pixels = own_pixels((int2)(0, 0));
         const Vec3 position = add(splat(LOAD3(at)), off_middle(&scene->soft, light, pixels.x, pixels.y));
@@ -28,12 +28,13 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
-        // A light on the surface, nearer than the bias, does not reach it.
+        // A light closer to the surface than the bias does not illuminate it.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
-#if !STREAM_TILES // there, every work-item has to meet the barriers
+#if !STREAM_TILES // there, every work-item must reach the barriers
         if (!ANY(lit)) continue;
 #endif
-        // The shadow ray ends a bias before the light. Origins are counted from 1 for lights; 0 is the eye.
+        // The shadow ray ends at the distance `bias` before the light. Origins are counted from 1 for lights; 0 is
+        // the eye.
 #if SOFT && PLANES_OF_ORIGIN
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
@@ -41,10 +42,10 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #else
         lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif
-        // Here and not before the loop: where any_hit has barriers, a compiler for CPUs negates only after them, and then
-        // the direction of another work-item, which is left in a register.
+        // This must be here and not before the loop: if any_hit has barriers, a compiler for CPUs moves the negation
+        // behind them, and then uses the direction of another work-item that was left in a register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
-        // A point light's power is spread over a sphere of radius r: L_i = power / (4 pi r^2).
+        // The power of a point light is spread over a sphere of radius r: L_i = power / (4 pi r^2).
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));
         // One light's term of the reflection equation: L_o += L_i f(w_i, w_o, n) (n . w_i).

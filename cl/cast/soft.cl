@@ -1,7 +1,8 @@
-// Shadow rays that have no origin in common: to points of a light with a radius, and to the sky.
+// Shadow rays without a common origin: to points of a light with a radius, and to the sky.
 
 #if PLANES_OF_ORIGIN
-// The same as any_hit: planes that were prepared for one origin are of no use here, so that every ray tests the triangles themselves.
+// Does the same as any_hit. Planes that were prepared for one origin cannot be used here, so every ray tests the
+// triangles themselves.
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
@@ -16,8 +17,8 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 #endif
 
 #if SKY
-// Adds to RADIANCE of `active` lanes what the sky sends them: one ray in a direction as likely as its cosine with the normal is
-// large, so that its radiance times k_L is the estimate.
+// Adds the sky's light to RADIANCE of `active` lanes: one ray in a direction whose probability is proportional to its
+// cosine with the normal, so that its radiance times k_L is the estimate.
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);

@@ -6,9 +6,9 @@
 #define RAY_ORIGIN 0
 #define RAY_DIRECTION 1
 #define WEIGHTS 2   // barycentric w0, w1, w2 of the nearest hit
-#define POINT 3     // P, where the ray hits
+#define POINT 3     // P, the point that the ray hits
 #define NORMAL 4    // n
 #define TO_EYE 5    // w_o
 #define RADIANCE 6  // L_o, the sum over lights
-#define INCOMING 7  // L_i, what a light sends
+#define INCOMING 7  // L_i, the light's radiance
 #define TO_LIGHT 8  // w_i

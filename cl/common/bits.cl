@@ -1,11 +1,11 @@
-// Masks as bits of a word: lane i is bit i.
+// Converts masks to the bits of a word: lane i is bit i.
 
 // A mask has -1 in the lanes that are set. Each is masked to a power of two of its own, and all are joined:
 //     mask    -1  0  0 -1  0 -1 ...
 //     and      1  2  4  8 16 32 ...
 //     gives    1  0  0  8  0 32 ...  ->  or: 41 = 0b101001
 #if REDUCE_BUILTIN && defined(__AVX512DQ__) && defined(__AVX512VL__)
-// One instruction where vectors of the hardware have mask registers; the compiler does not find it by itself.
+// A single instruction if the hardware has mask registers; the compiler does not find it by itself.
 typedef int Hardware8 __attribute__((__vector_size__(32)));
 typedef int Hardware16 __attribute__((__vector_size__(64)));
 #define LANE_BITS8(mask) ((uint)(uchar)__builtin_ia32_cvtd2mask256(__builtin_astype(mask, Hardware8)))

@@ -1,6 +1,6 @@
-// The pixels and rays of a work-item.
-// The ray through pixel coordinates (x, y) leaves eye.xyz along corner + x * step_x + y * step_y, a direction
-// of depth 1; pixel centres lie at half-integers. eye.w is z_near: nearer depths are not seen.
+// The pixels and rays of a work-item. The ray through pixel coordinates (x, y) starts at eye.xyz in the direction
+// corner + x * step_x + y * step_y, which has depth 1; pixel centres lie at half-integers. eye.w is z_near: hits at
+// smaller depths are ignored.
 
 #ifndef CAMERA_PARAMETERS
 #error "CAMERA_PARAMETERS: eye, corner, step_x and step_y, as kernels take them"
@@ -8,7 +8,7 @@
 
 typedef struct {
     varying_int x, y;
-    Mask inside; // the image: the last work-items of a row may hang over its edge
+    Mask inside; // in the image: the last work-items of a row may extend beyond it
 } Pixels;
 
 // The pixels of this work-item's lanes, a block. With WIDTH 4 and BLOCK_X 2:
@@ -25,8 +25,8 @@ Pixels own_pixels(int2 image_size) {
 
 typedef struct {
     Vec3 origin;
-    Vec3 direction; // of unit length
-    varying t_min;  // hits at or before it are not seen
+    Vec3 direction; // of length 1
+    varying t_min;  // hits at this distance or nearer are ignored
 } Ray;
 
 #if WIDTH == 1
@@ -56,7 +56,7 @@ Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
     return ray;
 }
 
-// The same ray counted in pixels: its direction is (x, y, 1), and t is depth.
+// Returns the same ray in pixel coordinates: its direction is (x, y, 1), and t is depth.
 Ray ray_in_pixels(CAMERA_PARAMETERS, Pixels pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));

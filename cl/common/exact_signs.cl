@@ -1,4 +1,4 @@
-// Included before tests that rely on exact signs: no expression after this is contracted to fma.
+// Included before tests that rely on exact signs: no later expression is contracted to fma.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

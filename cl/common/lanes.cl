@@ -1,12 +1,12 @@
-// Operations across the 32 lanes (work-items) of a group that shares a tile. All lanes of a group take the same way through
-// every loop and branch that holds one of these calls.
+// Operations across the 32 lanes (work-items) of a group that shares a tile. All lanes of a group must take the same
+// path through every loop and branch that contains one of these calls.
 
 #ifndef GROUP_LANES
 #error "GROUP_LANES: work-items of a group"
 #endif
 
-// The ways to do them; src/device/lanes.rs finds out which of these a device has.
-#define LANES_BY_BARRIERS 0     // __local memory and barriers; a work-group is one group
+// The implementations; src/device/lanes.rs finds out which of them works on a device.
+#define LANES_BY_BARRIERS 0     // __local memory and barriers; one group per work-group
 #define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
 #define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
 #define LANES_BY_PTX 3          // inline PTX: reductions too
@@ -14,7 +14,7 @@
 #error "LANE_OPERATIONS: one of LANES_BY_*"
 #endif
 
-// Inlining keeps arguments that are passed by pointer in registers. Where there are only barriers, the compiler decides:
+// Inlining keeps arguments that are passed by pointer in registers. With barriers the compiler decides, since
 // Oclgrind's cannot inline at all.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
@@ -24,13 +24,13 @@
 
 typedef struct {
     int lane;   // 0 to 31
-    int number; // of the group in its work-group
-    __local uint *board; // a word per lane, where lanes have no other way to tell
+    int number; // of the group within its work-group
+    __local uint *board; // one word per lane, if lanes cannot exchange values otherwise
 } Group;
 
 #define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))
 #define HIGHEST_BIT(bits) (31 - clz(bits))
-// How many of `bits` belong to lanes before this one.
+// Returns how many of `bits` belong to lanes before this one.
 #define BITS_BEFORE(group, bits) popcount((bits) & ((1u << (group)->lane) - 1u))
 
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
@@ -44,7 +44,7 @@ typedef struct {
     group.number = 0;                                                   \
     group.board = board;
 
-// Not unrolled: there are many of these loops, and compilers of barriers are slow.
+// Not unrolled: there are many of these loops, and compilers take long with barriers.
 #define EACH_LANE(lane) _Pragma("unroll 1") for (int lane = 0; lane < GROUP_LANES; lane++)
 
 INLINED void lane_sync(const Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
@@ -56,7 +56,7 @@ INLINED void write_board(const Group *group, uint value) {
 
 INLINED uint lane_get(const Group *group, uint value, int from) {
     write_board(group, value);
-    // Second barrier: nobody writes the next value before all have read this one.
+    // The second barrier: no lane writes the next value before all have read this one.
     const uint result = group->board[from];
     barrier(CLK_LOCAL_MEM_FENCE);
     return result;
@@ -64,7 +64,7 @@ INLINED uint lane_get(const Group *group, uint value, int from) {
 
 INLINED uint lane_ballot(const Group *group, int yes) {
     write_board(group, yes ? 1u << group->lane : 0u);
-    // Each lane wrote its own bit; now each joins all 32.
+    // Each lane wrote its own bit; now each lane joins all 32 bits.
     uint bits = 0;
     EACH_LANE(lane) bits |= group->board[lane];
     barrier(CLK_LOCAL_MEM_FENCE);
@@ -154,7 +154,7 @@ INLINED uint lane_least(const Group *group, uint value) {
     asm volatile("redux.sync.min.u32 %0, %1, 0xffffffff;" : "=r"(least) : "r"(value));
 #else
     least = value;
-    // A butterfly: after exchanges at 16, 8, 4, 2 and 1, every lane holds the least of all 32.
+    // A butterfly: after exchanges at distances 16, 8, 4, 2 and 1, every lane has the smallest of all 32 values.
     for (int distance = 16; distance; distance >>= 1) {
         uint other;
         asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(other) : "r"(least), "r"(distance));
@@ -165,7 +165,7 @@ INLINED uint lane_least(const Group *group, uint value) {
 }
 #endif
 
-// How many of the lanes `among` have a smaller key.
+// Returns how many of the lanes `among` have a smaller key.
 INLINED int lane_rank(const Group *group, uint key, uint among) {
     int rank = 0;
     // `left & (left - 1)` clears the lowest bit: the loop runs once per lane of `among`.
@@ -174,8 +174,8 @@ INLINED int lane_rank(const Group *group, uint key, uint among) {
 }
 #endif
 
-// Returns its argument, which the compiler cannot know: values that depend on it are then computed again where they are
-// needed, instead of being kept in registers.
+// Returns its argument, but hides its value from the compiler. Values that depend on it are then computed again where
+// they are needed, instead of being kept in registers.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));
@@ -183,8 +183,8 @@ INLINED int forgotten(int value) {
     return value;
 }
 
-// 1 / a with an error of about one bit, which is enough everywhere here; an exact division takes five instructions with some
-// compilers.
+// Returns 1 / a with an error of about one bit, which is enough for all uses here; an exact division takes five
+// instructions with some compilers.
 INLINED float reciprocal(float a) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     float result;
@@ -201,14 +201,14 @@ INLINED float lane_get_float(const Group *group, float value, int from) {
     return as_float(lane_get(group, as_uint(value), from));
 }
 
-// The least of non-negative numbers: their bits are ordered as they are.
+// Returns the smallest of non-negative numbers, whose bits are ordered like the numbers.
 INLINED float lane_least_positive(const Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
-// The least of any numbers: bits turned so that they are ordered, and back.
+// Returns the smallest of arbitrary numbers, by converting their bits so that they are ordered, and back.
 INLINED float lane_min(const Group *group, float value) {
     const uint bits = as_uint(value);
-    // Unsigned integers order positive floats as they are, and negative ones backwards: the first get their sign bit set, the
-    // others have all their bits flipped.
+    // As unsigned integers, positive floats have the right order and negative ones the reverse order. Positive ones
+    // get their sign bit set, and all bits of negative ones are inverted.
     const uint least = lane_least(group, bits ^ ((uint)(as_int(value) >> 31) | 0x80000000u));
     return as_float(least & 0x80000000u ? least ^ 0x80000000u : ~least);
 }

@@ -1,14 +1,16 @@
 // Edge planes of triangles for rays from one origin.
 
-// The plane of an edge p - q whose ends are seen at p and q. Swapping them changes all signs and nothing else.
+// Returns the plane of an edge p - q with the ends p and q, relative to the origin. Swapping p and q only changes all
+// signs.
 Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
-// The largest power of two that is not above the argument. Scaling by it rounds nothing, so that neighbours keep equal planes.
+// Returns the largest power of two that is not greater than the argument. Scaling by it does not round, so that
+// neighbours keep equal planes.
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
-// A row that no ray hits: it is outside one of the first two edges.
+// Returns a row that no ray hits, since every ray is outside one of the first two edges.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);
@@ -18,15 +20,17 @@ Row row_of_nothing() {
     return row;
 }
 
-// The row of a triangle for rays from an origin; it is not hit where it is edge-on or culled. `front` is the sign of N.A of a
-// front face. Edges come from the corners as stored: differences of corners seen from far away have lost their last digits.
+// Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is
+// never hit. `front` is the sign of N.A of a front face. Edges are computed from the stored corners: differences of
+// corners relative to a distant origin would have lost their last digits.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume between the origin and the triangle; near zero, the origin lies in its plane.
+    // Six times the volume between the origin and the triangle; if it is near zero, the origin lies in the triangle's
+    // plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > 1e-5f * distance * size1 * size2;
@@ -35,11 +39,12 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 #endif
     if (!hit) return row_of_nothing();
 
-    // How far edges may be off for rounding; dividing by it, as a power of two, makes the overlap 1 and keeps every bit.
+    // The planes are divided by a bound of the rounding error of edges, so that the overlap becomes 1. The bound is
+    // rounded to a power of two, so that the division is exact.
     const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
-    // All three planes turned so that inside is positive, whichever side the origin is on.
+    // All three planes are oriented so that inside is positive, on whichever side the origin is.
     const float turn = height > 0.0f ? per_unit : -per_unit;
-    // 1 / t = d . n / height: linear in the direction, as the edges are.
+    // 1 / t = d . n / height: linear in the direction, like the edges.
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;
     row.a = uniform_scale(edge_plane(uniform_difference(corners.b, corners.c), b, c), turn);

@@ -1,17 +1,17 @@
-// The share of a light's radiance that a surface reflects towards the eye: Hughes et al., Computer Graphics, 3rd ed.,
-// chapter 15. src/reference/ has the same in f64.
+// The reflectance of a surface: which part of a light's radiance it reflects towards the eye. From Hughes et al.,
+// Computer Graphics, 3rd ed., chapter 15. src/reference/ has the same in f64.
 
-// base to the power of exponent, neither of them negative. The built-in pow handles more cases, and is less precise.
+// Returns base to the power of exponent, both not negative. The built-in pow handles more cases, and is less precise.
 varying power_of(varying base, varying exponent) {
     const varying at_zero = SELECT(exponent > 0.0f, (varying)(0.0f), (varying)(1.0f));
-    // x^y = 2^(y log2 x). The logarithm of zero is infinite, so that zero goes its own way: 0^0 is 1, else 0.
+    // x^y = 2^(y log2 x). The logarithm of zero is infinite, so zero is a special case: 0^0 is 1, else 0.
     return SELECT(base > 0.0f, exp2(exponent * log2(base)), at_zero);
 }
 
-// f(w_i, w_o, n): k_L / pi, and with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
+// Returns f(w_i, w_o, n): k_L / pi, and with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
 Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
     Vec3 sum = surface->lambertian;
-    // A highlight costs a square root, a logarithm and an exponential: skipped where no lane has one.
+    // A highlight costs a square root, a logarithm and an exponential; it is skipped if no lane has one.
     const Mask glossy = lit & (surface->kind > 0.0f);
     if (ANY(glossy)) {
         // Blinn's half vector; (s + 8) / 8 keeps the energy of a highlight about the same for every shininess s.

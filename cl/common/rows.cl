@@ -1,11 +1,11 @@
-// The data of a triangle as every layout returns it.
+// The data of a triangle, in the form that every layout returns.
 
 typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// The floats that a ray-triangle test reads per triangle: prepared from its corners, or planes prepared for a common origin.
-// The test's file gives their number; in memory a row is ROW_UNITS of ROW_UNIT.
+// The floats that a ray-triangle test reads per triangle: computed from its corners, or planes prepared for a common
+// origin. The test's file defines their number; in memory a row consists of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: floats of a triangle that is prepared for the test, as the test's file says"
 #endif
@@ -51,7 +51,7 @@ typedef struct {
 
 #define FLOATS_OF_SURFACE 17
 
-// A Surface from one lane's numbers per column: normals (9), k_L (3), k_G (3), s, kind.
+// Returns a Surface from columns with one lane per ray: normals (9), k_L (3), k_G (3), s, kind.
 Surface surface_of(const Lanes *column) {
     Surface s;
     s.n0 = vec3(column[0].all, column[1].all, column[2].all);

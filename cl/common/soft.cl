@@ -1,8 +1,8 @@
-// What a pixel's sample sees of lights with a radius and of the sky: each pixel its own point of a light, and its own direction.
-// They are points of Sobol's sequence in two dimensions, whose numbers go along a Z curve through the pixels, so that samples of
-// a pixel, and those of pixels beside each other, are spread evenly (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte
-// Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes those of other lights
-// independent. src/reference/soft.rs has the same, bit by bit.
+// Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. They follow
+// Sobol's sequence in two dimensions, numbered along a Z-order curve through the pixels, so that samples of a pixel,
+// and those of neighbouring pixels, are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of
+// Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes the
+// sequences of different lights independent. src/reference/soft.rs has the same, and gives the same bits.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
@@ -10,7 +10,7 @@
 
 typedef struct {
     const __global float *numbers; // the sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light
-    uint2 sample;                  // a pixel's sample, and how many it has
+    uint2 sample;                  // the number of a pixel's sample, and the number of samples
 } Soft;
 
 #if WIDTH == 1
@@ -41,7 +41,7 @@ varying_uint hashed_bits(varying_uint bits, uint seed) {
     return bits;
 }
 
-// A bit apart each: the lower 16 bits at even places.
+// Inserts a zero above each of the lower 16 bits.
 varying_uint spread_bits(varying_uint bits) {
     bits = (bits | bits << 8) & 0x00ff00ffu;
     bits = (bits | bits << 4) & 0x0f0f0f0fu;
@@ -49,7 +49,8 @@ varying_uint spread_bits(varying_uint bits) {
     return (bits | bits << 1) & 0x55555555u;
 }
 
-// A number's second coordinate in Sobol's sequence, its bits reversed: with the number as a polynomial over bits, that of x + 1.
+// Returns the second coordinate of a number in Sobol's sequence, with its bits reversed: for the number as a
+// polynomial over bits, that of x + 1.
 varying_uint second_of_sobol(varying_uint bits) {
     bits ^= bits >> 16;
     bits ^= bits >> 8 & 0x00ff00ffu;
@@ -58,16 +59,17 @@ varying_uint second_of_sobol(varying_uint bits) {
     return bits ^ (bits >> 1 & 0x55555555u);
 }
 
-// 23 bits as a number between 0 and 1, exactly.
+// Converts 23 bits to a number between 0 and 1, exactly.
 varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.1920928955078125e-7f; }
 
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Three numbers from 0 to 1 for a light, or for the sky, which comes after the lights; the first two are spread together.
+// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two are well
+// distributed jointly.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     const varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + soft->sample.x);
-    // Each source in an order of its own: else a place in one would go with a place in the next.
+    // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
     const varying_uint second = reversed_bits(hashed_bits(reversed, seed_of(source, 1)));
     return vec3(unit_of(reversed_bits(hashed_bits(first, seed_of(source, 2)))),
@@ -75,11 +77,12 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
                 unit_of(reversed_bits(hashed_bits(second, seed_of(source, 4)))));
 }
 
-// The radius of a light; one sample alone sees lights as points.
+// Returns the radius of a light; with a single sample, lights are points.
 float radius_of(const Soft *soft, int light) { return soft->sample.y > 1 ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f; }
 
-// From the middle of a light's ball to the point that a pixel's sample sees. Points are spread as the uniform ones of a sphere in
-// four dimensions are seen in three, so that from afar the ball looks equally bright all over from every side, as a disc does.
+// Returns the offset of the point that a pixel's sample sees from the centre of a light's ball. The points are those
+// of a uniform distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
+// bright all over from every side, like a disc.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
     const varying ring = sqrt(1.0f - u.x);
@@ -88,8 +91,9 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 }
 
 #if SKY
-// A unit vector about a normal, as likely as its cosine is large: towards a point of the unit sphere that stands on the surface.
-// No axes across the normal are needed, which would have to jump somewhere.
+// Returns a unit vector around a normal, with a probability proportional to its cosine: towards a point of the unit
+// sphere that touches the surface. This needs no axes perpendicular to the normal, which could not be continuous
+// everywhere.
 Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
@@ -97,10 +101,10 @@ Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3
     return normalize_or_zero(add(normal, point));
 }
 
-// How far away something still hides the sky.
+// Returns the distance up to which surfaces occlude the sky.
 float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
 
-// The sky's radiance in a direction; below the horizon it is the horizon's.
+// Returns the sky's radiance in a direction; below the horizon it is the horizon's.
 Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
     const varying height = max(dot3(way, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
@@ -108,8 +112,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 }
 #endif
 
-// Lanes whose ray a triangle stops before t_max: Moeller and Trumbore's test, for rays of any origins and unit directions.
-// Weights are allowed their rounding error, as in cast/intersect/moller_trumbore.cl.
+// Returns the lanes whose ray is stopped by a triangle before t_max: Moeller and Trumbore's test, for rays with any
+// origins and unit directions. Weights are allowed their rounding error, as in cast/intersect/moller_trumbore.cl.
 Mask is_stopped_by(Corners corners, Vec3 from, Vec3 way, varying t_max) {
     const Uniform3 edge1 = uniform_difference(corners.b, corners.a), edge2 = uniform_difference(corners.c, corners.a);
     const float size1 = uniform_size(edge1), size2 = uniform_size(edge2);
@@ -120,9 +124,9 @@ Mask is_stopped_by(Corners corners, Vec3 from, Vec3 way, varying t_max) {
     const varying distance = fabs(s.x) + fabs(s.y) + fabs(s.z);
     const varying slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;
     const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(way, r), sign);
-    const varying t = flip_sign(dot3(e2, r), sign); // times size
+    const varying t = flip_sign(dot3(e2, r), sign); // multiplied by size
     Mask stopped = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
-    // Seen edge-on it stops nothing.
+    // A triangle seen edge-on stops nothing.
     stopped &= (size > 1e-5f * size1 * size2) & (t > 0.0f) & (t / size < t_max);
 #if CULL_BACK
     stopped &= a > 0.0f;

@@ -1,4 +1,4 @@
-// Writes radiance and, as the fourth component, 1 where the ray hit and 0 where it did not.
+// Writes radiance and, as the fourth component, 1 for a hit and 0 for a miss.
 void store_radiance(__global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;
     IntLanes x, y, inside;
@@ -6,7 +6,7 @@ void store_radiance(__global float4 *image, int2 image_size, float4 background, 
     green.all = SELECT(hits, sum.y, (varying)(background.y));
     blue.all = SELECT(hits, sum.z, (varying)(background.z));
     hit.all = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
-    // A block of lanes is no run of addresses in the image: lanes are stored one by one.
+    // The pixels of a block are not contiguous in the image, so lanes are stored one by one.
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;

@@ -1,5 +1,5 @@
-// Colours of triangles from pictures. All pictures of a scene lie in one buffer, with no OpenCL images, so that one source runs
-// on every device and everywhere to the same bits. src/reference/texture.rs has the same in f64.
+// Textures. All of a scene's textures are in one buffer and not in OpenCL images, so that one source runs on every
+// device and gives the same bits. src/reference/texture.rs has the same in f64.
 
 #ifndef TEXTURE_HEAD_WORDS
 #error "TEXTURE_HEAD_WORDS: words that tell of a texture before its texels"
@@ -21,7 +21,7 @@ typedef struct {
     const __global uint *words;
 } Textures;
 
-// A place along an axis of a texture, from 0 to 1.
+// Returns a texture coordinate wrapped to the range from 0 to 1.
 float place_in_texture(float place, uint wrap) {
     if (wrap == WRAP_CLAMP) return clamp(place, 0.0f, 1.0f);
     if (wrap == WRAP_MIRROR) {
@@ -31,10 +31,10 @@ float place_in_texture(float place, uint wrap) {
     return place - floor(place);
 }
 
-// The number of a texel along an axis, where the filter may ask for one beyond the edge.
+// Returns the index of a texel along an axis, wrapped if the filter needs one beyond the edge.
 int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
-    // Whatever the coordinates are, no texel outside is read.
+    // For any coordinates, no texel outside the texture is read.
     return clamp(texel, 0, size - 1);
 }
 
@@ -43,7 +43,8 @@ Uniform3 texel_colour(const __global uint *words, uint at) {
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
 }
 
-// The colour of a triangle's texture at its point of these weights: four texels, mixed in linear light. White without one.
+// Returns the texture's colour at a point of a triangle with these weights: four texels, mixed in linear light. White
+// without a texture.
 Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2) {
     const float4 ab = textures->rows[2 * (size_t)triangle], c = textures->rows[2 * (size_t)triangle + 1];
     const int number = as_int(c.z);
@@ -51,7 +52,7 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
     const __global uint *head = textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
     const int width = (int)head[1], height = (int)head[2];
     const uint across = head[3] & 255, down = head[3] >> 8;
-    // Texels' centres lie at half-integers, as pixels' do.
+    // Centres of texels lie at half-integers, like those of pixels.
     const float w0 = 1.0f - w1 - w2;
     const float x = place_in_texture(w0 * ab.x + w1 * ab.z + w2 * c.x, across) * (float)width - 0.5f;
     const float y = place_in_texture(w0 * ab.y + w1 * ab.w + w2 * c.y, down) * (float)height - 0.5f;
@@ -68,7 +69,8 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
                     ka * a.z + kb * b.z + kd * d.z + ke * e.z);
 }
 
-// A surface whose colour is multiplied by that of each lane's triangle; lanes whose triangle is NO_HIT keep theirs.
+// Returns a surface whose colour is multiplied by the texture of each lane's triangle. Lanes whose triangle is NO_HIT
+// keep their colour.
 Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2) {
     IntLanes id;
     Lanes second, third, red, green, blue;

@@ -1,4 +1,4 @@
-// The parts that all tiles of rays share: tiles of one work-item each, and tiles that a group shares.
+// Code for all tiles of rays: those of one work-item, and those that a group shares.
 
 #if !defined(TILE_X) || !defined(TILE_Y)
 #error "TILE_X, TILE_Y: pixels of a tile across and down"

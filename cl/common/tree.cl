@@ -1,4 +1,4 @@
-// A tree as src/accel/wide.rs lays it out, and its triangles in leaf order as src/accel/triangles.rs does.
+// A tree in the layout of src/accel/wide.rs, and its triangles in leaf order, as in src/accel/triangles.rs.
 
 #if !defined(NODE_WIDTH) || !defined(NODE_STRIDE) || !defined(STACK_SIZE)
 #error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: its words; STACK_SIZE: entries that the deepest way down the tree can need"
@@ -27,8 +27,8 @@
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
-// The factor that moves a box's far side outwards, by more than its rounding error (Ize, "Robust BVH Ray Traversal", JCGT
-// 2(2), 2013).
+// The factor by which a box's far side is moved outwards; more than its rounding error (Ize, "Robust BVH Ray
+// Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
 #define LEAF_ROW ROW_FLOATS // words per triangle: v0, its number; v1, its material; v2
 
@@ -36,12 +36,12 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    const __global float4 *planes; // three rows of quads for the eye, then for each light; a quad a triangle in leaf order
-    int row;                       // quads of one
+    const __global float4 *planes; // three rows of quads for the eye, then for each light; one quad per triangle in leaf order
+    int row;                       // number of quads in a row
 #endif
 } Tree;
 
-// The corners of the triangle at a place of leaf order.
+// Returns the corners of the triangle at an index in leaf order.
 Corners leaf_corners(const Tree *tree, int place) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const float4 a = quads[0], b = quads[1], c = quads[2];
@@ -55,6 +55,6 @@ Corners leaf_corners(const Tree *tree, int place) {
 int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }
 
 #if PLANES_OF_ORIGIN
-// The planes prepared for the eye, which is origin 0, or for a light.
+// Returns the planes prepared for the eye, which is origin 0, or for a light.
 const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
 #endif

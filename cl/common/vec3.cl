@@ -1,4 +1,4 @@
-// Three-component vectors: Vec3 has a value per lane, Uniform3 one value for all lanes.
+// Three-component vectors: a Vec3 has one value per lane, a Uniform3 one value for all lanes.
 
 typedef struct {
     varying x, y, z;
@@ -33,7 +33,7 @@ Vec3 along(Vec3 origin, varying t, Vec3 direction) {
     return vec3(origin.x + t * direction.x, origin.y + t * direction.y, origin.z + t * direction.z);
 }
 
-// The unit vector along a, or zero where a is zero.
+// Returns the unit vector in the direction of a, or zero if a is zero.
 Vec3 normalize_or_zero(Vec3 a) {
     const varying squared = dot3(a, a);
     return scale(a, SELECT(squared > 0.0f, 1.0f / sqrt(squared), (varying)(0.0f)));
@@ -61,5 +61,5 @@ Uniform3 uniform_cross(Uniform3 a, Uniform3 b) {
     return uniform3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-// The first three numbers at a pointer of any address space.
+// Returns the first three numbers at a pointer of any address space.
 #define LOAD3(pointer) uniform3((pointer)[0], (pointer)[1], (pointer)[2])

@@ -1,6 +1,6 @@
-// A varying holds one value for each of a work-item's WIDTH rays, as ISPC has it.
-// One source serves a GPU (WIDTH 1 to 8, rays in registers) and a CPU (WIDTH 16, rays in vectors).
-// A Mask is 0 or 1 for a scalar and 0 or -1 per lane for a vector: combine with & and |, negate with !.
+// A varying holds one value for each of a work-item's WIDTH rays, as in ISPC. One source serves GPUs (WIDTH 1 to 8,
+// rays in registers) and CPUs (WIDTH 16, rays in vectors). A Mask is 0 or 1 for a scalar, and 0 or -1 per lane for a
+// vector: combine masks with & and |, negate them with !.
 
 #ifndef WIDTH
 #error "WIDTH: rays a work-item casts side by side: 1, 2, 4, 8 or 16"
@@ -38,12 +38,12 @@ typedef int16 varying_int;
 
 typedef varying_int Mask;
 
-// The block of pixels that the lanes of a work-item cover, and their places in it.
+// The block of pixels that the lanes of a work-item cover, and their positions in it.
 #define BLOCK_Y (WIDTH / BLOCK_X)
 #define LANE_X (LANE_NUMBER % BLOCK_X)
 #define LANE_Y (LANE_NUMBER / BLOCK_X)
 
-// Lanes seen one by one, to gather and scatter.
+// Access to single lanes, to gather and scatter.
 typedef union {
     varying all;
     float each[WIDTH];
@@ -55,7 +55,7 @@ typedef union {
 
 #define SELECT(mask, yes, no) ((mask) ? (yes) : (no))
 
-// ANY(mask): whether any lane is set. any() compiles to tens of scalar instructions on some CPUs' compilers.
+// ANY(mask): whether any lane is set. any() compiles to tens of scalar instructions with some compilers for CPUs.
 #ifdef __has_builtin
 #if REDUCE_BUILTIN && __has_builtin(__builtin_reduce_or)
 #define HAS_REDUCE_OR
@@ -69,7 +69,7 @@ typedef union {
 #define ANY(mask) (mask)
 #elif defined(HAS_REDUCE_OR)
 #define ANY(mask) __builtin_reduce_or(mask)
-#else // names that no header makes a macro of
+#else // names that are not macros in any header
 int or_of_2(int2 m) { return m.x | m.y; }
 int or_of_4(int4 m) { return or_of_2(m.lo | m.hi); }
 int or_of_8(int8 m) { return or_of_4(m.lo | m.hi); }
@@ -90,7 +90,7 @@ int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
-// The sign bit of a, and a with the sign bits of s flipped in: a * sign without a multiplication.
+// The sign bit of a; and a with its sign flipped by the sign bits of s, which is a * sign without a multiplication.
 #if WIDTH == 1
 #define AS_INT(a) as_int(a)
 #define AS_FLOAT(a) as_float(a)

@@ -1,5 +1,5 @@
-// Radiance as a screen shows it, for devices with a memory of their own: three bytes per pixel go to the host, not sixteen. It is
-// the transform of src/image/display.rs, by the same tables, so that every byte is the host's.
+// The display transform, for devices with separate memory: three bytes per pixel are transferred to the host instead
+// of sixteen. It uses the tables of src/image/display.rs, so that every byte equals the host's.
 
 #ifndef SHOWN_VALUES
 #error "SHOWN_VALUES: how many values a shown channel has"
@@ -16,20 +16,21 @@
 
 #define ITEM_BYTES (3 * ITEM_PIXELS)
 
-// The value that a channel is shown as. smallest: at each value the least radiance that is shown as a brighter one. at_least: by a
-// radiance's upper bits a value that it reaches for sure.
-// Both are in global memory: work-items look at different places, which __constant memory would serve one by one.
+// Returns the displayed value of a channel. smallest: for each value, the smallest radiance that is displayed
+// brighter. at_least: for the upper bits of a radiance, a lower bound of its value. Both are in global memory:
+// work-items read different addresses, which __constant memory would serve one by one.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
-    // What is not positive is black, and so is what is not a number.
+    // Radiance that is not positive, or not a number, is black.
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];
-    // One or two steps are left at most.
+    // At most one or two steps remain.
     while (value + 1 < SHOWN_VALUES && smallest[value] <= radiance) value++;
     return (uchar)value;
 }
 
-// image: pixels, of which `count` from `first` on are shown. rows: three bytes of each, then what fills up the last work-item's.
-// found: pixels that hit something, and pixels that are not finite, to be added up.
+// image: pixels, of which `count` are displayed, starting with `first`. rows: three bytes per pixel, then padding for
+// the last work-item. found: receives the number of pixels that hit something, and of pixels that are not finite, as
+// sums.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict found) {
@@ -37,7 +38,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     if (get_local_id(0) == 0) hits = wrong = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
 
-    // A work-item's pixels, one after another; past the last one there is nothing to read.
+    // The pixels of a work-item are consecutive; after the last one there is nothing to read.
     const uint begin = ITEM_PIXELS * (uint)get_global_id(0);
     uint own_hits = 0, own_wrong = 0;
     uchar bytes[ITEM_BYTES];
@@ -46,16 +47,16 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         bytes[3 * i] = shown(pixel.x, smallest, at_least);
         bytes[3 * i + 1] = shown(pixel.y, smallest, at_least);
         bytes[3 * i + 2] = shown(pixel.z, smallest, at_least);
-        // The fourth channel says whether a ray hit.
+        // The fourth channel is positive for a hit.
         own_hits += pixel.w > 0.0f;
         own_wrong += !(isfinite(pixel.x) && isfinite(pixel.y) && isfinite(pixel.z));
     }
-    // Four bytes at a time: that is how memory is written.
+    // Four bytes at a time, in which unit memory is written.
     if (begin < count) {
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }
 
-    // One addition per work-group: many at one address wait for each other.
+    // One addition per work-group, since additions at the same address wait for each other.
     if (own_hits) atomic_add(&hits, own_hits);
     if (own_wrong) atomic_add(&wrong, own_wrong);
     barrier(CLK_LOCAL_MEM_FENCE);

@@ -1,4 +1,4 @@
-// Reads one buffer and writes another, a vector a work-item.
+// Reads one buffer and writes another, one vector per work-item.
 
 #include "peak/vector.cl"
 

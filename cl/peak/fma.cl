@@ -1,4 +1,4 @@
-// Multiply-adds with nothing to wait for: CHAINS of them side by side. Each chain nears addend / (1 - factor), so the
+// Multiply-adds that need not wait: CHAINS independent chains. Each chain converges to addend / (1 - factor), so the
 // result is known.
 
 #include "peak/vector.cl"
@@ -8,10 +8,10 @@
 #define EACH_CHAIN(DO) \
     DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7) DO(8) DO(9) DO(10) DO(11) DO(12) DO(13) DO(14) DO(15)
 
-// A helper that takes vectors: some compilers use their widest registers only where a function does.
+// A function with vector parameters: some compilers use their widest registers only for those.
 vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 
-// STEPS * CHAINS * WIDTH multiply-adds per loop: enough that the loop counter's cost is negligible.
+// STEPS * CHAINS * WIDTH multiply-adds per loop, so that the cost of the loop counter is negligible.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const int loops, const float factor,
                                                                          const float addend,
                                                                          __global float *restrict out) {
@@ -20,11 +20,12 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const 
 #define STEP(i) chain##i = multiply_add(chain##i, b, c);
 #define SUM(i) +chain##i
     EACH_CHAIN(START)
-    // Sixteen chains are independent, so that a multiply-add need not wait for the one before: 8 steps of each per loop.
+    // Sixteen independent chains, so that a multiply-add need not wait for the previous one: 8 steps of each per
+    // loop.
     for (int loop = 0; loop < loops; loop++) {
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
     }
-    // A result that nobody stores would be computed by nobody.
+    // Without this store, compilers would remove the computation.
     out[get_global_id(0)] = sum_of(EACH_CHAIN(SUM));
 }

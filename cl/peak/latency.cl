@@ -1,28 +1,28 @@
-// One work-item that needs every result before its next step, in each kind of memory.
+// Latencies: a single work-item needs every result before its next step, in each kind of memory.
 
 #ifndef ENTRIES
 #error "ENTRIES: of the chases in private and __local memory"
 #endif
 
-// STEPS steps per loop, so that counting loops does not count.
+// STEPS steps per loop, so that the cost of the loop counter is negligible.
 #define STEPS 16
 #define DO_STEPS(DO) DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO
 
-// Private values in registers: a multiply-add that waits for the one before.
+// Private values in registers: each multiply-add waits for the previous one.
 __kernel void chain_private(const int loops, const float factor, const float addend, __global float *out) {
     float value = out[0];
     for (int loop = 0; loop < loops; loop++) {
-        // Each step needs the last one's result: the time per step is a latency, not a rate.
+        // Each step needs the result of the previous one: the time per step is a latency, not a rate.
         DO_STEPS(value = fma(value, factor, addend);)
     }
     out[0] = value;
 }
 
-// next[i] = (i + stride) % ENTRIES, from wherever it lies.
+// next[i] = (i + stride) % ENTRIES, in any address space.
 #define FILL(next) \
     for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
 
-// A private array whose next index is known only when the last read returns: it cannot be kept in registers.
+// A private array whose next index is only known when the last read returns, so it cannot be kept in registers.
 __kernel void chase_private(const int loops, const int stride, __global int *out) {
     volatile int next[ENTRIES];
     FILL(next)
@@ -43,7 +43,7 @@ __kernel void chase_local(const int loops, const int stride, __global int *out) 
     out[0] = at;
 }
 
-// `next` holds one cycle through all of a buffer larger than any cache.
+// `next` contains one cycle through all of a buffer that is larger than any cache.
 __kernel void chase_global(const int loops, const int start, const __global int *restrict next, __global int *out) {
     int at = start;
     for (int loop = 0; loop < loops; loop++) {

@@ -1,4 +1,5 @@
-// Reads __local memory, SLOTS vectors per loop, neighbours side by side. Volatile: without it compilers read it once.
+// Reads __local memory: SLOTS vectors per loop, neighbouring work-items at neighbouring addresses. Volatile, since
+// compilers would otherwise read it only once.
 
 #include "peak/vector.cl"
 
@@ -10,7 +11,8 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
     __local vector tile[SLOTS * GROUP];
     const int item = get_local_id(0);
 #define FILL(i) tile[i * GROUP + item] = (vector)(1.0f);
-    // Neighbouring work-items fill and read neighbouring vectors: no two of them want the same bank at once.
+    // Neighbouring work-items fill and read neighbouring vectors, so that no two access the same bank at the same
+    // time.
     EACH_SLOT(FILL)
     barrier(CLK_LOCAL_MEM_FENCE);
     const volatile __local vector *own = tile + item;
@@ -21,6 +23,6 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
     for (int loop = 0; loop < loops; loop++) {
         EACH_SLOT(READ)
     }
-    // A result that nobody stores would be computed by nobody.
+    // Without this store, compilers would remove the computation.
     out[get_global_id(0)] = sum_of(EACH_SLOT(SUM));
 }

@@ -1,4 +1,4 @@
-// Whether a device has the lane operations that it was asked for: each lane's answers to questions with known ones.
+// Tests whether a device supports a set of lane operations: computes results for each lane that the host knows.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"
@@ -13,17 +13,18 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     __local uint words[LOCAL_Y][GROUP_LANES];
     Group group;
     BIND_GROUP(group)
-    // Lane i of group g is asked about (7 i + g) mod 32, which is another number in every lane.
+    // Lane i of group g uses (7 i + g) mod 32, which is a different number in every lane.
     const uint own = (7u * (uint)forgotten(group.lane) + (uint)group.number) & 31u;
     __global uint *answer = answers + ANSWERS * (GROUP_LANES * group.number + group.lane);
-    // Eight answers that src/device/lanes.rs knows: a wrong one says that the device lacks the operation.
+    // Eight results that src/device/lanes.rs knows. A wrong one means that the operation does not work on this
+    // device.
     answer[0] = lane_ballot(&group, own % 3u == 0u);
     answer[1] = lane_get(&group, own, 5);
     answer[2] = lane_least(&group, own + 100u);
     answer[3] = (uint)lane_rank(&group, own, 0x0f0f00ffu);
     answer[4] = as_uint(lane_min(&group, (float)own - 15.5f));
     answer[5] = as_uint(lane_max(&group, (float)own - 15.5f));
-    // Does lane_sync make a lane's store visible to the others?
+    // Tests whether lane_sync makes a lane's store visible to the others.
     words[group.number][group.lane] = own;
     lane_sync(&group);
     answer[6] = words[group.number][31 - group.lane];

@@ -1,22 +1,23 @@
-// The book's rasteriser, one work-item per triangle, made whole: it clips at the near plane and interpolates 1/z. Edge
-// functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
+// The book's rasteriser, one work-item per triangle. Unlike the book's, it clips at the near plane and interpolates
+// 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
 // Coordinates", 1997) need no division by a vertex's depth, so triangles may reach behind the eye.
 //
-// Depth is resolved by an atomic minimum over its bits (positive floats sort as integers). A second kernel finds the
-// triangle that has the nearest depth; equal depths go to the first triangle. shade_nearest does the rest.
+// Depth is determined by an atomic minimum over its bits (positive floats are ordered like integers). A second kernel
+// finds the triangle that has the nearest depth; of several at equal depth, the first one. shade_nearest does the
+// rest.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
-// As in the watertight test, an edge function is the difference of two products, each rounded on its own, and each factor is
-// a fixed function of corner and pixel. Its sign is therefore exactly opposite in the triangle next door, and all triangles
-// at a vertex agree. A pixel on an edge belongs to both sides.
+// As in the watertight test, an edge function is the difference of two products, each rounded separately, and each
+// factor is a fixed function of corner and pixel. Its sign is therefore exactly opposite in the neighbouring
+// triangle, and all triangles at a vertex are consistent. A pixel on an edge belongs to both sides.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Functions defined above the pragma may be contracted, and differently in each place.
+// Functions defined before the pragma may be contracted, and differently in each place.
 float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// A function of the pixel that is linear in it: at(x, y) = c + x * dx + y * dy.
+// A linear function of the pixel: at(x, y) = c + x * dx + y * dy.
 typedef struct {
     float c, dx, dy;
 } Linear;
@@ -31,7 +32,7 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
 
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
-// A corner in pixels from the image's corner, across and down, both times its depth.
+// A corner in pixels, relative to the image's corner, across and down, both multiplied by its depth.
 typedef struct {
     float across, down, depth;
 } Projected;
@@ -52,17 +53,18 @@ Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
 typedef struct {
     Projected at[3];
     Linear per_depth;   // 1 / depth
-    int drawn;          // 0 for a triangle that is edge-on or culled
-    int2 low, high;     // pixels to look at: low <= pixel < high
+    int drawn;          // 0 if the triangle is edge-on or culled
+    int2 low, high;     // pixels to test: low <= pixel < high
 } Coverage;
 
 int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
-    // Corners with the pixel as origin, still times their depth: no division, so that corners behind the eye do no harm.
+    // Corners relative to the pixel, still multiplied by their depth. There is no division, so that corners behind
+    // the eye do no harm.
     const float ax = p[0].across - x * p[0].depth, ay = p[0].down - y * p[0].depth;
     const float bx = p[1].across - x * p[1].depth, by = p[1].down - y * p[1].depth;
     const float cx = p[2].across - x * p[2].depth, cy = p[2].down - y * p[2].depth;
-    // Edge functions: twice the signed areas that the pixel makes with each edge.
+    // Edge functions: twice the signed areas of the triangles between the pixel and each edge.
     const float u = cx * by - cy * bx;
     const float v = ax * cy - ay * cx;
     const float w = bx * ay - by * ax;
@@ -70,18 +72,18 @@ int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Widens the bounds by where a point in front of the near plane is seen.
+// Extends the bounds to include a point in front of the near plane.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
     const float x = clamp(uniform_dot(q, sx) / uniform_dot(sx, sx), -1.0f, image_size.x + 1.0f);
     const float y = clamp(uniform_dot(q, sy) / uniform_dot(sy, sy), -1.0f, image_size.y + 1.0f);
-    // One pixel more on each side: these coordinates are rounded, the edge functions decide.
+    // One more pixel on each side, since these coordinates are rounded; the edge functions decide exactly.
     coverage->low = min(coverage->low, (int2)((int)floor(x) - 1, (int)floor(y) - 1));
     coverage->high = max(coverage->high, (int2)((int)ceil(x) + 1, (int)ceil(y) + 1));
 }
 
-// The pixels that the part of the triangle in front of the near plane may cover.
+// Finds the pixels that the part of the triangle in front of the near plane may cover.
 void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 n = uniform_cross(sx, sy);
@@ -96,7 +98,7 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
         if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
         // The edge crosses the near plane: its visible part ends there.
         if ((zp > z_near) == (zq > z_near)) continue;
-        if (z_near == 0.0f) { // the edge reaches the eye's own plane, and may be seen anywhere
+        if (z_near == 0.0f) { // the edge reaches the plane of the eye, and may be visible anywhere
             coverage->low = (int2)(0, 0);
             coverage->high = image_size;
             continue;
@@ -114,7 +116,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
                            uniform_difference(at.c, from)};
     const Uniform3 n = uniform_cross(uniform_difference(at.b, at.a), uniform_difference(at.c, at.a));
-    // The sign says which side of the triangle the eye is on.
+    // The sign shows on which side of the triangle the eye is.
     const float det = uniform_dot(p[0], n);
     Coverage coverage;
 #if CULL_BACK
@@ -131,7 +133,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     return coverage;
 }
 
-// The bits of the triangle's depth at a pixel, or NO_HIT where it does not cover it.
+// Returns the bits of the triangle's depth at a pixel, or NO_HIT if the triangle does not cover it.
 int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const float px = x + 0.5f, py = y + 0.5f;
     if (!covers(coverage, px, py)) return NO_HIT;
@@ -155,7 +157,7 @@ __kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
     COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // Triangles race for the pixel; the nearest depth wins, whatever the order.
+        // Triangles compete for the pixel; the nearest depth wins in any order.
         if (bits != NO_HIT) atomic_min(depth + (size_t)y * image_size.x + x, bits);
     }
 }
@@ -165,7 +167,8 @@ __kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
     FOR_COVERED_PIXELS(coverage) {
         const size_t pixel = (size_t)y * image_size.x + x;
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // The same arithmetic gives the same bits: the triangle with the winning depth recognises it. Ties go to the lower number.
+        // The same arithmetic gives the same bits, so the triangle with the nearest depth recognises it. Of equal
+        // depths, the lowest triangle number is kept.
         if (bits != NO_HIT && bits == depth[pixel]) atomic_min(nearest_triangle + pixel, triangle);
     }
 }

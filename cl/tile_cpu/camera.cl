@@ -2,7 +2,7 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
-// The pixels of a vector of a tile.
+// Returns the pixels of a vector of a tile.
 Pixels tile_pixels(int vector, int2 image_size) {
     Pixels pixels;
     pixels.x = (int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X;
@@ -11,21 +11,21 @@ Pixels tile_pixels(int vector, int2 image_size) {
     return pixels;
 }
 
-// The interval of corner + x step_x + y step_y over each vector's block of pixels, widened by its rounding. x and y
-// are the first pixel's.
+// Computes the interval of corner + x step_x + y step_y over each vector's block of pixels, extended by its rounding
+// error. x and y belong to the first pixel.
 void slice_axis(float corner, float step_x, float step_y, float16 x, float16 y, float16 *low, float16 *high) {
-    // A direction is linear in x and y, so that its least and its most lie at corners of the block.
+    // A direction is linear in x and y, so its smallest and largest values lie at corners of the block.
     const float16 from_x = x * step_x, from_y = y * step_y;
     const float across = (BLOCK_X - 1) * step_x, down = (BLOCK_Y - 1) * step_y;
     const float16 base = corner + from_x + from_y;
-    // Rounding of the terms: the interval must hold every direction that make_camera_rays computes.
+    // Rounding errors of the terms: the interval must contain every direction that make_camera_rays computes.
     const float16 rounding =
         5e-7f * (fabs(from_x) + fabs(from_y) + (float16)(fabs(corner) + fabs(across) + fabs(down)));
     *low = base + (min(across, 0.0f) + min(down, 0.0f)) - rounding;
     *high = base + (max(across, 0.0f) + max(down, 0.0f)) + rounding;
 }
 
-// Where the tile's directions lie, without making any ray; returns their largest component.
+// Computes the intervals of the tile's directions without making any ray; returns their largest component.
 float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
     float16 longest = (float16)(0.0f);
     for (int part = 0; part < PARTS; part++) {
@@ -41,12 +41,12 @@ float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
             longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
 #if VECTORS < 16
         for (int axis = 0; axis < 3; axis++) {
-            // Lanes without a vector hold an empty interval, which meets nothing.
+            // Lanes without a vector get an empty interval, which overlaps no box.
             slices->low[axis][part] = SELECT(vector < VECTORS, slices->low[axis][part], (float16)(FAR));
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
 #endif
-        // Blocks wholly outside the image reach nowhere.
+        // Blocks completely outside the image get a reach of zero.
         slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
     }
     return most_lane(longest);
@@ -61,7 +61,7 @@ uint make_camera_rays(Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;
-        // Nothing hit yet: a nearest hit at infinity. Lanes outside the image are done before they begin.
+        // No hit yet: the nearest hit is at infinity. Lanes outside the image are finished from the start.
         bundle->inv_t[vector] = SELECT(pixels.inside, (varying)(LEAST_INV_T), (varying)(FAR));
         bundle->place[vector] = (varying_int)(NO_HIT);
         prepare_rays(bundle, vector, pixels.inside);

@@ -1,12 +1,13 @@
-// A tile of rays with a common origin (the eye, or a light) walks the tree together. A work-item owns the tile, as
-// VECTORS vectors of WIDTH rays in private memory; a bit of a `live` mask stands for a vector.
+// A tile of rays with a common origin (the eye, or a light) traverses the tree together. A work-item owns the tile,
+// as VECTORS vectors of WIDTH rays in private memory. A bit of a `live` mask stands for a vector.
 //
-// A node's children are tested at once against the interval of the tile's directions, then child by child against the
-// intervals of its vectors, at once too (slices.cl). Rays are tested against boxes only where such an interval says
-// little (scattered.cl). A leaf's triangles meet the rays of the vectors that are left (intersect/).
+// All children of a node are tested at once against the interval of the tile's directions; then each child is tested
+// against the intervals of all vectors at once (slices.cl). Single rays are tested against boxes only if their
+// vector's interval is too wide to be useful (scattered.cl). A leaf's triangles are tested against the rays of the
+// remaining vectors (intersect/).
 
 #include "common/tile.cl"
-#if WATERTIGHT // also for vectors whose rays share no axis
+#if WATERTIGHT // also for vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"
 #endif
 #include "common/tree.cl"
@@ -26,7 +27,7 @@
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
-// Lanes of a float16 are rays of a vector, or a tile's vectors, 16 at a time.
+// Lanes of a float16 are the rays of a vector, or 16 of a tile's vectors.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 
@@ -39,23 +40,23 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// The shear that the rays of a vector share, for the watertight test.
+// The shears of a vector's rays along their common axis, for the watertight test.
 typedef struct {
-    varying x[VECTORS], y[VECTORS]; // -d_(k+1) / d_k, mirrored against the axis, and -d_(k+2) / d_k, for the axis k
+    varying x[VECTORS], y[VECTORS]; // -d_(k+1) / d_k, mirrored for rays against the axis, and -d_(k+2) / d_k, for the axis k
     int axis[VECTORS];
-    float forward[VECTORS]; // 1, or -1 where the rays run against their axis
+    float forward[VECTORS]; // 1, or -1 if the rays run against their axis
 } Shears;
 
-// Rays of a tile. Distances are kept as 1 / t: a t is the same for all rays that meet a triangle, so that this needs no
-// division, and what is far away is zero.
+// The rays of a tile. Distances are stored as 1 / t, which is linear over a triangle, so that the test needs no
+// division; 0 means infinitely far.
 typedef struct {
     Uniform3 origin;
-    float too_near; // hits at the nearest t that is seen have this 1 / t
-    float longest;  // of the directions, the largest component
+    float too_near; // 1 / t of the nearest distance at which hits count
+    float longest;  // the largest component of all directions
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
-    varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR: the ray is done
-    varying_int place[VECTORS]; // the nearest triangle so far, in leaf order
-    uint scattered;             // vectors of shadow rays whose directions lie far apart, a bit each
+    varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
+    varying_int place[VECTORS]; // the nearest triangle so far, as an index in leaf order
+    uint scattered;             // vectors of shadow rays whose directions differ much, one bit each
     varying per[3][VECTORS];    // the reciprocals of their directions
 #if WATERTIGHT
     Shears shears;
@@ -69,7 +70,7 @@ typedef struct {
 } SurfaceTree;
 
 float least_lane(float16 v) {
-    // Halves against each other: 16 lanes, 8, 4, 2, 1.
+    // Compares halves: 16 lanes, 8, 4, 2, 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
     const float2 c = min(b.lo, b.hi);

@@ -1,10 +1,10 @@
-// The kernels of a frame cast in tiles: whole, or its nearest hits and their shading apart.
+// The kernels of a frame that is cast in tiles: the whole frame, or nearest hits and shading separately.
 
-// Finds the nearest hits of the camera's rays: places in leaf order, in the bundle. Returns 0, without making any ray, where
-// all of them miss the scene.
+// Finds the nearest hits of the camera's rays and stores their indices in leaf order in the bundle. Returns 0,
+// without making any ray, if all rays miss the scene.
 int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
-    // First the intervals alone, which cost far less than 512 rays.
+    // First only the intervals are tested, which costs far less than 512 rays.
     bundle->longest = slice_camera(eye, corner, step_x, step_y, image_size, &slices);
     bundle->origin = LOAD3((const float *)&eye);
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
@@ -47,7 +47,7 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
     BIND_SURFACE_TREE(tree)   \
     Lighting lighting;        \
     BIND_LIGHTING(lighting)
-// There are no barriers.
+// These kernels have no barriers, so work-items outside the image may return.
 #define LEAVE_OUTSIDE(image_size) \
     if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;
 
@@ -56,17 +56,17 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
-    // Primary rays, then, from each light in turn, shadow rays to where they hit.
+    // Primary rays, then, from each light in turn, shadow rays to the hits.
     if (find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size))
         shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
     else
         store_background(image, image_size, background);
 }
 
-// Where the numbers of the tile's vectors lie: tile by tile, for only the next pass reads them.
+// Returns where the numbers of the tile's vectors are stored: tile by tile, since only the next pass reads them.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
-// The place in leaf order of every pixel's nearest triangle, or NO_HIT.
+// Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.
 __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
     SurfaceTree tree;

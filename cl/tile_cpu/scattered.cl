@@ -1,30 +1,33 @@
-// Vectors of shadow rays whose hits lie far apart, where one surface ends before another: the interval of their
-// directions holds nearly everything, so that their rays are tested against boxes one by one.
+// Scattered vectors: vectors of shadow rays whose hits lie far apart, as at the edge between two surfaces. The
+// interval of their directions contains nearly everything, so each of their rays is tested against boxes.
 
-// Hits count as far apart from this multiple of their distance on a plane across the view.
+// Hits are far apart if their distance from each other exceeds this multiple of a block's width at their distance
+// from the eye.
 #define SCATTERED 8.0f
 
-// A pixel's side at a depth of 1.
+// Returns the width of a pixel at a depth of 1.
 float pixel_side(float4 step_x, float4 step_y) {
     const float4 longer = max(fabs(step_x), fabs(step_y));
     return max(max(longer.x, longer.y), longer.z);
 }
 
-// Vectors whose hits lie that far apart, by the intervals of their directions from a light: a bit each. `block_side` is
-// that of a vector's pixels at a depth of 1.
+// Returns the vectors whose hits lie that far apart, one bit each, computed from the intervals of their directions
+// from a light. `block_side` is the width of a vector's block of pixels at a depth of 1.
 uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
-        float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // of the eye, at least
+        float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // from the eye, a lower bound
         for (int axis = 0; axis < 3; axis++) {
-            // A shadow ray's direction ends at the hit, so that the interval of directions is the box around the hits.
+            // A shadow ray's direction vector ends at the hit, so the interval of directions is the box around the
+            // hits.
             const float16 low = directions->low[axis][part], high = directions->high[axis][part];
             const float16 away = max(max(offset[axis] + low, -offset[axis] - high), 0.0f);
             apart = max(apart, high - low);
             distance_squared += away * away;
         }
-        // Squares, for want of a square root: apart > 8 * (side of the block at the hits' distance from the eye).
+        // Compares squares, to avoid a square root: apart > 8 * (width of the block at the hits' distance from the
+        // eye).
         const float most = SCATTERED * block_side;
         scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
     }
@@ -35,7 +38,7 @@ varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Makes the bundle ready for rays_meet.
+// Prepares the bundle for rays_meet.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -46,7 +49,7 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Those of some scattered vectors with a ray that is not done and meets a child's box before t = 1.
+// Returns those of some scattered vectors with an unfinished ray that enters a child's box before t = 1.
 uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

@@ -1,6 +1,7 @@
-// Shading a tile's nearest hits.
+// Shades a tile's nearest hits.
 
-// Each lane's row of three float4, as 12 columns: a load of 16 bytes per lane and quad, transposed in registers.
+// Loads each lane's row of three float4 as 12 columns: one load of 16 bytes per lane and quad, transposed in
+// registers.
 void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
     IntLanes at;
     at.all = places * 3;
@@ -10,7 +11,7 @@ void gather_rows(const __global float4 *rows, varying_int places, varying *colum
         const float16 b = (float16)(from[at.each[4]], from[at.each[5]], from[at.each[6]], from[at.each[7]]);
         const float16 c = (float16)(from[at.each[8]], from[at.each[9]], from[at.each[10]], from[at.each[11]]);
         const float16 d = (float16)(from[at.each[12]], from[at.each[13]], from[at.each[14]], from[at.each[15]]);
-        // Four quads to a register, then even and odd lanes apart, twice: 16 rows become 4 columns.
+        // Four quads per register; then even and odd lanes are separated twice: 16 rows become 4 columns.
         const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
         const float16 yw = (float16)(a.odd, b.odd), yw2 = (float16)(c.odd, d.odd);
         column[4 * quad] = (float16)(xz.even, xz2.even);
@@ -43,7 +44,7 @@ Surface one_material(const __global float *material) {
     return surface;
 }
 
-// The materials of a vector's hits: mostly one.
+// Gathers the materials of a vector's hits, which mostly have a common one.
 Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
@@ -62,7 +63,7 @@ Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     return surface;
 }
 
-// Where a vector's rays hit, and the surface there.
+// The hits of a vector's rays, and the surface there.
 typedef struct {
     Vec3 point, normal, to_eye;
     Surface surface;
@@ -78,7 +79,8 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, var
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
-    // t and weights from scratch, as every strategy computes them: whoever found the triangle, the picture is the same.
+    // t and weights are computed again, as in every strategy, so that the picture does not depend on the test that
+    // found the triangle.
     const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
     shaded->point = along(ray.origin, hit.t, ray.direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
@@ -90,8 +92,8 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, var
                                SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2);
 }
 
-// Turns a vector of hits into rays from a light to them, their slice, and the radiance that arrives if nothing is in
-// between. Returns where the light can arrive at all.
+// Converts a vector of hits to rays from a light to them, their interval of directions, and the radiance that arrives
+// if nothing is in between. Returns the lanes that the light can reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
     const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
@@ -99,15 +101,15 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying distance = sqrt(squared);
     const varying per_distance = 1.0f / distance;
     const Vec3 to_light = scale(offset, per_distance);
-    // A light behind the surface, or on it, sends nothing.
+    // A light behind the surface, or on it, contributes nothing.
     const varying cosine = dot3(to_light, shaded->normal);
     const Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
     if (!ANY(lit)) return lit;
     const Vec3 f = reflectance(&shaded->surface, to_light, shaded->to_eye, shaded->normal, lit);
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
-    // The radiance if nothing is in between: power / (4 pi r^2) times f times the cosine.
+    // The radiance without an occluder: power / (4 pi r^2) times f times the cosine.
     *arriving = scale(multiply(power, f), cosine / (4.0f * M_PI_F * squared));
-    // The shadow ray runs from the light, so that all rays of the tile share an origin again.
+    // The shadow ray starts at the light, so that all rays of the tile have a common origin again.
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
@@ -117,7 +119,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
-        // The vector's interval of directions: one lane of a slice.
+        // The vector's interval of directions is one lane of the slices.
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }
@@ -125,8 +127,8 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Makes a light's rays to the hits of the tile's vectors, which it finds for the first light and keeps for others.
-// Returns the vectors with any.
+// Makes a light's rays to the hits of the tile's vectors. The hits are computed for the first light and kept for
+// others. Returns the vectors with any rays.
 uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
                      CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
@@ -145,9 +147,9 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
         const int vector = LOWEST_BIT(left);
         const Mask hits = bundle->place[vector] != NO_HIT;
 #if SOFT
-        const Shaded *surface = shaded + vector; // which is known
+        const Shaded *surface = shaded + vector; // computed for the first light
 #else
-        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // those of one light are not kept
+        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not kept
         if (light == 0) {
             const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
             meet_vector(tree, lighting, ray, bundle->place[vector], hits, surface);
@@ -162,7 +164,7 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
     return open;
 }
 
-// Four pixels side by side, as the image has them.
+// Returns four neighbouring pixels in the image's format.
 float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
     // From four planes of colour to r g b hit, r g b hit, ...
     const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
@@ -178,7 +180,8 @@ float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
-// store_radiance for a vector of a tile: a row of four pixels at once where all are inside and rows begin aligned.
+// Does the same as store_radiance for a vector of a tile: a row of four pixels at once if all are inside and rows are
+// aligned.
 void store_block(__global float4 *restrict image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     const int x = pixels.x.s0, y = pixels.y.s0;
     if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
@@ -206,8 +209,8 @@ void store_background(__global float4 *restrict image, int2 image_size, float4 b
 #include "tile_cpu/soft.cl"
 #endif
 
-// For each light: the radiance of the tile's hits if nothing is in between, then a walk from the light, which finds the hits
-// that are in shadow.
+// For each light: computes the radiance of the tile's hits if nothing is in between, then traverses the tree from the
+// light to find the hits that are in shadow.
 void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS, int2 image_size,
                 float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -240,7 +243,7 @@ void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lightin
         walk(bundle, &slices, &cone, tree, open, 1);
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
-            // A shadow ray that hit something was set to FAR; the others bring their light.
+            // A shadow ray that hit something was set to FAR; the others add their light.
             sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }

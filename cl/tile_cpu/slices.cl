@@ -1,23 +1,23 @@
 // Bounds of a tile's rays: intervals of their directions, for the whole tile (a Cone) and for each of its vectors (Slices).
 
-// Relative widening of an interval of reciprocals, more than their rounding error.
+// Relative extension of an interval of reciprocals; more than their rounding error.
 #define RECIPROCAL_ROUNDING 3e-7f
-// Directions with smaller components count as zeros.
+// Smaller components of directions count as zero.
 #define NO_DIRECTION 1e-20f
-// The least 1 / t, so that t is finite.
+// The smallest 1 / t, so that t is finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of directions lie from low to high; where the directions' sign changes they are mixed, and lie below
-// low and above high.
+// The reciprocals of directions lie between low and high. If the sign of the directions changes, the axis is mixed,
+// and they lie below low and above high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3];
 } Cone;
 
-// The same for each vector; a lane is a vector. Those without rays are from FAR to -FAR.
+// The same for each vector, with one lane per vector. Lanes without rays have the interval from FAR to -FAR.
 typedef struct {
     float16 low[3][PARTS], high[3][PARTS];
-    float16 reach[PARTS]; // t up to which something can be hit
+    float16 reach[PARTS]; // the largest t at which something can be hit
 } Slices;
 
 #if NODE_WIDTH == 8
@@ -42,19 +42,21 @@ typedef uint16 ChildWords;
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
-// A node's children, seen from the origin: the sides that the rays enter and leave by, and where the first does.
+// A node's children relative to the origin: the sides by which the rays enter and leave, and where the first ray
+// enters.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;
 } Boxes;
 
-// Turns intervals of directions into those of their reciprocals.
+// Converts intervals of directions to intervals of their reciprocals.
 void invert_intervals(float16 *low, float16 *high) {
-    // 1 / d falls as d grows, so that the ends change places; where zero lies between them, the reciprocals are two half-lines.
+    // 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
+    // half-lines.
     const float16 least = *low, most = *high;
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
     const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
-    // Moved outwards by more than a reciprocal's rounding. An end at zero becomes infinity, which here is FAR.
+    // Extended by more than a reciprocal's rounding error. An end at zero becomes infinity, represented by FAR.
     const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
     const float16 b = SELECT(mixed & (most <= NO_DIRECTION), (float16)(FAR), up + RECIPROCAL_ROUNDING * fabs(up));
     *low = SELECT(none, (float16)(FAR), a);
@@ -63,19 +65,19 @@ void invert_intervals(float16 *low, float16 *high) {
 
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
-    // Across parts first, lane by lane, then across lanes.
+    // The minimum and maximum over parts, lane by lane, then over lanes.
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
     *least = least_lane(l);
     *most = most_lane(h);
 }
 
-// Finishes slices that hold intervals of directions, and finds the cone around them.
+// Completes slices that contain intervals of directions, and computes the cone around them.
 Cone finish_slices(Slices *slices) {
     Cone cone;
     for (int axis = 0; axis < 3; axis++) {
         float least, most;
         whole_tile(slices->low[axis], slices->high[axis], &least, &most);
-        // The cone is taken from directions, before the slices are turned into reciprocals.
+        // The cone is computed from directions, before the slices are converted to reciprocals.
         cone.mixed[axis] = least <= NO_DIRECTION && most >= -NO_DIRECTION;
         cone.negative[axis] = !cone.mixed[axis] && most < 0.0f;
         float16 low = (float16)(least), high = (float16)(most);
@@ -88,19 +90,21 @@ Cone finish_slices(Slices *slices) {
     return cone;
 }
 
-// Children of a node that a cone meets before `reach`: a bit each.
+// Returns the children of a node that a cone meets before `reach`, one bit each.
 uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node, float reach, Boxes *boxes) {
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays that run towards smaller x come to the box's high side first. The cone's sign decides that for the whole tile.
+        // Rays that run towards smaller x reach the box's high side first. The cone's sign decides that for the whole
+        // tile.
         const int negative = cone->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (cone->mixed[axis]) {
-            // Mixed signs: rays may run either way, so that this axis bounds the entry only where the origin lies outside.
+            // Mixed signs: rays may run in both directions, so this axis bounds the entry only if the origin lies
+            // outside.
             entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
         } else {
             // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.
@@ -113,18 +117,18 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Vectors that meet a child: a bit each.
+// Returns the vectors that meet a child, one bit each.
 uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
-        // The same slab test for one child, with a vector of rays in each lane.
+        // The same slab test for one child, with one vector of rays per lane.
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
             // Interval arithmetic: products of the sides with both ends of 1 / d.
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
-            if (cone->mixed[axis]) { // near may be far, and directions of a vector may be mixed too
+            if (cone->mixed[axis]) { // near may be far, and the directions of a vector may be mixed too
                 const int16 mixed = (low < 0.0f) & (high > 0.0f);
                 first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
                 last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));
@@ -132,13 +136,13 @@ uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int
             entry = max(entry, first);
             leave = min(leave, last);
         }
-        // A vector also drops out where its furthest ray has already hit something nearer.
+        // A vector is also excluded if all its rays have already hit something nearer.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;
 }
 
-// Vectors that reach further than `entry`.
+// Returns the vectors that reach farther than `entry`.
 uint reaching(const Slices *slices, float entry) {
     uint bits = 0;
     for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
@@ -151,14 +155,15 @@ float furthest(const Slices *slices) {
     return most_lane(most);
 }
 
-// The reach of vectors whose rays have hit something.
+// Updates the reach of vectors whose rays have hit something.
 void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
-        // The least 1 / t of a vector belongs to the ray that may still hit the furthest triangle.
+        // The smallest 1 / t of a vector belongs to the ray that may still hit the farthest triangle.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // A lane indexed at run time: a selection keeps the slices in registers, an address would not.
+            // Selects a lane by an index at run time. A selection keeps the slices in registers; an address would
+            // not.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

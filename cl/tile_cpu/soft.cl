@@ -1,9 +1,9 @@
-// Rays of a tile that have no origin in common: to points of a light with a radius, and to the sky. Each vector of 16 walks the
-// tree by itself, as packets of single rays do.
+// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. Each vector of 16 rays
+// traverses the tree separately, like a packet.
 
 #include "cast/bvh_node.cl"
 
-// Lanes of `wanted` whose rays something stops before t_max.
+// Returns the lanes of `wanted` whose ray is stopped before t_max.
 Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(from, way);
     Waiting stack[STACK_SIZE];
@@ -25,7 +25,8 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
     return wanted & !open;
 }
 
-// Adds to the sums of a tile's vectors what a light with a radius sends them: from another point of it to each pixel.
+// Adds the light of a source with a radius to the sums of a tile's vectors, from a different point of it for each
+// pixel.
 void add_soft_light(const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light, int2 image_size,
                     const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;
@@ -51,7 +52,8 @@ void add_soft_light(const Bundle *bundle, const SurfaceTree *tree, const Lightin
 }
 
 #if SKY
-// The same of the sky: a direction as likely as its cosine with the normal is large, so that k_L times its radiance arrives.
+// Adds the light of the sky, from a direction whose probability is proportional to its cosine with the normal, so
+// that k_L times its radiance arrives.
 void add_sky(const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size, const Shaded *shaded,
              Vec3 *sum) {
     const Soft *soft = &lighting->soft;

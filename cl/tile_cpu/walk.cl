@@ -1,35 +1,35 @@
-// A tile's walk down the tree.
+// The traversal of the tree by a tile.
 
-// An entry of the stack: a node or a leaf, the t at which the tile comes to it, and the vectors that go there.
+// An entry of the stack: a node or a leaf, the t at which the tile enters it, and the vectors that visit it.
 typedef struct {
     uint word;
     float entry;
     uint live;
 } WaitingTile;
 
-// The four cache lines that the bounds of eight children or the first triangles of a leaf fill.
+// Prefetches the four cache lines with the bounds of eight children or the first triangles of a leaf.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Puts the children of a node that vectors of `live` meet on the stack, the nearest last.
+// Puts the children of a node that vectors of `live` meet onto the stack, the nearest last.
 int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
                   uint live, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], kept = 0;
     const float reach = any ? 1.0f : furthest(slices);
-    // First the whole tile against all children at once; then, child by child, the vectors.
+    // First the whole tile is tested against all children at once; then the vectors, child by child.
     for (uint met = children_meet(cone, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_meet(slices, cone, &boxes, child);
-        // Intervals say little of scattered vectors: their rays are tested one by one.
+        // The intervals of scattered vectors are too wide, so their rays are tested one by one.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_meet(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
-        // It will be visited soon: its cache lines are under way while the others are tested.
+        // The child will be visited soon: its cache lines are loaded while the others are tested.
         fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
         kept |= 1u << child;
     }
@@ -39,7 +39,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
         //     entries 5 2 9: child 0 has one above 5 (the 9), child 1 has two, child 2 none  ->  stack, from below: 9 5 2
         const uint before = kept & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
-        // Any hit will do: in any order.
+        // For any hit, the order does not matter.
         const uint below =
             any ? before : (kept & CHILD_BITS(boxes.entry > entry)) | (before & CHILD_BITS(boxes.entry == entry));
         WaitingTile *place = stack + waiting + popcount(below);
@@ -50,7 +50,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
     return waiting + popcount(kept);
 }
 
-// Walks the tree with a bundle's rays. With `any`, until every ray is done or has met nothing.
+// Traverses the tree with a bundle's rays; with `any`, until every ray is finished or has met nothing.
 void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
     WaitingTile stack[STACK_SIZE];
     // The root, with every vector that has a ray.
@@ -60,7 +60,8 @@ void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *t
     int waiting = 1;
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // Since this was pushed, rays have hit something: vectors that reach no further than this entry stay behind.
+        // Since this entry was pushed, rays may have hit something: vectors that do not reach as far as this entry
+        // are left out.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
@@ -68,7 +69,7 @@ void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *t
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
-        // Shadow rays that hit are done; other rays now reach less far.
+        // Shadow rays with a hit are finished; for other rays the reach is now smaller.
         if (any) open &= ~changed;
         else update_reach(bundle, slices, changed);
     }

@@ -1,10 +1,10 @@
-// A tile of rays with a common origin (the eye, or a light) walks the tree together, as in tile_cpu/; but here a group of
-// 32 work-items owns the tile. Lane i has RAYS of its rays, tests child i of a node and prepares triangle i of a leaf.
-// The group's stack, and the triangles that its rays have to test, lie in __local memory.
+// A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a
+// group of 32 work-items owns the tile. Lane i has RAYS of its rays, tests child i of a node and prepares triangle i
+// of a leaf. The group's stack, and the triangles that its rays have to test, are in __local memory.
 //
-// A pass takes rays that run along one axis of the scene, say z. Seen from their origin a ray is then the points
-// (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the largest 1/z, which over a triangle is linear
-// in x and y. So are the functions that tell inside from outside.
+// A pass consists of rays that run mainly along one axis of the scene, say z. Relative to their origin, a ray then
+// consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the largest 1/z,
+// which is linear in x and y over a triangle. The edge functions are linear too.
 
 #include "common/tile.cl"
 #if WATERTIGHT
@@ -37,22 +37,22 @@
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
-// Rays join a pass if the axis has more than this part of their direction; the leader's has at least a third.
+// A ray joins a pass if the axis has more than this fraction of its direction; the leader's has at least a third.
 #define ALONG_AXIS 0.25f
-// Where rays are grouped: how many times further from the leader than those beside it they may be: as far as pixels of a
-// tile are.
+// If rays are grouped: the largest distance from the leader, as a multiple of the distance between neighbouring rays.
+// It corresponds to the width of a tile.
 #define NEIGHBOURS ((float)TILE_X)
-// A leader is sought here first: in the middle of the lanes' 8 x 4 pixels.
+// A leader is first searched here, in the middle of the lanes' 8 x 4 pixels.
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"
 
-// A lane's rays in a pass. A ray that takes no part, or is done, has nearest = FAR.
+// A lane's rays in a pass. A ray that takes no part, or is finished, has nearest = FAR.
 typedef struct {
     float x[RAYS], y[RAYS];
     float nearest[RAYS]; // 1/z of the nearest hit so far, or of where the ray ends
-    float ceiling[RAYS]; // 1/z from which on nothing is seen
-    int place[RAYS];     // the nearest triangle so far, in leaf order
+    float ceiling[RAYS]; // hits at this 1/z or more are ignored
+    int place[RAYS];     // the nearest triangle so far, as an index in leaf order
 } Beam;
 
 // A lane's rays before they are grouped: directions of any length, and the 1/t in units of these at which all of them
@@ -62,7 +62,7 @@ typedef struct {
     float per_begin, per_end;
 } Ways;
 
-// The part of a direction along a pass's axis, if it lies well along it, else 0.
+// Returns the component of a direction along a pass's axis, if it is large enough, else 0.
 INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
     const float depth = shaft->sign * component(x, y, z, shaft->along);
     return depth > ALONG_AXIS * (fabs(x) + fabs(y) + fabs(z)) ? depth : 0.0f;
@@ -70,10 +70,12 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// How far apart, in slopes, a leader's ray and those of the pixels beside it are: in its row and its column the nearer
-// one, and of the two the further. Each lane says how far from the leader's its ray is. FAR without any beside it.
+// Returns the distance, in slopes, between the leader's ray and those of neighbouring pixels: the nearer neighbour in
+// its row and the nearer one in its column, and of these two the farther. `distance` is this lane's distance from the
+// leader's ray. FAR without neighbours.
 INLINED float spacing_at(const Group *group, float distance, int leader) {
-    // Neighbours of a lane in its block: one beside it, eight above or below; wrapped around, which gives a ray farther away.
+    // Neighbours of a lane in its block: one beside it, eight above or below. At an edge the index wraps around,
+    // which gives a more distant ray.
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
     const float right = lane_get_float(group, distance, row | ((leader + 1) & 7));
@@ -83,40 +85,42 @@ INLINED float spacing_at(const Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Chooses the rays of `todo` that go with some leader's, and makes their shaft and beam. With `close`, they must be
-// close to it in direction. Returns this lane's; a leader's own ray is among them, unless it has no direction.
+// Chooses a leader and the rays of `todo` that go with it, and makes their shaft and beam. With `close`, only rays
+// close to the leader's direction are chosen. Returns this lane's rays in the pass. The leader's ray is among them,
+// unless it has no direction.
 INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
-    // All lanes must agree on one leader, preferably in the middle of the tile, where it stands for most.
+    // All lanes must agree on one leader, preferably in the middle of the tile, where it represents most rays.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    const uint first = lane_get(group, todo & (0u - todo), leader); // the leader's first ray, and those in its place
+    const uint first = lane_get(group, todo & (0u - todo), leader); // the leader's first ray, and other lanes' rays at that bit
     Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);
     const Uniform3 own = way;
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
-    // The axis that the leader runs along most of all becomes the pass's z.
+    // The axis along which the leader runs most becomes the pass's z.
     aim(group, tree, origin, way, shaft);
 
     // Its slopes: the other two components per unit of z.
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
     const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
-    // Rays from the eye are close to each other by themselves; hits, and so shadow rays, may lie on several surfaces.
+    // Rays from the eye are close to each other; hits, and so shadow rays, may lie on several surfaces.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
         const float x = component(own.x, own.y, own.z, shaft->across) * per_depth;
         const float y = component(own.x, own.y, own.z, shaft->down) * per_depth;
-        // Spacing between neighbouring rays, times the width of a tile: what rays of one surface differ by at most.
+        // Distance between neighbouring rays, times the width of a tile: the largest difference between rays to one
+        // surface.
         const int beside = (todo & first) && depth > 0.0f;
         const float spacing = spacing_at(group, beside ? fabs(x - leader_x) + fabs(y - leader_y) : FAR, leader);
         tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
     }
 
-    // Each ray in slopes, and the box around all that join.
+    // The slopes of each ray, and the box around all that join.
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {
@@ -137,7 +141,7 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
         beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
         beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
     }
-    // Each lane's least and most become the group's.
+    // The group's minimum and maximum over all lanes.
     widen(shaft, lane_min(group, low_x), lane_max(group, high_x), lane_min(group, low_y), lane_max(group, high_y));
     return joining;
 }

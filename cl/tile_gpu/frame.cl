@@ -1,7 +1,7 @@
-// Rays from the eye, cast in tiles that groups own: a tile's pixels and their nearest hits. shadow.cl casts the shadow rays of a
-// round of lights, shade.cl those of them that were left over, and shades.
+// Rays from the eye, cast in tiles that groups own: a tile's pixels and their nearest hits. shadow.cl casts the
+// shadow rays of a round of lights; shade.cl casts leftover ones, and shades.
 
-// Tiles of a work-group lie in a square where they can, so that they read the same part of the tree.
+// The tiles of a work-group form a square if possible, so that they read the same part of the tree.
 #ifndef TILES_ACROSS
 #error "TILES_ACROSS: tiles of a work-group side by side"
 #endif
@@ -37,7 +37,7 @@ typedef struct {
     int x, y, inside;
 } Pixel;
 
-// The pixel of a lane's ray in a row of work-groups: a tile is blocks of 8 x 4 pixels.
+// Returns the pixel of a lane's ray in a row of work-groups; a tile consists of blocks of 8 x 4 pixels.
 INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     // Work-group, tile within it, block within the tile, pixel within the block.
@@ -50,21 +50,21 @@ INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size
     return pixel;
 }
 
-// The same in the work-group's own row of the image, of which this may be a band.
+// Does the same for the work-group's own row of the image, which may be a band of it.
 INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
     return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
 }
 
 INLINED uint index_of(Pixel pixel, int2 image_size) { return (uint)pixel.y * (uint)image_size.x + (uint)pixel.x; }
 
-// A direction of depth 1 through a pixel's centre, as camera_ray has it.
+// Returns the direction of depth 1 through a pixel's centre, like camera_ray.
 INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel) {
     const float x = pixel.x + 0.5f, y = pixel.y + 0.5f;
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
                 corner.z + x * step_x.z + y * step_y.z);
 }
 
-// The tile's rays from the eye. Returns those inside the image.
+// Makes the tile's rays from the eye. Returns those inside the image.
 INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
     uint inside = 0;
     EACH_RAY(ray) {
@@ -78,8 +78,8 @@ INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size,
     return inside;
 }
 
-// Finds the nearest triangle of each of a tile's rays from the eye, and stores its place in leaf order, or NO_HIT. Returns
-// the rays that hit.
+// Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
+// Returns the rays that hit.
 INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     uint done = 0;
@@ -90,7 +90,7 @@ INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETER
         Ways ways;
         Shaft shaft;
         const uint todo = camera_ways(group, eye, corner, step_x, step_y, image_size, &ways) & ~done;
-        // All lanes leave together: the calls below are the group's, not a lane's.
+        // All lanes leave together, since the calls below need the whole group.
         if (!lane_any(group, todo != 0)) break;
         const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
@@ -107,7 +107,7 @@ INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETER
     return hits;
 }
 
-// The nearest hits.
+// Stores the nearest hits.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS

@@ -1,6 +1,6 @@
-// The end of a round of lights, when tiles have cast their shadow rays: leftover shadow rays, and shading.
+// The end of a round of lights, after tiles have cast their shadow rays: leftover shadow rays, and shading.
 
-// Casts a pixel's leftover shadow rays, the whole group one ray at a time. Returns the lights that they reach.
+// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns the lights that they reach.
 INLINED uint cast_left_over(SOURCES_PARAMETER const Group *group, const Tree *tree, const __global float4 *surfaces,
                             CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
@@ -18,7 +18,7 @@ INLINED uint cast_left_over(SOURCES_PARAMETER const Group *group, const Tree *tr
         }
 #endif
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
-        // The ray again, from the light; alone in its shaft, whose box is a point.
+        // The ray again, from the light. It is the only ray of its shaft, whose box is a point.
         const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
@@ -63,7 +63,7 @@ INLINED void load_material(const __global float *material, Surface *surface) {
     surface->kind = material[7];
 }
 
-// The radiance that a hit sends to the eye from the lights of a word.
+// Returns the radiance that a hit reflects to the eye from the lights of a word.
 INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface, Meeting meeting,
                       Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
@@ -83,14 +83,14 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #endif
         const float squared = dot3(offset, offset);
         const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
-        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // it faces the light, but for rounding
+        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // it faces the light, up to rounding
         const Vec3 f = reflectance(surface, to_light, to_eye, meeting.normal, 1);
         sum = add(sum, scale(multiply(load_vec3(light + 3), f), cosine / (4.0f * M_PI_F * squared)));
     }
     return sum;
 }
 
-// What shading takes where triangles have textures; the comma is theirs.
+// The additional parameters of shading with textures, including the comma.
 #if TEXTURES
 #define TEXTURE_PARAMETERS const __global float4 *texture_rows, const __global uint *texture_words,
 #define TEXTURE_ARGUMENTS texture_rows, texture_words,
@@ -99,7 +99,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define TEXTURE_ARGUMENTS
 #endif
 
-// Adds to a pixel the radiance from those of a round's lights that reach it: a bit each in `reached`.
+// Adds the radiance from those of a round's lights that reach a pixel; `reached` has one bit per light.
 INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float4 *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, Pixel pixel, int place,
                          const __global float *lights, uint reached, float4 *sum) {
@@ -121,9 +121,9 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// Shades nearest hits by the lights of a round that reach them; the first round clears the image. The first `queue_rows`
-// rows of work-groups cast the leftover shadow rays, if no kernel did, and shade these pixels: few rays, each of which takes
-// long, while the other work-groups shade all pixels whose lights are known.
+// Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no kernel has
+// done so, the first `queue_rows` rows of work-groups cast the leftover shadow rays and shade these pixels. These are
+// few rays, each of which takes long; meanwhile the other work-groups shade all pixels whose lights are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -141,7 +141,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
                                           lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // Lights that were known to reach it, and those just found.
+                // Lights that were known to reach it, and those found now.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
                 float4 sum = first_light ? image[entry.x] : dark;
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
@@ -153,7 +153,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
         int place[RAYS];
         uint reached[RAYS];
-        EACH_RAY(ray) { // all rays' loads at once
+        EACH_RAY(ray) { // the loads of all rays at once
             const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
             place[ray] = pixel.inside ? nearest[index_of(pixel, image_size)] : NO_HIT;
         }
@@ -170,7 +170,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             if (reached[ray])
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
                             reached[ray] & ~SOME_LEFT_OVER, &sum);
-            // Pixels that wait for the queue are stored by the groups that empty it.
+            // Pixels in the queue are stored by the groups that process it.
             if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;
         }
     }

@@ -1,7 +1,8 @@
 // Shadow rays of a round of lights: for each light, from it to the hits that face it.
 
-// Limits for a tile and one light: passes, each of rays that are close to each other, and words taken from the stack. Behind
-// a silhouette they are never enough: leftover shadow rays are then cast one at a time, each by a whole group.
+// Limits for a tile and one light: the number of passes, each of rays that are close to each other, and the number of
+// words taken from the stack. At silhouettes they are never enough; leftover shadow rays are then cast one at a time,
+// each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A lane's word has one bit for each light of a round and each of the lane's rays, light by light; the number of lights in a
@@ -22,7 +23,7 @@
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
 
-// Where a ray from the eye meets its nearest triangle; the normal is of any length.
+// The hit of a ray from the eye on its nearest triangle; the normal may have any length.
 typedef struct {
     Vec3 point, normal;
     int material;
@@ -42,7 +43,8 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 v0 = vec3(a.x, a.y, a.z);
     const Vec3 e1 = subtract(vec3(b.x, b.y, b.z), v0), e2 = subtract(vec3(c.x, c.y, c.z), v0);
-    // t and weights from scratch, as every strategy computes them: whoever found the triangle, the picture is the same.
+    // t and weights are computed again, as in every strategy, so that the picture does not depend on the test that
+    // found the triangle.
     const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
     const Vec3 n0 = vec3(na.x, na.y, na.z), n1 = vec3(nb.x, nb.y, nb.z), n2 = vec3(nc.x, nc.y, nc.z);
     Meeting meeting;
@@ -65,15 +67,15 @@ INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
     return camera_ray(eye, corner, step_x, step_y, one);
 }
 
-// The same without the material: enough to tell which lights the surface faces and where rays to them begin.
+// Returns the same without the material: enough to know which lights the surface faces, and where rays to them begin.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, Pixel pixel, int place) {
-#if PLANES_OF_ORIGIN // which tell t and weights at once; in slivers they are out by roundings, which shading must not be
+#if PLANES_OF_ORIGIN // which give t and weights at once; in slivers their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
     const __global float4 *normals = surfaces + 3 * (size_t)place;
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
-    // Four dot products at once: the weights, not yet of sum 1, and 1 / t.
+    // Four dot products at once: the weights, whose sum is not 1 yet, and 1 / t.
     const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
     Meeting meeting;
     meeting.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), way);
@@ -87,12 +89,13 @@ INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surface
 #endif
 }
 
-// Whether a surface faces a light, which is not on it: whether a shadow ray is to be cast.
+// Returns whether a surface faces a light and is not too close to it, so that a shadow ray is needed.
 INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
     return (dot3(offset, meeting.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
 
-// From a light to where a shadow ray ends, a bias before the hit; `offset` is from the hit to the light.
+// Returns the vector from a light to the end of its shadow ray, which is the distance `bias` before the hit. `offset`
+// points from the hit to the light.
 INLINED Vec3 way_to_hit(Vec3 offset, float bias) { return scale(offset, bias * rsqrt(dot3(offset, offset)) - 1.0f); }
 
 INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
@@ -100,7 +103,7 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #if SOFT
 #include "tile_gpu/soft.cl"
 #endif
-// What functions take where lights have a radius, or there is a sky; the comma is theirs.
+// The additional parameters of functions for lights with a radius or a sky, including the comma.
 #if SOFT
 #define SOURCES_PARAMETER const Sources *sources,
 #define SOURCES_ARGUMENT sources,
@@ -118,13 +121,13 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #define SOURCE_COUNT(light_count) light_count
 #endif
 
-// The rays from a light to the tile's hits, where they are wanted. Returns those that are to be cast.
+// Makes the rays from a light to the tile's hits, for the rays in `wanted`. Returns those that must be cast.
 INLINED uint light_ways(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                         int2 image_size, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
     uint cast = 0;
     ways->per_begin = FAR;
     ways->per_end = 1.0f;
-    EACH_RAY(ray) { // no branch: all rays' loads are under way at once
+    EACH_RAY(ray) { // no branch, so that the loads of all rays overlap
         const Pixel pixel = tile_pixel(group, ray, image_size);
         const int hit = HAS(wanted, ray) != 0;
         const int place = hit ? nearest[index_of(pixel, image_size)] : 0;
@@ -137,9 +140,9 @@ INLINED uint light_ways(const Group *group, const Tree *tree, const __global flo
     return cast;
 }
 
-// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` are those not decided.
-// Rays are computed again for each pass, and the places of hits are read again: kept, they would take registers during the
-// walk, and a second pass is rare.
+// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` receives those that
+// were not decided. Rays are computed again for each pass, and the indices of hits are read again. Keeping them would
+// take registers during the traversal, and a second pass is rare.
 INLINED uint unblocked(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                        int2 image_size, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -155,12 +158,13 @@ INLINED uint unblocked(const Group *group, const Tree *tree, const __global floa
         todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest,
                           vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
         if (!lane_any(group, todo != 0)) break;
-        // Of these, the ones close to a leader; the others wait for the next pass.
+        // The rays close to a leader; the others wait for the next pass.
         const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
         const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
         EACH_RAY(ray) {
-            // FAR says that something is in between. A walk cut short has proved nothing of the others.
+            // FAR means that something is in between. A traversal that was stopped early proves nothing for the other
+            // rays.
             const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
             clear |= open && enough ? 1u << ray : 0u;
             *left |= open && !enough ? 1u << ray : 0u;
@@ -171,11 +175,11 @@ INLINED uint unblocked(const Group *group, const Tree *tree, const __global floa
     return clear;
 }
 
-// Adds this lane's pixel to the queue, if it has lights left over; the group asks for room together.
+// Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
 INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
-    int first = 0; // and on, even if none is leaving: a compiler of barriers was seen to go wrong after a return here
-    // One atomic per group; lanes find their places by their ranks among those that leave.
+    int first = 0; // continues even if no lane has an entry: a compiler for barriers failed after a return here
+    // One atomic operation per group; each lane finds its entry by its rank among those with one.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
     if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, image_size), lights);
@@ -183,13 +187,13 @@ INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights
 
 // The buffers for the results of shadow rays.
 typedef struct {
-    __global uint *lit;    // a word of lights per pixel that hits
-    __global uint2 *queue; // pixels with the lights that are left over
-    __global int *queued;  // how many
+    __global uint *lit;    // one word of lights per pixel that hits something
+    __global uint2 *queue; // pixels with their leftover lights
+    __global int *queued;  // number of entries
 } Found;
 
-// Casts the shadow rays of a round's lights, from `first_light` on: a bit of a pixel's word tells that nothing is between
-// it and a light that it faces. Leftover shadow rays go to the queue.
+// Casts the shadow rays of a round's lights, from `first_light` on. A bit of a pixel's word is set if the pixel faces
+// that light and nothing is in between. Leftover shadow rays go to the queue.
 INLINED void find_lit(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                       int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
@@ -205,7 +209,7 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
         }
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
-        // A light after the other; its results are shifted to its own bits of both words.
+        // One light after the other; its results are shifted to its bits of both words.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);
@@ -213,7 +217,7 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
     }
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
-        // This pixel's bits of both words: a bit per light, and one that says whether to wait for the queue.
+        // This pixel's bits of both words: one bit per light, and one for being in the queue.
         const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
         if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray) | left;
     }
@@ -230,7 +234,7 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
     found.queue = queue;  \
     found.queued = queued;
 
-// Shadow rays of the nearest hits.
+// Casts the shadow rays of the nearest hits.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS
@@ -246,7 +250,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
 
-// Both, one after the other: while the last tiles' rays from the eye are cast, other tiles are at their shadow rays.
+// Casts both, one after the other: while the last tiles cast rays from the eye, other tiles already cast shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS

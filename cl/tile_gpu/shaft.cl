@@ -1,15 +1,16 @@
 // The axes of a pass of entry.cl, and the box of its rays' slopes.
 
-// a b + c, in one rounding where that is as fast as two. (PTX has it, whether or not the macro says so.)
+// a b + c, in a single rounding if that is as fast as two. (PTX has it, whether or not the macro is defined.)
 #if defined(FP_FAST_FMAF) || LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
 #define MULTIPLY_ADD(a, b, c) fma(a, b, c)
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// An interval of slopes is widened by this much: several times the rounding error of the numbers that it is compared with.
+// An interval of slopes is extended by this much: several times the rounding error of the numbers that it is compared
+// with.
 #define SLOPE_ROUNDING 1e-6f
 
-// Where the rays of a pass come from.
+// The origin of the rays of a pass.
 typedef struct {
     Uniform3 at;
     int number; // 0 for the eye, from 1 on for a round's lights
@@ -22,26 +23,26 @@ INLINED Origin origin_at(Uniform3 at, int number) {
     return origin;
 }
 
-// The axes of a pass and the slopes of its rays: a box in (x, y).
+// The axes of a pass, and the box in (x, y) around the slopes of its rays.
 typedef struct {
-    int across, down, along; // which axes of the scene x, y and z are
-    float sign;              // -1 where rays run towards smaller z
-    uint x_rows, y_rows;     // where a lane's child has its x and y in a node
-    uint near_row, far_row;  // and the z at which rays come to it first and last
+    int across, down, along; // the axes of the scene for x, y and z
+    float sign;              // -1 if rays run towards smaller z
+    uint x_rows, y_rows;     // the rows of a lane's child in a node with its x and y
+    uint near_row, far_row;  // and with the z at which rays reach it first and last
     float x, y, z;           // the rays' origin along these axes
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
 #if PLANES_OF_ORIGIN
     const __global float4 *planes; // of all triangles, for this origin
-    uint across_row, down_row, along_row; // where in them the quads of its axes are
+    uint across_row, down_row, along_row; // the rows of its axes in them
 #endif
 } Shaft;
 
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
-// Turns a pass's axes so that the largest component of a direction is z.
+// Chooses the axes of a pass so that the largest component of a direction is z.
 INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
-    // Axes are turned cyclically, never mirrored, so that front faces stay front faces.
+    // Axes are permuted cyclically and never mirrored, so that front faces stay front faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
     const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
@@ -50,10 +51,11 @@ INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 l
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
-    // Where this lane finds its child in a node of 32 columns (common/tree.cl), for these axes: an addition per load.
+    // The offsets at which this lane reads its child's box in a node of 32 columns (common/tree.cl), for these axes.
+    // A load then takes one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
-    // Rays that run backwards meet a box's high side first.
+    // Rays that run backwards reach a box's high side first.
     shaft->near_row = (uint)(NODE_WIDTH * (2 * along + back) + group->lane);
     shaft->far_row = (uint)(NODE_WIDTH * (2 * along + 1 - back) + group->lane);
     shaft->x = component(origin.at.x, origin.at.y, origin.at.z, across);
@@ -67,9 +69,9 @@ INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 l
 #endif
 }
 
-// The box of slopes, given its sides without rounding.
+// Sets the box of slopes, given its sides before they are extended for rounding.
 INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
-    // Rounding grows with the largest number that takes part, and z is 1 in slopes.
+    // Rounding errors are proportional to the largest number involved; z is 1 in slopes.
     const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
     const float more = SLOPE_ROUNDING * longest;
     shaft->longest = longest;
@@ -79,14 +81,15 @@ INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float h
     shaft->high_y = high_y + more;
 }
 
-// A point of the scene along a pass's axes, with their origin where the scene's is.
+// Returns a point of the scene along a pass's axes, relative to the scene's origin.
 INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
     return uniform3(component(v.x, v.y, v.z, shaft->across), component(v.x, v.y, v.z, shaft->down),
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
-// The corners of the triangle at a place of leaf order. A compiler that finds a quad's fourth word unused loads the
-// rest in two pieces, which takes twice as long: the value returned here is always 1, and uses all fourth words.
+// Loads the corners of the triangle at an index in leaf order. If a compiler finds that a quad's fourth word is
+// unused, it loads the rest in two pieces, which takes twice as long. The value returned here is always 1, and uses
+// all fourth words.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const float4 first = row[0], second = row[1], third = row[2];
@@ -96,21 +99,21 @@ INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Unifor
     return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // numbers of triangle and material, and 0
 }
 
-// The most that v . (x, y, 1) can be in a shaft.
+// Returns the largest value of v . (x, y, 1) in a shaft.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
     // A linear function is largest at a corner of the box: per axis, the larger of two ends.
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
     return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
 }
 
-// A corner seen from the rays' origin.
+// Returns a corner relative to the rays' origin.
 INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
     return uniform_difference(corner, uniform3(shaft->x, shaft->y, shaft->z));
 }
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
 
-// A leaf's triangle that a group's rays have to test, as its test prepares it.
+// A leaf's triangle that a group's rays have to test, as prepared by the test.
 typedef struct {
     float4 a, b, c;
 } Candidate;

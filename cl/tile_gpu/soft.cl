@@ -1,20 +1,20 @@
-// Rays that have no origin in common: to points of a light with a radius, and to the sky. All of them are left over: a group
-// casts one after the other, and tests a node's children or a leaf's triangles with it, one per lane.
+// Rays without a common origin: to points of a light with a radius, and to the sky. All of them are leftover rays: a
+// group casts one after the other, and tests a node's children or a leaf's triangles with it, one per lane.
 
-// The lights of a round, and after all lights the sky. Lights are counted from the round's first here.
+// The lights of a round, followed by the sky after all lights. Lights are counted from the round's first.
 typedef struct {
     Soft soft;
     int light_count, first_light;
 } Sources;
 #define SOURCE_COUNT(light_count) ((light_count) + SKY)
 
-// Whether a source's rays have no origin in common.
+// Returns whether the rays of a source have no common origin.
 INLINED int goes_apart(const Sources *sources, int light) {
     const int source = sources->first_light + light;
     return source >= sources->light_count || radius_of(&sources->soft, source) > 0.0f;
 }
 
-// Whether something stops a ray before t_max.
+// Returns whether something stops a ray before t_max.
 INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way, float t_max, __local uint2 *stack) {
     Shaft shaft;
     aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(way.x, way.y, way.z), &shaft);
@@ -40,11 +40,11 @@ INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way
         going = waiting && !stopped;
         if (going) word = stack[--waiting].x;
     }
-    lane_sync(group); // the stack has been read
+    lane_sync(group); // the stack has been read by all lanes
     return stopped;
 }
 
-// From a hit to the point of a source that its pixel's sample sees; of unit length, with the distance.
+// The ray from a hit to the point of a source that its pixel's sample sees: unit direction and distance.
 typedef struct {
     Vec3 way;
     float distance;
@@ -71,7 +71,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
     return sight;
 }
 
-// Whether a source reaches a pixel's hit.
+// Returns whether a source is visible from a pixel's hit.
 INLINED int reaches(const Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);

@@ -1,18 +1,20 @@
-// The walk of a group down the tree, with a beam or with one ray.
+// The traversal of the tree by a group, with a beam or with a single ray.
 
-// The result of a lane's test of its child of a node.
+// The result of testing the shaft against this lane's child of a node.
 typedef struct {
     int met;
     float entry; // z at which the shaft enters it
     uint word;
 } Child;
 
-// Whether the shaft meets this lane's child of a node nearer than reach. Errs towards a hit.
+// Tests whether the shaft meets this lane's child of a node nearer than `reach`. After rounding it may report
+// additional children, but never misses one.
 INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
-    const uint at = NODE_STRIDE * node; // below 2^32: a node has more than 32 triangles below it
+    const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
-    // Sides seen from the origin: lane i reads column i of each row, so that 32 lanes load 128 bytes side by side.
+    // The sides relative to the origin: lane i reads column i of each row, so that 32 lanes load 128 contiguous
+    // bytes.
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
     const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
@@ -21,7 +23,8 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Between near and far the shaft is a frustum. At both ends its sides are slope times z; the box must overlap in x and in y.
+    // Between near and far the shaft is a frustum. At both of these depths its sides are slope times z; the box must
+    // overlap in x and in y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -29,21 +32,22 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     return result;
 }
 
-// Puts the children that were met on the stack, nearest last where they are sorted, but for the one to visit
-// next, whose word it returns.
+// Puts the children that were met onto the stack, nearest last if they are sorted, except the one to visit next,
+// whose word it returns.
 //
-// A node visited, with seven lanes instead of 32:
+// An example of a node, with seven lanes instead of 32:
 //
 //     lane              0  1  2  3  4  5  6
 //     meets its child   -  x  -  -  x  x  -      lane_ballot: 0b0110010
 //     entry                5        2  9
-//     rank                 1        0  2         how many of those that were met are nearer
+//     rank                 1        0  2         number of nearer ones among those met
 //
 //     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
 //
-// Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1, lane 5 has 2.
+// Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1,
+// lane 5 has 2.
 INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
-    // Only one was met: it is next, and the stack stays as it is.
+    // Only one was met: it is next, and the stack is unchanged.
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
     // An entry is not negative: its bits are ordered as it is, and the last five make it the lane's own.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
@@ -64,8 +68,8 @@ typedef struct {
     __local int *lanes;
 } Candidates;
 
-// Tests a leaf's triangles with the beam, those that the shaft cannot rule out. With `any`, a ray that hits one is done;
-// otherwise the nearest hit is kept. Returns whether any triangle was tested.
+// Tests the beam against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
+// triangle is finished; otherwise its nearest hit is stored. Returns whether any triangle was tested.
 INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
                const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);
@@ -97,7 +101,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
             found[ray] = hit ? k : found[ray];
         }
     }
-    // Only now the number of the nearest one, which is read once per ray instead of once per hit.
+    // The number of the nearest triangle is read only now: once per ray instead of once per hit.
     if (!any) {
         EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
     }
@@ -112,7 +116,7 @@ INLINED float worst_of(const Group *group, const Beam *beam) {
     return lane_least_positive(group, worst);
 }
 
-// Whether any of this lane's rays still looks for a hit.
+// Returns whether any of this lane's rays still needs a hit.
 INLINED int is_looking(const Beam *beam) {
     int looking = 0;
     EACH_RAY(ray) looking |= beam->nearest[ray] < FAR;
@@ -158,7 +162,7 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
     return enough;
 }
 
-// Whether anything blocks one ray, which is a beam of its own: each lane tests its own child or triangle with it.
+// Returns whether anything blocks one ray. All lanes work on this ray: each tests it against its own child or triangle.
 INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);

@@ -1,4 +1,5 @@
-//! Binned surface-area heuristic: counts and boxes of the primitives in slices of a node, along three axes.
+//! Binned surface-area heuristic: a node is cut into slices along three axes, and each slice has a count and
+//! a box of its primitives.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
@@ -12,19 +13,21 @@ pub(super) struct Slicer<const N: usize> {
     scale: Vec4,
 }
 
-/// Adding it to a float in `0..2^22` leaves the nearest integer in the low bits: no saturating conversion.
+/// Adding this to a float in `0..2^22` leaves the nearest integer in the low bits, which is cheaper than a
+/// saturating conversion.
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
-    /// Slices `region`, which should hold all (doubled) centres; those outside go to the first or last slice.
+    /// Cuts `region` into slices. It should contain all (doubled) centres; those outside go to the first or
+    /// last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
-        // A flat axis, and one whose extent overflows, has one slice.
+        // An axis without extent, or with one that overflows, has one slice.
         let usable = scale.cmpgt(Vec4::ZERO) & scale.cmplt(Vec4::INFINITY);
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
 
-    /// The slice of a primitive along each axis, each below `N`.
+    /// Returns the slice of a primitive along each axis, each below `N`.
     #[inline(always)]
     fn slices(&self, primitive: &Primitive) -> [usize; 3] {
         let place = (primitive.centre() - self.low) * self.scale - Vec4::splat(0.5);
@@ -32,34 +35,34 @@ impl<const N: usize> Slicer<N> {
         [slice.x, slice.y, slice.z].map(|s| s.to_bits() as usize & (N - 1))
     }
 
-    /// The slice along one axis: the same operations as `slices`, so the same number.
+    /// Returns the slice along one axis. The operations are those of `slices`, so the result is the same.
     #[inline(always)]
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
         let place = (centre - self.low[AXIS]) * self.scale[AXIS] - 0.5;
-        // Written as the register's max and min behave: a NaN goes to slice 0.
+        // Written so that a NaN goes to slice 0, as with the register's max and min.
         let place = if place > 0.0 { place } else { 0.0 };
         let place = if place < (N - 1) as f32 { place } else { (N - 1) as f32 };
         (place + ROUND).to_bits() as usize & (N - 1)
     }
 
-    /// The plane below a slice, on the scale of doubled centres.
+    /// Returns the plane below a slice, in the coordinates of doubled centres.
     fn plane(&self, axis: usize, slice: usize) -> f32 {
         self.low[axis] + slice as f32 / self.scale[axis]
     }
 }
 
-/// Where to cut a node, and what the cut gives.
+/// Where to cut a node, and the two children.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub axis: usize,
     /// The first slice on the right.
     pub slice: usize,
-    /// How many primitives go left.
+    /// Number of primitives on the left.
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
-    /// Boxes that hold the children's doubled centres but for rounding.
+    /// Boxes that contain the children's doubled centres, up to rounding.
     pub regions: [Bounds; 2],
 }
 
@@ -71,7 +74,7 @@ pub(super) struct Bins<const N: usize> {
 }
 
 impl<const N: usize> Bins<N> {
-    /// Sorts primitives into slices.
+    /// Counts primitives by slice.
     pub fn of(primitives: &[Primitive], slicer: &Slicer<N>) -> Self {
         let mut bins = Self { bounds: [[Bounds::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for primitive in primitives {
@@ -97,12 +100,12 @@ impl<const N: usize> Bins<N> {
         self
     }
 
-    /// How many primitives lie below a slice.
+    /// Returns the number of primitives below a slice.
     pub fn count_below(&self, axis: usize, slice: usize) -> usize {
         self.counts[axis][..slice].iter().sum::<u32>() as usize
     }
 
-    /// The cut of least cost, or `None` if every one leaves a side empty or costs more than a float holds.
+    /// Returns the cut of least cost, or `None` if every cut leaves one side empty or has an infinite cost.
     pub fn best_cut(&self, slicer: &Slicer<N>, region: Bounds) -> Option<Cut> {
         let mut best = (f32::INFINITY, 0, 0);
         for axis in 0..3 {
@@ -112,8 +115,8 @@ impl<const N: usize> Bins<N> {
         (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
     }
 
-    /// The better of `best` and the best cut along an axis. A cut with an empty side costs infinity times
-    /// zero, which is not less than anything.
+    /// Returns the better of `best` and the best cut along one axis. A cut with an empty side has the cost
+    /// infinity times zero, which is NaN and compares as not less than anything.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

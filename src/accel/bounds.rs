@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec4};
 
-/// An axis-aligned box. The fourth lane carries nothing: four lanes make one register.
+/// An axis-aligned box. The fourth lane is unused: four lanes fill one register.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// Smallest corner.
@@ -12,7 +12,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The box of nothing: growing it by a box gives that box.
+    /// The empty box: its union with a box is that box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
     /// The smallest box around both.
@@ -21,7 +21,7 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// What both boxes have in common.
+    /// Returns the intersection of both boxes.
     pub fn intersection(self, other: Self) -> Self {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
@@ -39,7 +39,7 @@ impl Bounds {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Primitive(pub Bounds);
 
-/// The bits of 1.0, added to a triangle's number.
+/// The bits of 1.0; added to a triangle's number, they make it a normal float.
 const NUMBER_BASE: u32 = 0x3f80_0000;
 
 impl Primitive {
@@ -57,7 +57,7 @@ impl Primitive {
         self.0.low.w.to_bits() - NUMBER_BASE
     }
 
-    /// Twice the box's centre: the sum saves a multiplication.
+    /// Returns twice the box's centre, which saves a multiplication.
     #[inline(always)]
     pub fn centre(self) -> Vec4 {
         self.0.low + self.0.high

@@ -1,8 +1,8 @@
-//! Builds a binary tree on all cores: binned surface-area heuristic from the root down.
+//! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
-//! A node's primitives (32 bytes each: box and number) lie side by side in one of two buffers and move to the
-//! other at every cut, so all reads and writes are sequential. Big nodes are binned and moved in chunks on all cores;
-//! below that, the two halves of a cut are independent tasks.
+//! The primitives of a node (32 bytes each: box and number) are contiguous in one of two buffers. Each cut
+//! moves them to the other buffer, so all reads and writes are sequential. Large nodes are binned and moved
+//! in chunks on all cores; for smaller ones, the two halves of a cut are independent tasks.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -11,36 +11,36 @@ use super::{Bvh, Node};
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Nodes of more triangles are binned and moved on all cores.
+/// Nodes with more triangles than this are binned and moved on all cores.
 const PARALLEL_NODE: usize = 1 << 16;
 /// Triangles per chunk of such a node.
 const CHUNK: usize = 1 << 14;
-/// Nodes of fewer triangles are one task, subtree and all.
+/// A subtree with fewer triangles than this is built by one task.
 const TASK: usize = 1 << 12;
-/// Nodes of more triangles have `FINE` slices, others `COARSE`.
+/// Nodes with more triangles than this are cut into `FINE` slices, others into `COARSE`.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
-/// From this depth on nodes are halved by count, which bounds the depth whatever the triangles are.
+/// From this depth on, nodes are halved by count, which bounds the depth for any input.
 const HALVING_DEPTH: u32 = 64;
 
-/// A subtree in the making.
+/// A subtree to be built.
 struct Work<'a> {
     /// Its primitives.
     primitives: &'a mut [Primitive],
-    /// Room for them to move to.
+    /// The other buffer, which the primitives move to.
     spare: &'a mut [Primitive],
-    /// Where its triangles' numbers go.
+    /// The part of the leaf order that belongs to this subtree.
     order: &'a mut [u32],
     /// Its box.
     bounds: Bounds,
-    /// Holds all doubled centres.
+    /// A box that contains all doubled centres.
     region: Bounds,
-    /// Cuts above it.
+    /// Number of cuts above this subtree.
     depth: u32,
 }
 
-/// A finished subtree, depth first, in pieces.
+/// A finished subtree: its nodes depth first, in several pieces.
 #[derive(Default)]
 struct Subtree {
     pieces: Vec<Vec<Node>>,
@@ -70,7 +70,7 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
 
-/// Builds a subtree: big ones in two tasks, the rest at once.
+/// Builds a subtree: a large one as two tasks, a small one in this task.
 fn grow(work: Work, leaf_size: usize) -> Subtree {
     let count = work.primitives.len();
     if count <= TASK.max(leaf_size) {
@@ -88,7 +88,7 @@ fn grow(work: Work, leaf_size: usize) -> Subtree {
     Subtree { pieces, nodes: 1 + left.nodes + right.nodes, depth: left.depth.max(right.depth) }
 }
 
-/// Appends a subtree and returns its deepest node's depth.
+/// Appends a subtree and returns the depth of its deepest node.
 fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
     let (count, depth, place) = (work.primitives.len(), work.depth, nodes.len());
     nodes.push(Node::leaf(work.bounds, count));
@@ -122,8 +122,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut and moves the primitives. The region may be loose (it is cut, not measured, on the way
-/// down): where it hides every cut it is measured once.
+/// Finds the best cut and moves the primitives. The region may be larger than the bounds of the primitives'
+/// centres, since it comes from cutting the parent's region. If no cut is found in it, the search is repeated with
+/// the exact bounds.
 fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);
@@ -134,7 +135,7 @@ fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: B
     Some(cut)
 }
 
-/// The same on all cores.
+/// Does the same as `cut`, on all cores.
 fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<FINE>::new(region);
@@ -149,7 +150,7 @@ fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds)
 }
 
 impl<'a> Work<'a> {
-    /// The two sides of a cut, whose primitives now lie in `spare`.
+    /// Returns the two sides of a cut; their primitives now lie in `spare`.
     fn split(self, cut: Cut) -> [Self; 2] {
         let (left, right) = self.spare.split_at_mut(cut.left_count);
         let (spare_left, spare_right) = self.primitives.split_at_mut(cut.left_count);
@@ -165,7 +166,7 @@ impl<'a> Work<'a> {
         [side(left, spare_left, order_left, 0), side(right, spare_right, order_right, 1)]
     }
 
-    /// Two halves by count, for triangles that no plane tells apart.
+    /// Returns two halves of equal count, for triangles that no plane separates.
     fn halve(self) -> [Self; 2] {
         let middle = self.primitives.len() / 2;
         let (left, right) = self.primitives.split_at(middle);

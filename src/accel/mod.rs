@@ -1,8 +1,8 @@
-//! Trees over a mesh's triangles, so that a ray need not meet them all.
+//! Bounding volume hierarchies over a mesh's triangles, so that a ray need not be tested against all of them.
 //!
-//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is what a device reads: the same tree collapsed to 2 to
-//! 32 children per node, as rows of floats. [`validate`](Bvh::validate) proves either of them right, and
-//! [`WideBvh::closest_hit`] walks one on the host.
+//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree
+//! collapsed to 2 to 32 children per node, as rows of floats. [`validate`](Bvh::validate) checks either of
+//! them, and [`WideBvh::closest_hit`] traverses one on the host.
 
 mod bins;
 mod bounds;
@@ -22,8 +22,9 @@ pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, write_surface_ro
 pub use walk::{Hit, Walk};
 pub use wide::WideBvh;
 
-/// A hash of the bytes of trees over a few fixed meshes, and part of the keys of what walks a tree: whoever changes builder
-/// or layout changes these bytes, a test asks for the new hash, and such points are measured again.
+/// A hash of trees over a few fixed meshes. It is part of the key of every point that uses a tree. A change
+/// of builder or layout changes these trees; a test then fails until the hash is updated, and such points are
+/// measured again.
 pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 
 /// A node of a [`Bvh`]: 32 bytes.
@@ -31,11 +32,11 @@ pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 pub struct Node {
     /// The smallest corner of its box.
     pub low: [f32; 3],
-    /// The right child is this many nodes further on, the left child is the next node; 0 in a leaf.
+    /// Distance in nodes to the right child; 0 in a leaf. The left child is the next node.
     pub right: u32,
     /// The largest corner of its box.
     pub high: [f32; 3],
-    /// How many triangles lie below it, at least 1.
+    /// Number of triangles below this node, at least 1.
     pub count: u32,
 }
 
@@ -49,7 +50,7 @@ impl Node {
         Self::inner(bounds, 0, count)
     }
 
-    /// Whether it holds triangles itself.
+    /// Returns whether the node is a leaf.
     pub fn is_leaf(&self) -> bool {
         self.right == 0
     }
@@ -61,35 +62,37 @@ impl Node {
     }
 }
 
-/// A binary bounding volume hierarchy, depth first: the root is node 0, a left child follows its parent.
+/// A binary bounding volume hierarchy, stored depth first: the root is node 0, and a left child follows its
+/// parent.
 ///
-/// The triangles of any subtree lie side by side in `order`. The root's begin at 0; a left child's where its
-/// parent's begin, a right child's after its sibling's.
+/// The triangles of each subtree are contiguous in `order`. The root's begin at 0, a left child's where its
+/// parent's begin, and a right child's after its sibling's.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
-    /// The nodes; none without triangles.
+    /// The nodes; empty without triangles.
     pub nodes: Vec<Node>,
-    /// The triangles' numbers in the mesh, leaf by leaf.
+    /// The triangles' numbers in the mesh, in leaf order.
     pub order: Vec<u32>,
-    /// Edges from the root to its deepest leaf.
+    /// Number of edges from the root to the deepest leaf.
     pub depth: u32,
 }
 
 impl Bvh {
-    /// A good leaf size for most purposes: Embree's medium quality stops there too.
+    /// A good leaf size for most purposes; Embree's medium build quality uses it too.
     pub const LEAF_SIZE: usize = 4;
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
     ///
-    /// `leaf_size` is the most triangles a leaf may hold. Degenerate and coincident triangles are triangles like any
-    /// other; those that no plane tells apart are halved by count, so the depth is at most 64 plus their
-    /// logarithm. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
+    /// `leaf_size` is the largest number of triangles in a leaf. Degenerate and coincident triangles need no
+    /// special case: triangles that no plane separates are halved by count, so the depth is at most 64 plus
+    /// the logarithm of their number. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size)
     }
 
-    /// An upper estimate of the bytes the host needs at one time to build a tree over that many triangles: two buffers of
-    /// boxes, the order, and the nodes twice (in pieces, then joined), if leaves are on average half full.
+    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over that many
+    /// triangles: two buffers of boxes, the order, and the nodes twice (in pieces, then joined). It assumes
+    /// that leaves are half full on average.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1);
         let primitive = 2 * size_of::<bounds::Primitive>() as u64 + size_of::<u32>() as u64;

@@ -1,10 +1,10 @@
-//! Moves a node's primitives to their side of a cut, from one buffer to another.
+//! Moves a node's primitives to their side of a cut, from one buffer to the other.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::Primitive;
 use rayon::prelude::*;
 
-/// Primitives left of the cut go to the front of `target`, the others to its back.
+/// Moves primitives left of the cut to the front of `target`, the others to its back.
 pub(super) fn partition<const N: usize>(
     source: &[Primitive],
     target: &mut [Primitive],
@@ -18,7 +18,8 @@ pub(super) fn partition<const N: usize>(
     }
 }
 
-/// Writes each primitive to both ends and advances one of them: no branch to mispredict.
+/// Writes each primitive to both ends and then advances one of them, which avoids a branch that would be
+/// mispredicted.
 fn partition_on<const N: usize, const AXIS: usize>(
     source: &[Primitive],
     target: &mut [Primitive],
@@ -35,7 +36,8 @@ fn partition_on<const N: usize, const AXIS: usize>(
     }
 }
 
-/// The same on all cores: `chunks` are pieces of the source with their bins, which say how much room each needs.
+/// Does the same on all cores. `chunks` are pieces of the source with their bins, which give the size of each
+/// piece's two parts.
 pub(super) fn partition_chunks<const N: usize>(
     chunks: &[(&[Primitive], Bins<N>)],
     target: &mut [Primitive],

@@ -1,4 +1,4 @@
-//! Trees over random, degenerate, coincident, tiny and huge triangles, against a search of all of them.
+//! Trees over random, degenerate, coincident, tiny and huge triangles, compared with an exhaustive search.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -27,7 +27,7 @@ fn random_point(rng: &mut ChaCha8Rng) -> Vec3 {
     Vec3::from_array(rng.random()) * 2.0 - 1.0
 }
 
-/// Random triangles about `edge` wide in a cube two wide, then scaled.
+/// Returns `count` random triangles of size `edge` in a cube of side 2, then scaled.
 fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     mesh_of((0..count).map(|_| {
@@ -36,8 +36,8 @@ fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
     }))
 }
 
-/// How far along a ray it meets a triangle: Moeller and Trumbore, "Fast, minimum storage ray/triangle
-/// intersection", 1997, in f64.
+/// Returns the distance along a ray at which it meets a triangle: Moeller and Trumbore, "Fast, minimum
+/// storage ray/triangle intersection", 1997, in f64.
 fn meet(mesh: &Mesh, triangle: u32, origin: DVec3, direction: DVec3) -> Option<f64> {
     let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
     let (e1, e2, p) = (b - a, c - a, direction.cross(c - a));
@@ -56,7 +56,7 @@ fn closest_of_all(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<f64> {
     all.filter_map(|triangle| meet(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
 }
 
-/// Both trees are right and find what a search of all triangles finds.
+/// Checks that both trees are valid and find the same hits as an exhaustive search.
 fn check(mesh: &Mesh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
     let bvh = Bvh::build(mesh, leaf_size);
     bvh.validate(mesh).unwrap();
@@ -133,7 +133,8 @@ fn places_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
 }
 
-/// Along each axis in turn, so that a cut parts few triangles from the rest: by such cuts alone the tree were far deeper.
+/// Triangles far apart along each axis in turn. Each split separates few triangles from the rest; with such splits
+/// alone, the tree would be far deeper.
 #[test]
 fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
@@ -147,7 +148,7 @@ fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
     assert!((64..=64 + 10).contains(&bvh.depth), "depth {}", bvh.depth);
 }
 
-/// A hundred triangles, each half as far away as the one before, beside five thousand in a row.
+/// A hundred triangles, each half as far away as the previous one, beside a row of five thousand.
 #[test]
 fn the_depth_is_that_of_the_deeper_side() {
     for side in [1.0, -1.0] {
@@ -248,7 +249,7 @@ fn triangle_rows_follow_the_leaf_order() {
     }
 }
 
-/// Everything of a tree that reaches a device, for every width and two leaf sizes.
+/// Hashes every part of a tree that a device reads, for every width and two leaf sizes.
 fn hash_trees(hasher: &mut blake3::Hasher, mesh: &Mesh) {
     for (width, leaf_size) in WideBvh::WIDTHS.into_iter().flat_map(|width| [(width, 4), (width, 16)]) {
         let tree = WideBvh::of_mesh(mesh, width, leaf_size).unwrap();
@@ -270,7 +271,7 @@ fn the_fingerprint_is_that_of_this_builder() {
     let coincident = std::iter::repeat_n([Vec3::ZERO, Vec3::X, Vec3::Y], 100);
     let meshes = [
         random_mesh(12, 1, 1.0, 1.0),
-        random_mesh(13, 6000, 0.02, 1.0), // more than a task
+        random_mesh(13, 6000, 0.02, 1.0), // larger than one task
         random_mesh(14, 500, 1.0, 1e3),
         mesh_of(coincident),
     ];
@@ -278,7 +279,7 @@ fn the_fingerprint_is_that_of_this_builder() {
         mesh.normals = vec![Vec3::Y];
         hash_trees(&mut hasher, &mesh);
     }
-    // Above this many triangles nodes are cut on all cores.
+    // Nodes with more triangles than this are cut on all cores.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
     order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
     let found = &hasher.finalize().to_hex()[..16];

@@ -3,23 +3,23 @@
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Words per triangle in [`write_triangle_rows`]: three float4, 48 bytes.
+/// Words per triangle in [`write_triangle_rows`]: three float4, or 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
-/// Rows of zeros after the last triangle, for kernels that load as many at once as they prepare (PREPARED in
+/// Rows of zeros after the last triangle, for kernels that load several triangles at once (PREPARED in
 /// cl/tile_cpu/intersect/edge_planes.cl).
 pub const PADDING_ROWS: usize = 8;
 
-/// What a triangle's three float4 hold.
+/// The contents of a triangle's three float4.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TriangleForm {
-    /// The corners v0, v1, v2, exactly as the mesh has them: watertight tests need these.
+    /// The corners v0, v1, v2, exactly as in the mesh, which watertight tests require.
     Corners,
     /// v0, e1 = v1 - v0 and e2 = v2 - v0.
     Edges,
 }
 
-/// The triangles of `order` one after another into `rows`, 12 words each; what is left of `rows` becomes zero.
+/// Writes the triangles of `order` into `rows`, 12 words each. The remaining words of `rows` become zero.
 ///
 /// | words | content |
 /// |---|---|
@@ -40,7 +40,8 @@ pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm, rows:
     });
 }
 
-/// The normals of the triangles of `order` into `rows`, 12 words each: n0 and the material's number as bits, then n1 and 0, n2 and 0.
+/// Writes the normals of the triangles of `order` into `rows`, 12 words each: n0 and the material's number as
+/// bits, then n1 and 0, n2 and 0.
 pub fn write_surface_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     write_rows(order, rows, |number| {
         let triangle = &mesh.triangles[number as usize];
@@ -49,7 +50,7 @@ pub fn write_surface_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     });
 }
 
-/// One row for each triangle of `order`, on all cores.
+/// Writes one row for each triangle of `order`, on all cores.
 fn write_rows(order: &[u32], rows: &mut [f32], row: impl Fn(u32) -> [f32; TRIANGLE_WORDS] + Sync) {
     let (rows, padding) = rows.as_chunks_mut::<TRIANGLE_WORDS>().0.split_at_mut(order.len());
     padding.fill([0.0; TRIANGLE_WORDS]);

@@ -1,18 +1,18 @@
-//! Proves a tree right, for tests: every triangle once, boxes that enclose, indices in range.
+//! Checks a tree, for tests: every triangle occurs once, boxes enclose their contents, indices are in range.
 
 use super::{Bvh, Node, WideBvh};
 use crate::scene::Mesh;
 
-/// What is wrong, or nothing.
+/// The first problem, if any.
 type Verdict = Result<(), String>;
 
 impl Bvh {
-    /// Whether every triangle lies in exactly one leaf, every box encloses its children and triangles, every node is
-    /// reached once, and counts and depth are right.
+    /// Checks that every triangle lies in exactly one leaf, every box encloses its children and triangles,
+    /// every node is reached once, and counts and depth are right.
     ///
     /// # Errors
     ///
-    /// Says what is wrong first.
+    /// The first problem found.
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         if self.nodes.is_empty() != self.order.is_empty() {
@@ -25,7 +25,8 @@ impl Bvh {
             waiting.push((0, 0, 0));
         }
         while let Some((number, first, level)) = waiting.pop() {
-            // Depth first, nodes come in the order of their numbers: each once, and none in a circle.
+            // In depth-first order, nodes occur in the order of their numbers. So each occurs once, and there
+            // is no cycle.
             expect_equal("the next node in depth-first order", number, reached)?;
             reached += 1;
             depth = depth.max(level);
@@ -64,12 +65,12 @@ impl Bvh {
 }
 
 impl WideBvh {
-    /// Whether every triangle lies in exactly one leaf of the layout, every child's box encloses what is below it,
-    /// every node is reached once, unused places are marked so, and the depth is right.
+    /// Checks that every triangle lies in exactly one leaf of the layout, every child's box encloses what is
+    /// below it, every node is reached once, unused child slots are marked as such, and the depth is right.
     ///
     /// # Errors
     ///
-    /// Says what is wrong first.
+    /// The first problem found.
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         let mut held = vec![0u32; self.order.len()];

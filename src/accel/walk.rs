@@ -1,4 +1,4 @@
-//! Follows a ray through a tree on the host, in f64: the readable twin of the kernels' traversal.
+//! Traverses a tree with a ray on the host, in f64, step by step as the kernels do.
 
 use super::WideBvh;
 use glam::DVec3;
@@ -6,28 +6,28 @@ use glam::DVec3;
 /// The closest triangle a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Its number in the mesh.
+    /// The triangle's number in the mesh.
     pub triangle: u32,
-    /// How far along the ray, in lengths of its direction.
+    /// Distance along the ray, in units of its direction's length.
     pub distance: f64,
 }
 
-/// What following a ray found and what it took.
+/// The result of a traversal, and its cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Walk {
     /// The closest hit.
     pub hit: Option<Hit>,
-    /// Nodes whose children's boxes were tested.
+    /// Number of nodes whose children's boxes were tested.
     pub nodes: u32,
-    /// Triangles tested.
+    /// Number of triangles tested.
     pub triangles: u32,
 }
 
 impl WideBvh {
-    /// The closest of the hits that `test` finds nearer than `reach`, nearer boxes first.
+    /// Returns the closest hit nearer than `reach`. Nearer boxes are visited first.
     ///
-    /// `test(triangle, reach)` says how far along the ray it meets a triangle of the mesh if that is nearer than
-    /// `reach`; of equal distances the first found stays.
+    /// `test(triangle, reach)` returns the distance at which the ray meets a triangle of the mesh, if that is
+    /// nearer than `reach`. Of hits at equal distances the first found is kept.
     pub fn closest_hit(
         &self,
         origin: DVec3,
@@ -63,7 +63,7 @@ impl WideBvh {
     }
 }
 
-/// Where a ray enters a box, or `None` if it misses it. Errs towards a hit, by a few roundings of f64.
+/// Returns where a ray enters a box, or `None` for a miss. Within a few roundings of f64 it reports a hit.
 fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

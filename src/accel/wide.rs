@@ -1,15 +1,15 @@
-//! A tree as devices read it: up to 32 children per node, bounds as rows of floats.
+//! Trees in the form that devices read: up to 32 children per node, bounds as rows of floats.
 
 use super::{Bvh, Node};
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
 
-/// A tree of `width` children per node in the layout kernels read, made from a [`Bvh`].
+/// A tree of `width` children per node in the layout that kernels read, made from a [`Bvh`].
 ///
 /// # Nodes
 ///
-/// Node `n` begins at word `n * stride` of `nodes`, the root is node 0. It is rows of `width` 32-bit words, one word a
-/// child (W = width):
+/// Node `n` begins at word `n * stride` of `nodes`; the root is node 0. A node consists of rows of `width`
+/// 32-bit words, one word per child (W = width):
 ///
 /// | words | row | content |
 /// |---|---|---|
@@ -20,35 +20,35 @@ use crate::scene::Mesh;
 /// | 6W .. 7W | 6 | the child word |
 /// | 7W .. stride | | zeros: up to 8 wide, 8 rows make whole cache lines (64 bytes at W = 2, 256 at W = 8); wider, none |
 ///
-/// so the plane of `axis` on `side` (0 low, 1 high) is row `2 * axis + side`. Bounds are the smallest and largest
-/// of the corners' floats, without rounding.
+/// so the plane of `axis` on `side` (0 low, 1 high) is row `2 * axis + side`. Bounds are the smallest and
+/// largest of the corners' floats, without rounding.
 ///
 /// # Child words
 ///
 /// | bits | inner child | leaf |
 /// |---|---|---|
 /// | 31 | 0 | 1, so a signed word is negative |
-/// | 25 .. 31 | 0 | how many triangles, 0 to 63 |
-/// | 0 .. 25 | its node number | its first place in leaf order |
+/// | 25 .. 31 | 0 | number of triangles, 0 to 63 |
+/// | 0 .. 25 | its node number | index of its first triangle in leaf order |
 ///
-/// Children come first, unused places last. An unused place is a leaf of no triangles ([`WideBvh::UNUSED`])
-/// whose box is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), so that a test which lets it through does no harm.
+/// Children come first, unused slots last. An unused slot is a leaf without triangles ([`WideBvh::UNUSED`]).
+/// Its box is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), and visiting it does no harm.
 ///
 /// # Order
 ///
-/// The inner children of a node lie side by side and subtrees depth first. A node's triangles lie side by side in
-/// leaf order, which `order` translates to the mesh's.
+/// The inner children of a node are contiguous, and subtrees are stored depth first. A node's triangles are
+/// contiguous in leaf order; `order` translates leaf order to the mesh's order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WideBvh {
     /// Children per node: 2, 4, 8, 16 or 32.
     pub width: usize,
-    /// Words from a node to the next.
+    /// Words from one node to the next.
     pub stride: usize,
     /// The nodes' words; floats by their bits.
     pub nodes: Vec<u32>,
     /// The triangles' numbers in the mesh, in leaf order.
     pub order: Vec<u32>,
-    /// Nodes on the longest way from the root to a leaf, at least 1.
+    /// Number of nodes on the longest path from the root to a leaf, at least 1.
     pub depth: u32,
 }
 
@@ -57,7 +57,7 @@ pub struct WideBvh {
 struct Subtree {
     /// Its root in the binary tree.
     node: usize,
-    /// Where its triangles begin in leaf order.
+    /// Index of its first triangle in leaf order.
     first: u32,
     count: u32,
     is_leaf: bool,
@@ -70,7 +70,7 @@ impl Subtree {
         Self { node, first, count: root.count, is_leaf: root.is_leaf(), half_area: root.half_area() }
     }
 
-    /// Whether it becomes a node: a subtree that fits a leaf becomes one.
+    /// Returns whether the subtree becomes a node. It becomes a leaf if its triangles fit into one.
     fn is_inner(&self, leaf_size: usize) -> bool {
         self.count as usize > leaf_size && !self.is_leaf
     }
@@ -83,26 +83,27 @@ impl Subtree {
 }
 
 impl WideBvh {
-    /// The widths there are.
+    /// The supported widths.
     pub const WIDTHS: [usize; 5] = [2, 4, 8, 16, 32];
     /// The most triangles a leaf can hold.
     pub const MAX_LEAF_SIZE: usize = 63;
-    /// The most triangles and the most nodes a child word can name.
+    /// The largest number of triangles, and of nodes, that a child word can index.
     pub const MAX_INDEX: usize = 1 << 25;
     /// The child word of a leaf.
     pub const LEAF: u32 = 1 << 31;
-    /// The child word of an unused place: a leaf of no triangles.
+    /// The child word of an unused slot: a leaf without triangles.
     pub const UNUSED: u32 = Self::LEAF;
-    /// The bit of a leaf's word from which on it counts its triangles.
+    /// The lowest bit of a leaf's triangle count in its child word.
     pub const COUNT_SHIFT: u32 = Self::MAX_INDEX.ilog2();
 
-    /// Words of a node with this number of children.
+    /// Returns the number of words in a node with this many children.
     pub const fn stride(width: usize) -> usize {
         if width <= 8 { 8 * width } else { 7 * width }
     }
 
-    /// Builds a mesh's tree as a device reads it. Places that are left over in a node make its leaves smaller; not with 32
-    /// children, where 32 work-items prepare a leaf's triangles side by side and small leaves are only more visits.
+    /// Builds a mesh's tree in the form that a device reads. Slots that would stay unused in a node are
+    /// filled by splitting its leaves. Trees with 32 children per node are the exception: 32 work-items
+    /// prepare the triangles of a leaf side by side, so smaller leaves would only mean more visits.
     ///
     /// # Errors
     ///
@@ -112,15 +113,16 @@ impl WideBvh {
         Self::new(&Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree. A node's children are found by opening, as long as there is room, the subtree of largest
-    /// surface: first among those of more than `leaf_size` triangles, then among all, for a test of an unused place costs
-    /// as much as one of a used one. So leaves are as small as the room allows, but never smaller than the tree's
-    /// own: build that with the leaf size that pays.
+    /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly
+    /// replaced by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles
+    /// come first. Then the others follow, since testing an unused slot costs as much as testing a used one.
+    /// Leaves therefore become as small as the slots allow, but never smaller than those of the binary tree:
+    /// build that with the leaf size that is fastest.
     ///
     /// # Errors
     ///
-    /// If the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or below the tree's own, or if
-    /// there are more than 33,554,432 triangles or nodes.
+    /// If the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or below the tree's own,
+    /// or if there are more than 33,554,432 triangles or nodes.
     pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
         check(bvh, width, leaf_size)?;
         let stride = Self::stride(width);
@@ -146,42 +148,43 @@ impl WideBvh {
         }
         if wide.nodes.len() / stride > Self::MAX_INDEX {
             return Err(Error::run(
-                "the tree has more than 33,554,432 nodes, which a child word cannot name",
+                "the tree has more than 33,554,432 nodes, more than a child word can index",
             )
             .with_help("choose a larger leaf size or a wider node"));
         }
         Ok(wide)
     }
 
-    /// How many nodes there are.
+    /// Returns the number of nodes.
     pub fn node_count(&self) -> usize {
         self.nodes.len() / self.stride
     }
 
-    /// Entries a traversal's stack needs at most if it holds the children not yet visited, the current node's included.
+    /// Returns the largest number of stack entries that a traversal needs if its stack holds the children not
+    /// yet visited, including the current node's.
     pub fn stack_size(&self) -> usize {
         self.depth as usize * (self.width - 1) + 1
     }
 
-    /// A child's word.
+    /// Returns a child's word.
     pub fn child(&self, node: usize, place: usize) -> u32 {
         self.nodes[node * self.stride + 6 * self.width + place]
     }
 
-    /// A child's box: its smallest and its largest corner.
+    /// Returns a child's box: its smallest and its largest corner.
     pub fn child_box(&self, node: usize, place: usize) -> [[f32; 3]; 2] {
         let row = |row: usize| f32::from_bits(self.nodes[node * self.stride + row * self.width + place]);
         [[row(0), row(2), row(4)], [row(1), row(3), row(5)]]
     }
 
-    /// A leaf's places in leaf order, from its child word; `None` for an inner node's.
+    /// Returns the range of a leaf's triangles in leaf order, from its child word; `None` for an inner node.
     pub fn leaf_range(word: u32) -> Option<std::ops::Range<usize>> {
         let first = word as usize & (Self::MAX_INDEX - 1);
         let count = (word & !Self::LEAF) >> Self::COUNT_SHIFT;
         (word & Self::LEAF != 0).then_some(first..first + count as usize)
     }
 
-    /// Appends nodes of unused places.
+    /// Appends nodes with unused slots only.
     fn add_nodes(&mut self, count: usize) {
         let (words, boxes) = (7 * self.width, 6 * self.width);
         for _ in 0..count {
@@ -192,7 +195,7 @@ impl WideBvh {
         }
     }
 
-    /// Writes a node; its inner children are the nodes appended next.
+    /// Writes a node. Its inner children are the nodes appended next.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
         for (place, child) in children.iter().enumerate() {
@@ -216,7 +219,8 @@ impl WideBvh {
     }
 }
 
-/// Opens the largest subtrees of more than `least` triangles until there are `width` of them or none is left.
+/// Replaces the largest subtrees with more than `least` triangles by their children, until there are `width`
+/// subtrees or none is left to replace.
 fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
         let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));
@@ -231,23 +235,21 @@ fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
 
 fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     if !WideBvh::WIDTHS.contains(&width) {
-        return Err(Error::input(format!(
-            "a node of {width} children was asked for: 2, 4, 8, 16 or 32 are possible"
-        ))
-        .with_help("choose one of these widths"));
+        return Err(Error::input(format!("a node cannot have {width} children; expected 2, 4, 8, 16 or 32"))
+            .with_help("choose one of these widths"));
     }
     let own =
         bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
     if !(own..=WideBvh::MAX_LEAF_SIZE).contains(&leaf_size) {
         return Err(Error::input(format!(
-            "leaves of up to {leaf_size} triangles were asked for: {own} to {} are possible for this tree",
+            "a leaf size of {leaf_size} is not possible; expected {own} to {} for this tree",
             WideBvh::MAX_LEAF_SIZE
         ))
         .with_help("choose a leaf size within these"));
     }
     if bvh.order.len() > WideBvh::MAX_INDEX {
         return Err(Error::run(format!(
-            "the scene has {} triangles: a tree's leaves can name {}",
+            "the scene has {} triangles: a tree's leaves can index {}",
             bvh.order.len(),
             WideBvh::MAX_INDEX
         ))

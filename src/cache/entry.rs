@@ -1,32 +1,32 @@
-//! The bytes of an entry: a mark, the hash of all that follows, what it was kept under, what was kept.
+//! The bytes of a cache entry: a signature, a hash of the rest, the key, and the content.
 
-/// The first bytes; the number is the layout's.
+/// The signature; its number is the version of the layout.
 const MARK: &[u8] = b"raycl's cache 1\n";
 const HASH_BYTES: usize = 32;
 const LENGTH_BYTES: usize = 4;
-/// Hexadecimal digits of a key's hash in a file's name.
+/// Number of hexadecimal digits of a key's hash in a file name.
 const NAME_DIGITS: usize = 32;
 
-/// What a file is called.
+/// Returns the file name of an entry.
 pub fn file_name(kind: &str, key: &str) -> String {
     let hash = blake3::hash(key.as_bytes()).to_hex();
     format!("{kind}-{}", &hash[..NAME_DIGITS])
 }
 
-/// Whether a file may be called so.
+/// Returns whether a name has the form of an entry's file name.
 pub fn is_name(name: &str) -> bool {
     let digits = |hash: &str| hash.len() == NAME_DIGITS && hash.bytes().all(|byte| byte.is_ascii_hexdigit());
     name.rsplit_once('-').is_some_and(|(kind, hash)| !kind.is_empty() && digits(hash))
 }
 
-/// The file of something kept under a key.
+/// Returns the bytes of an entry's file.
 pub fn sealed(key: &str, content: &[u8]) -> Vec<u8> {
     let length = (key.len() as u32).to_le_bytes();
     let rest = [&length[..], key.as_bytes(), content].concat();
     [MARK, blake3::hash(&rest).as_bytes(), &rest].concat()
 }
 
-/// What a file keeps under this key, where all of it is as it was written.
+/// Returns the content of an entry's file if the key is this one and the hash matches.
 pub fn opened(mut file: Vec<u8>, key: &str) -> Option<Vec<u8>> {
     let rest = file.strip_prefix(MARK)?;
     let (hash, rest) = rest.split_at_checked(HASH_BYTES)?;

@@ -1,23 +1,24 @@
-//! Where the cache lies and whose it is: what is read from it is run, so that nobody else may write there.
+//! The folder of the cache, and who owns it. raycl runs programs from the cache, so nobody but the user may
+//! be able to write there.
 
 use std::path::{Path, PathBuf};
 
-/// The variable that says how many MiB the cache may take; 0 keeps nothing.
+/// The environment variable that limits the cache's size in MiB; 0 turns the cache off.
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
 
-/// The most bytes of the cache, as the environment says.
+/// Returns the cache's largest size in bytes, from the environment.
 pub fn limit_bytes() -> u64 {
     let told = std::env::var(LIMIT).ok().and_then(|text| text.trim().parse::<u64>().ok());
     told.unwrap_or(DEFAULT_LIMIT_MIB).saturating_mul(1 << 20)
 }
 
-/// `raycl` in the user's folder of caches; none where the environment names no such folder.
+/// Returns `raycl` in the user's folder of caches; `None` if the environment names no such folder.
 pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
-/// Makes a folder that is its owner's alone.
+/// Makes a folder that only its owner can use.
 #[cfg(unix)]
 pub fn make(folder: &Path) -> std::io::Result<()> {
     use std::os::unix::fs::DirBuilderExt as _;
@@ -29,13 +30,13 @@ pub fn make(folder: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)
 }
 
-/// The folder, where it is the user's and nobody else may write into it.
+/// Returns the folder if it belongs to the user and nobody else may write into it.
 pub fn trusted(folder: &Path) -> Option<&Path> {
     let found = folder.metadata().ok()?;
     (found.is_dir() && is_own(&found)).then_some(folder)
 }
 
-/// What an ordinary file of the user's holds; a link is none.
+/// Reads an ordinary file that belongs to the user; a link is refused.
 pub fn read_own(path: &Path) -> Option<Vec<u8>> {
     let found = path.symlink_metadata().ok()?;
     if !found.is_file() || !is_own(&found) {

@@ -1,5 +1,6 @@
-//! What raycl keeps between runs, of what it can make again: compiled programs, lists of devices. One file an entry, in a
-//! folder of the user's own. An entry that is corrupt, another's or not what it is looked up as counts as none.
+//! Stores data between runs that raycl can compute again: compiled programs, lists of devices. Each entry is
+//! one file in a folder of the user's. An entry that is corrupt, has another key or belongs to another user
+//! is ignored.
 
 mod entry;
 mod folder;
@@ -11,10 +12,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// What files begin with that are being written, or that a killed process has left.
+/// Prefix of files that are being written, or that were left by a process that was killed.
 const UNFINISHED: &str = ".unfinished-";
 
-/// The entries of a folder. Without a folder, nothing is kept.
+/// A folder of entries. Without a folder, nothing is stored.
 #[derive(Clone, Debug, Default)]
 pub struct Cache {
     folder: Option<PathBuf>,
@@ -24,57 +25,58 @@ pub struct Cache {
 /// A file of the cache.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// Where it lies.
+    /// The file's path.
     pub path: PathBuf,
-    /// How large it is.
+    /// The file's size.
     pub bytes: u64,
-    /// When it was used last.
+    /// When it was last used.
     pub used: SystemTime,
 }
 
 impl Cache {
-    /// The user's, as the environment says.
+    /// Returns the user's cache, as configured in the environment.
     pub fn of_user() -> Self {
         let limit_bytes = limit_bytes();
         Self { folder: folder::of_user().filter(|_| limit_bytes > 0), limit_bytes }
     }
 
-    /// A cache in this folder, of at most this number of bytes.
+    /// Returns a cache in this folder that takes at most `limit_bytes`.
     pub fn at(folder: &Path, limit_bytes: u64) -> Self {
         Self { folder: Some(folder.to_owned()), limit_bytes }
     }
 
-    /// One that keeps nothing.
+    /// Returns a cache that stores nothing.
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// Where it lies.
+    /// Returns the folder's path.
     pub fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
     }
 
-    /// The most bytes of all entries together.
+    /// Returns the largest size of all entries together.
     pub fn limit_bytes(&self) -> u64 {
         self.limit_bytes
     }
 
-    /// Whether it keeps anything.
+    /// Returns whether the cache stores anything.
     pub fn keeps(&self) -> bool {
         self.folder.is_some()
     }
 
-    /// What was kept as a `kind` under this key.
+    /// Returns the content stored as a `kind` under this key.
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;
-        // What is used stays longest.
+        // The entries used last are removed last.
         let used = std::fs::File::open(&path).and_then(|file| file.set_modified(SystemTime::now()));
         drop(used);
         Some(content)
     }
 
-    /// Keeps something; says whether it did. A disk that is full or cannot be written to costs time at the next run, no more.
+    /// Stores an entry and returns whether that succeeded. If it did not, for example on a full disk, the
+    /// next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
@@ -86,7 +88,7 @@ impl Cache {
         kept
     }
 
-    /// Every entry, the one used last first.
+    /// Returns all entries, the one used last first.
     pub fn entries(&self) -> Vec<Entry> {
         let files = self.folder().and_then(|folder| std::fs::read_dir(folder).ok());
         let mut entries: Vec<Entry> =
@@ -95,7 +97,7 @@ impl Cache {
         entries
     }
 
-    /// Removes every entry; how many there were, and their bytes.
+    /// Removes all entries; returns their number and size.
     pub fn clear(&self) -> std::io::Result<(usize, u64)> {
         let entries = self.entries();
         for entry in &entries {
@@ -104,7 +106,7 @@ impl Cache {
         Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
     }
 
-    /// Removes what was not used for longest, until the rest is within the limit.
+    /// Removes the entries that were not used for longest, until the rest is within the limit.
     fn trim(&self) {
         let mut left_bytes = 0;
         for entry in self.entries() {
@@ -127,7 +129,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A file that the cache made, finished or not; never anybody else's.
+/// Returns the entry of a file if the cache made it, finished or not.
 fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
     let found = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();

@@ -1,4 +1,4 @@
-//! `raycl cache`: the data kept between runs.
+//! `raycl cache`: shows or clears the data stored between runs.
 
 use crate::cache::{Cache, LIMIT};
 use crate::error::{Error, Result};
@@ -13,9 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without it
 
-It lies in $XDG_CACHE_HOME/raycl, or ~/.cache/raycl, and holds compiled programs by their text, options, device, driver and \
-the driver's variables, and lists of devices. RAYCL_CACHE_MIB says how many MiB it may take (512); what was not used for \
-longest goes first. Everything in it can be made again: an entry that is corrupt is.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains compiled programs (by source, options, device, driver and the driver's variables) and lists of devices. RAYCL_CACHE_MIB is its limit in MiB (default: 512); entries that were not used for longest are removed first. raycl can make all entries again, and does so if one is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -37,14 +35,14 @@ enum Action {
 /// The output of `show`.
 #[derive(Serialize)]
 struct Shown {
-    /// Its folder; none where nothing is kept.
+    /// Its folder; null if nothing is stored.
     folder: Option<String>,
     entries: usize,
     bytes: u64,
     limit_bytes: u64,
 }
 
-/// Shows, clears or names the cache.
+/// Shows or clears the cache, or prints its path.
 pub fn run(args: Args) -> Result<()> {
     let cache = Cache::of_user();
     match args.action.unwrap_or(Action::Show) {
@@ -56,7 +54,7 @@ pub fn run(args: Args) -> Result<()> {
 
 fn folder(cache: &Cache) -> Result<String> {
     let folder = cache.folder().map(|folder| folder.display().to_string());
-    folder.ok_or_else(|| Error::run("nothing is kept between runs").with_help(why_none(cache)))
+    folder.ok_or_else(|| Error::run("nothing is stored between runs").with_help(why_none(cache)))
 }
 
 fn why_none(cache: &Cache) -> String {
@@ -78,7 +76,7 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
         return super::print_json(&shown);
     }
     let Some(folder) = &shown.folder else {
-        return super::print(format!("Nothing is kept between runs: {}", why_none(cache)));
+        return super::print(format!("Nothing is stored between runs: {}", why_none(cache)));
     };
     let (count, bytes) = (counted(shown.entries, "entry"), readable(shown.bytes));
     super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))

@@ -1,4 +1,4 @@
-//! Arguments that several subcommands read: a device, a strategy, a local size, `--set`.
+//! Arguments that several subcommands have: a device, a strategy, a local size, `--set`.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, DeviceLimits, default_place, pick_one, places};
@@ -9,7 +9,7 @@ use crate::strategy::{AXES, Axis as _, Intersector, PRESETS, Strategy, Task, Tra
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::ffi::OsStr;
 
-/// `WIDTHxHEIGHT`, or one number for both.
+/// Parses `WIDTHxHEIGHT`, or one number for both.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let (across, down) = text.split_once('x').unwrap_or((text, text));
     let number = |part: &str| match part.parse::<u32>() {
@@ -21,7 +21,7 @@ pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     Ok([number(across)?, number(down)?])
 }
 
-/// `key=value`.
+/// Parses `key=value`.
 pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
@@ -29,7 +29,7 @@ pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), Str
     }
 }
 
-/// Any text, for [`parse_strategy`]; shells complete the presets.
+/// Any text, to be parsed by [`parse_strategy`]; shells complete the presets.
 #[derive(Clone)]
 pub struct StrategyText;
 
@@ -50,7 +50,7 @@ impl TypedValueParser for StrategyText {
     }
 }
 
-/// A preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`.
+/// Parses a preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let mut parts = text.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
     let name = match parts.peek() {
@@ -68,8 +68,8 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// The strategy of a task, and its local size: by its text, or the fastest that is known; with the axes among `set` changed. Where they
-/// ask for the watertight test, the fastest is that of such tasks.
+/// Returns the strategy for a task, and its local size: the one in `text`, or the fastest one known, with the
+/// axes in `set` changed. If `set` chooses the watertight test, the fastest strategy with that test is taken.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -88,17 +88,17 @@ pub fn chosen_strategy(
     if strategy == best {
         return Ok((strategy, best_local));
     }
-    // A tile is work enough for a work-group.
+    // A tile is enough work for one work-group.
     let tiles = strategy.traversal == Traversal::Tile;
     Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
 }
 
-/// Whether `--set` means an axis of the strategy.
+/// Returns whether a `--set` key is an axis of the strategy.
 pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Suggests the axis to a user who misspelt one: no key of a scene resembles an axis.
+/// Suggests the most similar axis for a misspelt one. No key of a scene resembles an axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match nearest(key, names.iter().copied()) {
@@ -110,7 +110,8 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     }
 }
 
-/// The one device to render on: the first that matches, or that the user's settings name, or the most capable one.
+/// Returns the device to render on: the first that matches `pattern` or the user's settings, or else the most
+/// capable one.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| match (pattern, settings::device()) {
         (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),

@@ -1,5 +1,5 @@
-//! `--color`: whether what raycl prints has colours. The option decides, else `NO_COLOR` (<https://no-color.org>), else the user's
-//! settings, else whether somebody reads it at a terminal.
+//! `--color`: whether raycl prints in colour. The option decides first, then `NO_COLOR`
+//! (<https://no-color.org>), then the user's settings, then whether the output is a terminal.
 
 use clap::ColorChoice;
 use std::ffi::OsString;
@@ -12,16 +12,16 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub enum Colour {
     /// On a terminal.
     Auto,
-    /// Always, in files and pipes too.
+    /// Always, also in files and pipes.
     Always,
     /// Never.
     Never,
 }
 
-/// What [`choose`] was given: 0 for nothing and for `auto`.
+/// The choice made by [`choose`]: 0 means none, or `auto`.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// Decides for the rest of the process: by the option, else the environment, else the setting.
+/// Sets the choice for the whole process: the option's, else the environment's, else the setting's.
 pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let code = match option.or(refused.then_some(Colour::Never)).or(setting) {
@@ -32,7 +32,7 @@ pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     CHOSEN.store(code, Ordering::Relaxed);
 }
 
-/// Whether the user said always or never; none where each stream decides for itself.
+/// Returns the user's choice of always or never; `None` if it depends on the output.
 pub fn told() -> Option<bool> {
     match CHOSEN.load(Ordering::Relaxed) {
         1 => Some(true),
@@ -41,19 +41,19 @@ pub fn told() -> Option<bool> {
     }
 }
 
-/// Whether standard output gets colours.
+/// Returns whether standard output is coloured.
 pub fn on_output() -> bool {
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     told().unwrap_or_else(|| std::io::stdout().is_terminal() && !dumb)
 }
 
-/// The same for clap's help and messages.
+/// Returns the choice for clap's help and messages.
 pub(super) fn of_clap() -> ColorChoice {
     told()
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })
 }
 
-/// The last `--color` among the process's words, before anything is known of the others.
+/// Returns the last `--color` of the command line, before the other arguments are parsed.
 pub(super) fn typed(words: &[OsString]) -> Option<Colour> {
     let mut words =
         words.iter().map(|word| word.to_str().unwrap_or_default()).take_while(|word| *word != "--");

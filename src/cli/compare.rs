@@ -1,4 +1,4 @@
-//! `raycl compare`: two folders of results, point by point.
+//! `raycl compare`: compares two folders of results, point by point.
 
 use crate::error::{Error, Result};
 use crate::measure::Verdict;
@@ -14,18 +14,19 @@ use std::path::PathBuf;
   raycl compare results/main results/branch --fail-on-regression 5
   raycl compare results/pocl results/h200 --out results/pocl-h200")]
 pub struct Args {
-    /// The folder of results to compare with
+    /// The folder of the older results
     before: PathBuf,
-    /// The folder of results to judge
+    /// The folder of the newer results
     after: PathBuf,
-    /// Call changes "same" that are surely smaller than this
+    /// Report changes that are surely smaller than this as "same"
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
-    /// Compare bare times, instead of their ratios to the anchor or baselines of the same run
+    /// Compare plain times, instead of their ratios to the anchor or baselines of the same run
     #[arg(long)]
     times: bool,
-    /// Exit with 1 if all points together, one strategy's points or a single point is surely slower by more than this, or if a
-    /// point failed that ran before. At most one of 50 comparisons of equal programs fails by chance
+    /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is surely
+    /// slower by more than this, or if a point fails that did not fail before. At most one of 50 comparisons of equal
+    /// programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots here
@@ -45,14 +46,14 @@ pub struct Args {
     quiet: bool,
 }
 
-/// A percentage.
+/// Parses a percentage.
 pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
     let number: Option<f64> = text.trim_end_matches('%').parse().ok();
     let fine = number.filter(|percent| percent.is_finite() && *percent >= 0.0);
     fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number such as 5"))
 }
 
-/// Compares two folders. They hold results or it is the user's mistake.
+/// Compares two folders. A folder without results is a mistake of the user.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--out DIR" };
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
@@ -62,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "points correspond by scene, image size, strategy's name and local size; a scene by its content",
+            "two points correspond if scene, image size, strategy name and local size are equal; scenes are compared by content",
         ));
     }
     if let Some(out) = &mut out {
@@ -80,20 +81,21 @@ pub fn run(args: Args) -> Result<()> {
     }
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
-            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; ")))
-                .with_help("measure both again, one after the other, to tell a change from a busy machine"))
+            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; "))).with_help(
+                "measure both again, one after the other, to distinguish a change from a busy machine",
+            ))
         }
         _ => Ok(()),
     }
 }
 
-/// Every point that is not the same, then the counts.
+/// Prints every point that changed, then the counts.
 pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let [a, b] = &comparison.labels;
     let mut table =
         super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
-    // Without a change comes last.
+    // Points without a ratio come last.
     let change = |pair: &report::Pair| pair.change_percent().unwrap_or(f64::NEG_INFINITY);
     changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
     let several = comparison.has_several_devices();

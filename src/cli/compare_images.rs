@@ -1,4 +1,4 @@
-//! `raycl compare-images`: the difference between two pictures.
+//! `raycl compare-images`: compares two pictures.
 
 use crate::error::{Error, Result};
 use crate::image::{Radiance, check_png, difference_image, read_picture, relative_difference, save_rgb8};
@@ -41,22 +41,22 @@ fn decibels(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("'{text}' is not a number of decibels, such as 40"))
 }
 
-/// The result; its fields are those of `--json`.
+/// The result, with the fields of `--json`.
 #[derive(Debug, Serialize)]
 struct Report {
-    /// Null where the pictures are equal.
+    /// Null if the pictures are equal.
     psnr_db: Option<f64>,
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// Of a channel: in 8 bits, a part of 255; in radiance, itself.
+    /// The largest error of a channel: for 8-bit pictures as a fraction of 255, for radiance as it is.
     largest_error: f64,
     largest_error_at: Option<[u32; 2]>,
     largest_relative_difference: f64,
     output: Option<String>,
 }
 
-/// Compares two pictures. Different sizes, or a file that is no picture, are the user's mistake.
+/// Compares two pictures. Different sizes, or a file that is not a picture, are mistakes of the user.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--output FILE.png" };
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
@@ -64,7 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     let (found, expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
     if (found.width, found.height) != (expected.width, expected.height) {
         return Err(Error::input(format!(
-            "{} is {} x {} pixels and {} is {} x {}: only pictures of one size can be compared",
+            "{} is {} x {} pixels and {} is {} x {}: only pictures of equal size can be compared",
             args.found.display(),
             found.width,
             found.height,
@@ -85,7 +85,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     match (args.fail_below, report.psnr_db) {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
-            "the pictures are {psnr:.2} dB apart, and at least {limit} dB are asked for"
+            "the peak signal-to-noise ratio is {psnr:.2} dB; --fail-below requires {limit} dB"
         ))
         .with_help("`--output FILE.png` shows where they differ")),
         _ => Ok(()),
@@ -110,7 +110,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
             largest = (worst, Some([place as u32 % found.width, place as u32 / found.width]));
         }
     }
-    // The peak is white for 8-bit pictures; for radiance, the brightest channel, but never less than white.
+    // For 8-bit pictures the peak is white. For radiance it is the brightest channel, but at least white.
     let peak = peak.max(1.0);
     let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
     let equal = different == 0;

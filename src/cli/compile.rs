@@ -1,4 +1,4 @@
-//! `raycl compile`: builds a scene's kernels and keeps the compiler's output.
+//! `raycl compile`: builds a scene's kernels and saves the compiler's output.
 
 use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::Device;
@@ -21,15 +21,15 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
 Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory
-instructions, predicted occupancy) and the program's binary: binary.ptx where it is PTX text, else binary.bin.
-Nothing is cast. Registers are printed by some compilers only, memory instructions known of PTX only.")]
+instructions, predicted occupancy) and the program's binary: binary.ptx if it is PTX text, else binary.bin.
+Nothing is cast. Only some compilers print registers, and memory instructions are only counted in PTX.")]
 pub struct Args {
-    /// A scene TOML or a mesh, which decides the sizes of __local arrays and stacks
+    /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
     scene: PathBuf,
     /// A preset, axes, or both: naive; deferred,width=4. May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
-    /// Work-items of a work-group
+    /// Work-items per work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
     local_size: [u32; 2],
     /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
@@ -61,7 +61,7 @@ struct Compilation {
     kernels: Vec<CompiledKernel>,
 }
 
-/// The image's size decides nothing that is compiled.
+/// Any size: the compiled code does not depend on it.
 const IMAGE_SIZE: [u32; 2] = [64, 64];
 
 /// Builds every strategy.
@@ -91,10 +91,10 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Every file that a strategy's folder may get.
+/// The names of all files that a strategy's folder may get.
 const FILES: [&str; 6] = ["source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
 
-/// The folder to write to, once it is known that no file in it belongs to another program.
+/// Returns the folder to write to, after checking that no file in it belongs to another program.
 fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     let out = OutFolder::open(path, Choice { force: args.force, elsewhere: "--out DIR" })?;
     for strategy in &args.strategy {
@@ -104,16 +104,16 @@ fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     Ok(out)
 }
 
-/// Compilers print registers only when they compile.
+/// Turns off compilers' caches, since registers are only printed when a program is compiled.
 fn disable_caches() {
     if std::env::var_os(CACHE_DISABLE).is_none() {
-        // SAFETY: the command has just begun: no driver is loaded and no other thread runs that could read the
-        // environment meanwhile.
+        // SAFETY: the command has just begun: no driver is loaded and no other thread could read the
+        // environment at the same time.
         unsafe { std::env::set_var(CACHE_DISABLE, "1") };
     }
 }
 
-/// Names and contents of the files beside `made.json`.
+/// Names and contents of the files, except `made.json`.
 type Files = Vec<(&'static str, Vec<u8>)>;
 
 fn compile(
@@ -156,7 +156,7 @@ fn keep(out: &mut OutFolder, folder: &str, made: &Compilation, mut files: Files)
     out.write(&files.into_iter().map(named).collect::<Vec<_>>())
 }
 
-/// "deferred,width=4" as a folder is called.
+/// Returns the name of a strategy's folder, for example for "deferred,width=4".
 fn folder_name(strategy: &str) -> String {
     let kept = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
     strategy.chars().map(kept).collect()

@@ -1,4 +1,4 @@
-//! `raycl completions`: a script with which a shell completes raycl's arguments.
+//! `raycl completions`: prints a script with which a shell completes raycl's arguments.
 
 use crate::error::{Error, Result};
 use clap::{Command, CommandFactory as _};
@@ -19,12 +19,12 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut shown(), "raycl", &mut script);
-    let script =
-        String::from_utf8(script).map_err(|error| Error::fault(format!("the script is no text: {error}")))?;
+    let script = String::from_utf8(script)
+        .map_err(|error| Error::fault(format!("the script is not text: {error}")))?;
     super::print(script.trim_end())
 }
 
-/// The command without hidden parts, which clap_complete would offer.
+/// Returns the command without hidden parts, which clap_complete would include.
 fn shown() -> Command {
     let whole = super::Cli::command();
     let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();

@@ -1,4 +1,4 @@
-//! `raycl devices`: every OpenCL platform and device, with its limits.
+//! `raycl devices`: lists every OpenCL platform and device, with its limits.
 
 use serde::Serialize;
 
@@ -12,14 +12,14 @@ use crate::sources::Sources;
   raycl devices
   raycl devices --json | jq '.devices[].limits.local_bytes'
 
-Any part of what is listed names a device: `raycl render SCENE --device pocl`.")]
+Any part of a listed name selects a device: `raycl render SCENE --device pocl`.")]
 pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long)]
     json: bool,
 }
 
-/// Lists the devices. Errors when there is no platform.
+/// Lists the devices. It is an error if there is no platform.
 pub fn run(args: Args) -> Result<()> {
     let Survey { devices, empty_platforms } = device::survey(&Sources::Embedded)?;
     let default = device::pick_default(&devices).map(|device| device.info.slug());

@@ -1,4 +1,4 @@
-//! `raycl figures`, for contributors: the documents' figures, from stored records.
+//! `raycl figures`, for contributors: updates the documents' figures from stored records.
 
 use crate::documents::{Difference, Documents};
 use crate::error::{Error, Result};
@@ -10,12 +10,12 @@ pub struct Args {
     /// raycl's repository
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
-    /// Write nothing; list where documents and records differ
+    /// Write nothing; list the differences between documents and records
     #[arg(long)]
     check: bool,
 }
 
-/// Makes the figures, or checks them. The command fails on differences that rewriting cannot remove.
+/// Updates or checks the figures. The command fails on differences that rewriting cannot remove.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {
@@ -28,14 +28,14 @@ pub fn run(args: Args) -> Result<()> {
     match left.len() {
         0 => Ok(()),
         count => Err(Error::run(format!("{count} numbers have no record:\n{}", listed(&left)))
-            .with_help("CONTRIBUTING.md tells how a number gets its record")),
+            .with_help("CONTRIBUTING.md explains how to give a number its record")),
     }
 }
 
-/// File, line, the text there, and the text that the records give.
+/// Formats differences: file, line, the text there, and the text that the records give.
 fn listed(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
-        format!("{file}:{line}: '{stands}' stands there; the records say {records_say}")
+        format!("{file}:{line}: the document has '{stands}', the records give {records_say}")
     };
     differences.iter().map(one).collect::<Vec<_>>().join("\n")
 }

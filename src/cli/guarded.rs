@@ -1,5 +1,6 @@
-//! Commands that start drivers work in a process of their own. A driver that crashes or hangs while it is asked for its devices ends that
-//! process, not the command: the drivers are then tried one by one, and the work begins again without those that fail.
+//! Protects commands from drivers that crash or hang while they list their devices. A command that starts
+//! drivers does its work in a child process. If a driver ends that process, the drivers are tried one by one,
+//! and the work is started again without those that fail.
 
 use crate::device::drivers::{Driver, installed, only};
 use crate::device::patience::{GUARDED, HUNG};
@@ -9,7 +10,7 @@ use crate::printer;
 use std::ffi::OsString;
 use std::process::{Command, ExitStatus};
 
-/// Whether this process is the one that works.
+/// Returns whether this is the child process.
 pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
@@ -56,21 +57,21 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
     }
 }
 
-/// One run of the same command line, where these variables are set.
+/// Runs the same command line once, with these environment variables.
 fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
     let mut command = Command::new(std::env::current_exe().map_err(failed)?);
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
     command.status().map_err(failed)
 }
 
-/// Why a driver alone does not list its devices.
+/// Returns why a driver alone does not list its devices; `None` if it does.
 fn why_broken(driver: &Driver) -> Result<Option<String>> {
     let folder = tempfile::tempdir().map_err(failed)?;
     let alone = only(std::slice::from_ref(driver), folder.path()).map_err(failed)?;
     lists_devices(&alone)
 }
 
-/// How a process ended, where a driver may have ended it.
+/// Returns how a process ended, if a driver may have ended it.
 fn drivers_doing(status: ExitStatus) -> Option<String> {
     if status.code() == Some(HUNG) {
         return Some("a driver did not answer".to_owned());
@@ -79,7 +80,7 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
     CRASHES.contains(&name).then(|| format!("a driver ended the process: {name} (signal {signal})"))
 }
 
-/// Signals by which a process brings itself down; others come from outside.
+/// Signals that a process causes itself; others come from outside.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
 #[cfg(unix)]
@@ -104,20 +105,20 @@ fn end_as(status: ExitStatus) -> Result<()> {
     }
 }
 
-/// What ends the process that started this one ends it too.
+/// Makes the system end this process when its parent ends.
 #[cfg(target_os = "linux")]
 pub fn ends_with_its_parent() {
     use rustix::process::{Signal, set_parent_process_death_signal};
-    // Where the system cannot, the work goes on to its end.
+    // If the system does not support this, the work continues to its end.
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
 }
 
-/// Elsewhere the work goes on to its end.
+/// Does nothing: on other systems the work continues to its end.
 #[cfg(not(target_os = "linux"))]
 pub fn ends_with_its_parent() {}
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the process that does the work could not be started: {error}")).with_help(
-        "see that raycl's own file can be read and run, and that the temporary folder can be written",
+        "check that raycl's own file can be read and executed, and that the temporary folder is writable",
     )
 }

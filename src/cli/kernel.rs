@@ -1,4 +1,4 @@
-//! `raycl kernel`: the program of a strategy as the compiler sees it, for reading.
+//! `raycl kernel`: prints the program of a strategy as the compiler sees it.
 
 mod title;
 
@@ -29,10 +29,11 @@ pub struct Args {
     /// A preset, axes, or both: naive; deferred,width=4
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Work-items of a work-group [default: 8x8; 32 across where they share a tile]
+    /// Work-items per work-group [default: 8x8; 32 across if work-items share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// Print what this device's compiler sees: a word of its name, platform or vendor, or cpu or gpu [default: any device]
+    /// Print the program for this device's compiler: a word of its name, platform or vendor, or cpu or gpu
+    /// [default: any device]
     #[arg(long)]
     device: Option<String>,
     /// A scene TOML or a mesh, for the sizes of __local arrays and stacks [default: a small scene]
@@ -41,7 +42,8 @@ pub struct Args {
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print only text that matters to the compiler: two sources that compile to the same program print the same
+    /// Print only text that matters to the compiler, so that two sources that compile to the same program
+    /// give the same output
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernels of this folder instead of those built in
@@ -79,7 +81,7 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("{head}{}{foot}", reading.text).trim_end())
 }
 
-/// The program as the device's compiler sees it, if the device can hold it.
+/// Returns the program as the device's compiler sees it, if the device supports the strategy.
 fn on_device(
     device: &Device,
     strategy: &Strategy,
@@ -93,7 +95,7 @@ fn on_device(
     preprocess_for(&Queue::open(device.platform, device.device)?, spec)
 }
 
-/// The sizes that arrays depend on.
+/// Returns the sizes that arrays depend on.
 fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Workload> {
     let usual = match strategy.shares_tiles() {
         true => [GROUP_LANES, builtins.lanes.usual_groups()],

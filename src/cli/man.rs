@@ -1,4 +1,4 @@
-//! `raycl man`: the manual as man pages, made of the same words as `--help`.
+//! `raycl man`: prints man pages, generated from the text of `--help`.
 
 use crate::error::{Error, Result, nearest};
 use crate::output::{Choice, OutFolder};
@@ -56,7 +56,7 @@ fn unknown(pages: &[Page], command: &str) -> Error {
     })
 }
 
-/// The page of raycl and those of its commands, without hidden ones.
+/// Returns raycl's page and those of its commands, except hidden ones.
 fn pages() -> Result<Vec<Page>> {
     let mut whole = super::Cli::command();
     whole.build();

@@ -1,4 +1,4 @@
-//! `raycl merge`: the shards of an experiment put together to one folder of results.
+//! `raycl merge`: merges the shards of an experiment into one folder of results.
 
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
@@ -16,20 +16,21 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-It needs no device. Exit code: 0 when every point of the plan was measured or cannot fit the device, 1 when one is missing or failed, 2 for a \
-mistake in what was given.")]
+Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if one is missing or failed, 2 for a mistake in the arguments.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote (its --out)
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// A part of the name of a device that is meant: others that took part are left out, and one that did not begin is
-    /// missing [default: all that took part]
+    /// Merge only devices whose names contain this: the results of others are left out, and a named device
+    /// without results counts as missing [default: all devices with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that measured a shard: going, hung, lost, or how it ended
+    /// Merge nothing; print the state of each process that measured a shard: running, hung, lost, or how it
+    /// ended
     #[arg(long)]
     status: bool,
-    /// With --status, seconds between two readings of each counter; more than the time for which a network file system shows old data
+    /// With --status, seconds between two readings of each process's counter; use more than the time for
+    /// which a network file system shows old data
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point, or with --status per attempt, instead of tables
@@ -45,7 +46,7 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|seconds| (0.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
-/// Merges what is there, then says what is missing.
+/// Merges the existing results, then lists the missing ones.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
@@ -69,7 +70,7 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     folder.notes.iter().try_for_each(|note| super::print(format!("note: {note}")))?;
     let [kept, others] = merged.samples;
     super::print(format!(
-        "Merged:   {}, {}, {}; {} stay in their parts",
+        "Merged:   {}, {}, {}; {} not used",
         counted(merged.attempts, "attempt"),
         counted(merged.records, "point"),
         counted(kept, "sample"),
@@ -78,7 +79,7 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// An error where the plan has points that are missing or failed.
+/// Returns an error if points of the plan are missing or failed.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")
@@ -98,9 +99,9 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
                 kind.command
             )
         });
-        let took_part = missing.took_part.iter().map(|names| format!("these took part: {names}"));
+        let took_part = missing.took_part.iter().map(|names| format!("devices with results: {names}"));
         let lines: Vec<String> = said.chain(took_part).collect();
-        let help = format!("to measure what is missing\n{}", lines.join("\n"));
+        let help = format!("to measure the missing points\n{}", lines.join("\n"));
         return Err(Error::run(format!(
             "{} {} missing",
             counted(missing.count(), "point"),
@@ -115,7 +116,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     }
 }
 
-/// How each attempt is.
+/// Prints the state of each attempt.
 fn tell(args: &Args) -> Result<()> {
     let Some(plan) = ShardPlan::read(&args.out)? else {
         return Err(no_shards(&args.out));

@@ -58,7 +58,7 @@ use colour::Colour;
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.
 
 Your own defaults (device, color, results) are in ~/.config/raycl/config.toml. The variables
-RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS go before them, options before both.")]
+RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal, unless NO_COLOR is set), always or never [default: auto]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
@@ -91,16 +91,16 @@ enum Command {
     Devices(devices::Args),
     /// List every axis of the strategy space, and the presets
     Strategies(strategies::Args),
-    /// Run the points of one device for `run`, which starts it
+    /// Internal: `run` starts this process to measure the points of one device
     #[command(hide = true)]
     Worker {
-        /// List the devices instead
+        /// List the devices and end
         #[arg(long)]
         list: bool,
-        /// Keep the program on standard input instead
+        /// Compile the program given on standard input, store it in the cache and end
         #[arg(long, conflicts_with = "list")]
         keep: bool,
-        /// With the kernels of this folder
+        /// Use the kernels of this folder
         #[arg(long, requires = "list")]
         cl_dir: Option<std::path::PathBuf>,
     },
@@ -117,7 +117,7 @@ enum Command {
     /// Make the documents' figures from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
-    /// Hold the rule by which `render` chooses against measurements, for contributors
+    /// Compare the rule by which `render` chooses with measurements, for contributors
     #[command(hide = true)]
     Rule(rule::Args),
     /// Show or clear the cache: compiled programs, lists of devices
@@ -131,7 +131,8 @@ enum Command {
 }
 
 impl Command {
-    /// Whether it starts drivers in its own process. Where points are measured, workers do.
+    /// Returns whether the command starts drivers in its own process. Commands that measure points leave that
+    /// to workers.
     fn starts_drivers(&self) -> bool {
         match self {
             Self::Render(_)
@@ -153,14 +154,13 @@ impl Command {
 }
 
 impl Cli {
-    /// Reads the process's arguments. A mistake in them ends it with exit code 2 and a suggestion.
+    /// Parses the process's arguments. A mistake in them ends the process with exit code 2 and a suggestion.
     ///
-    /// # Errors
-    /// A mistake in the user's settings, which workers do not read.
+    /// # Errors If the user's settings have a mistake. Workers do not read the settings.
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
-        // A mistake, too, is told in the colours that its line asks for.
+        // The message for a mistake is also coloured as the command line says.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words)
             .unwrap_or_else(|error| renamed::explain(shown(error, words.into_iter())).exit());
@@ -197,7 +197,7 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
-            // On a line of its own, whatever a driver has left on the line before.
+            // Printed on a new line, since a driver may have left an unfinished one.
             Command::Worker { list: true, cl_dir, .. } => {
                 let sources = Sources::of(cl_dir)?;
                 print(format!("\n{}", crate::experiment::list_devices(&sources)?))
@@ -219,7 +219,7 @@ impl Cli {
     }
 }
 
-/// The mistake in words that no terminal obeys: clap quotes them as they are.
+/// Returns clap's message without control characters, since clap quotes arguments unchanged.
 fn shown(error: clap::Error, words: impl Iterator<Item = OsString>) -> clap::Error {
     let words = words.map(|word| printer::line(&word.to_string_lossy()).into_owned().into());
     Cli::parse_words(&words.collect::<Vec<OsString>>()).err().unwrap_or(error)

@@ -1,4 +1,4 @@
-//! `raycl noise`: the smallest difference in time that runs on this machine can show.
+//! `raycl noise`: measures the smallest difference in time that runs on this machine can show.
 
 use super::choice::parse_assignment;
 use super::progress::observer;
@@ -17,7 +17,7 @@ pub struct Args {
     /// A word of a device's name, platform or vendor, or cpu, gpu or all [default: all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the config that it runs
+    /// Change a value of the experiment that is measured
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// If another process measures on the device, end at once instead of waiting for it
@@ -26,18 +26,18 @@ pub struct Args {
     /// Print one JSON object per device
     #[arg(long)]
     json: bool,
-    /// No progress
+    /// Print no progress
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// The experiment; it is part of the program, so that it runs anywhere.
+/// The experiment's files. They are built in, so that the command needs no other files.
 const FILES: [(&str, &str); 2] = [
     ("configs/noise.toml", include_str!("../../configs/noise.toml")),
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
 ];
 
-/// Measures in a folder of its own, which is gone afterwards.
+/// Measures in a temporary folder.
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot make a temporary folder: {error}"))
@@ -52,7 +52,7 @@ pub fn run(args: Args) -> Result<()> {
     let noise = Noise::of(&Folder::read(&out)?);
     if noise.iter().all(|one| one.samples == 0) {
         return Err(
-            Error::run("nothing could be measured").with_help("`raycl run configs/noise.toml` tells why")
+            Error::run("nothing could be measured").with_help("`raycl run configs/noise.toml` shows why")
         );
     }
     match args.json {
@@ -75,18 +75,18 @@ fn text(noise: &Noise) -> String {
     let causes = &noise.causes;
     let mut lines = vec![
         format!("{}, {} samples in {} launches", noise.device, noise.samples, noise.launches),
-        format!("  within a launch, points are told apart that differ by    {}", part(noise.within_launch)),
+        format!("  smallest difference that one launch can show             {}", part(noise.within_launch)),
         format!(
-            "  of all launches, points are told apart that differ by    {}",
+            "  smallest difference that all launches together can show  {}",
             part(noise.between_launches)
         ),
-        format!("  a point's own time is known to within                    {}", part(noise.own_time)),
+        format!("  half-width of the interval of a point's own time         {}", part(noise.own_time)),
     ];
     let number = |value: f64| significant(value, 2);
     if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {
         let words = [others, stolen].map(number);
         lines.push(format!(
-            "  others kept {} of {all} processors busy; {} went to other guests of the hardware",
+            "  other processes used {} of {all} processors; other virtual machines took {}",
             words[0], words[1]
         ));
     }
@@ -95,7 +95,7 @@ fn text(noise: &Noise) -> String {
         lines.push(format!("  processors ran at {least:.0} to {most:.0} MHz{governor}"));
     }
     lines.extend(causes.device_clock_mhz.map(|mhz| format!("  the device ran at {mhz:.0} MHz")));
-    lines.extend(causes.throttled_samples.map(|count| format!("  it throttled in {count} samples")));
-    lines.extend(causes.threads.map(|threads| format!("  it cast with {threads} threads")));
+    lines.extend(causes.throttled_samples.map(|count| format!("  the device throttled in {count} samples")));
+    lines.extend(causes.threads.map(|threads| format!("  the device used {threads} threads")));
     lines.join("\n")
 }

@@ -1,4 +1,4 @@
-//! `raycl occupancy`: the paper's Figure 5 for any compute capability.
+//! `raycl occupancy`: predicts occupancy as in the paper's Figure 5, for any compute capability.
 
 mod paper;
 mod results;
@@ -48,13 +48,13 @@ pub struct Args {
         conflicts_with = "paper"
     )]
     local_bytes_per_item: u32,
-    /// Local sizes, as in 8x8,64x1
+    /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
     /// Predict the points of a run, from the registers in its records: a folder of results, or its records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print the paper's table beside the occupancy that its 63 registers allow
+    /// Print the paper's table, and the occupancy that follows from its 63 registers per work-item
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table
@@ -75,7 +75,7 @@ const LOCAL_SIZES: [LocalSize; 9] = [
     LocalSize(32, 32),
 ];
 
-/// Work-items of a work-group across and down.
+/// A local size: work-items of a work-group, across and down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct LocalSize(u32, u32);
 
@@ -102,7 +102,7 @@ impl FromStr for LocalSize {
     }
 }
 
-/// The figures that all rows of a table share.
+/// The inputs that all rows of a table share.
 struct Question {
     sm: &'static Multiprocessor,
     registers: u32,
@@ -120,7 +120,7 @@ impl Question {
     }
 }
 
-/// Prints the table. An unknown compute capability is the user's mistake.
+/// Prints the table. An unknown compute capability is a mistake of the user.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);

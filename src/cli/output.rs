@@ -1,5 +1,5 @@
-//! Standard output for every subcommand. `println!` panics when its reader has gone
-//! (`raycl devices | head -1`), so nothing here or in a subcommand uses it.
+//! Standard output for every subcommand. `println!` panics if the reader has closed the pipe (`raycl devices
+//! | head -1`), so no subcommand uses it.
 
 use std::io::{ErrorKind, Write as _};
 
@@ -10,12 +10,13 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::printer;
 
-/// Writes `text` and a line end to standard output, nothing of it being obeyed by a terminal. A reader that has gone is no error.
+/// Writes `text` and a line end to standard output, without control characters. A closed pipe is not an
+/// error.
 pub fn print(text: impl std::fmt::Display) -> Result<()> {
     write(&printer::plain(&text.to_string()))
 }
 
-/// The same for a text that has the program's colours.
+/// Does the same for a text that contains raycl's colours.
 pub fn print_coloured(text: &str) -> Result<()> {
     write(&printer::coloured(text))
 }
@@ -25,21 +26,21 @@ fn write(text: &str) -> Result<()> {
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::run(format!("standard output could not be written: {error}"))
-                .with_help("make room where it is redirected to"))
+                .with_help("free space on the disk that it is redirected to"))
         }
         _ => Ok(()),
     }
 }
 
-/// Ends the process, which has printed everything: what it holds of memory and of drivers the system takes back faster than it could be
-/// let go of piece by piece.
+/// Ends the process after everything is printed. The system frees memory and drivers faster than destructors
+/// would.
 pub fn end_at_once() {
     signal_hook::low_level::exit(0);
 }
 
-/// Writes `text` to standard error, unless `quiet`, where standard output is a picture's.
+/// Writes `text` to standard error, unless `quiet`, for commands that write a picture to standard output.
 pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
-    // Whoever does not listen misses nothing of the picture.
+    // If standard error is closed, the picture is still complete.
     let _ = if quiet { Ok(()) } else { writeln!(std::io::stderr(), "{}", printer::plain(&text.to_string())) };
     Ok(())
 }
@@ -51,7 +52,8 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(text)
 }
 
-/// An empty table with this header. The first `left` columns are words, the others numbers, to the right.
+/// Returns an empty table with this header. The first `left` columns are left-aligned text, the others
+/// right-aligned numbers.
 pub fn table(header: &[&str], left: usize) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(header);

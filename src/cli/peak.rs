@@ -26,13 +26,13 @@ pub struct Args {
     /// A word of the devices' name, platform or vendor, or cpu, gpu or all [default: the most capable one]
     #[arg(long)]
     device: Option<String>,
-    /// Keep the figures in a file, for `raycl run --peak`
+    /// Store the peak rates in a file, for `raycl run --peak`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Replace FILE even where raycl did not make it, or it was changed since
+    /// Replace FILE even if raycl did not write it or it was changed since
     #[arg(long, requires = "out")]
     force: bool,
-    /// Where another process measures on the device, end at once instead of waiting for it
+    /// If another process measures on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
     /// Print JSON, a list of devices
@@ -78,18 +78,19 @@ fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
 
 /// The value of `run --peak`.
 pub(super) struct Wanted<'a> {
-    /// A file of figures, or "measure".
+    /// A file of peak rates, or "measure".
     pub given: &'a str,
     /// The devices to measure.
     pub patterns: &'a [String],
-    /// The folder of kernels that replaces those built in.
+    /// The folder of kernels that replaces the built-in ones.
     pub cl_dir: Option<&'a Path>,
-    /// Whether to end at once where another process measures on a device.
+    /// Whether to end at once if another process measures on a device.
     pub no_wait: bool,
 }
 
 impl Wanted<'_> {
-    /// The figures of the file, or those that a process of its own takes: a run itself starts no driver.
+    /// Returns the peak rates from the file, or has a child process measure them, since a run itself starts
+    /// no driver.
     pub fn for_run(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         if self.given != "measure" {
             return Peak::read(Path::new(self.given));
@@ -97,7 +98,7 @@ impl Wanted<'_> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
             let found = self.measured_apart(pattern);
-            // Ctrl-C reaches that process too, which may be waiting for its turn.
+            // Ctrl-C also reaches the child process, which may be waiting for the device.
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the devices were being measured"));
             }
@@ -110,11 +111,11 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
-                .with_help("`raycl peak --device NAME` measures one alone and says more")
+                .with_help("`raycl peak --device NAME` measures a single device and shows its error")
         };
         let program = std::env::current_exe().map_err(|error| failed(&error))?;
         let mut command = Command::new(program);
-        // Its messages are for the user: the process that it waits for, or why it failed.
+        // Its messages go to the user: whom it waits for, or why it failed.
         command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
         command.args(self.no_wait.then_some("--no-wait"));
         if let Some(folder) = self.cl_dir {
@@ -122,7 +123,7 @@ impl Wanted<'_> {
         }
         let output = command.output().map_err(|error| failed(&error))?;
         let text = String::from_utf8_lossy(&output.stdout);
-        // Drivers may print lines of their own before ours.
+        // A driver may print lines before the JSON.
         let list = text.find("[\n").map_or("", |at| &text[at..]);
         serde_json::from_str(list).map_err(|_| failed(&"the reason is above"))
     }

@@ -1,4 +1,4 @@
-//! How a run gets on: a bar on a terminal, plain lines elsewhere.
+//! Shows the progress of a run: a bar on a terminal, plain lines elsewhere.
 
 use crate::experiment::Observer;
 use crate::printer::{self, tell};
@@ -7,17 +7,17 @@ use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// A bar with the running step, the number done of the total, and the time left.
+/// A bar with the current step, the number of finished steps and the total, and the time left.
 pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's look; the words are the last argument of `works_on`. In 80 columns, half of the line is theirs.
+/// The bar's layout. The text is the last argument of `works_on`; it gets half of a line of 80 columns.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
-/// The time left, which nobody knows before the first point has stopped.
+/// Writes the time left, which is unknown until the first point has stopped.
 fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
-    // A bar that cannot be written is no reason to stop measuring.
+    // If the bar cannot be written, the run continues.
     let _ = match state.pos() {
         0 => out.write_str("?"),
         _ => write!(out, "{:#}", HumanDuration(state.eta())),
@@ -58,20 +58,20 @@ impl Observer for Bar {
     }
 }
 
-/// A line on standard error for every point that has stopped.
+/// Prints a line to standard error for every finished point.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
     done: usize,
-    /// Steps of all points, and those done.
+    /// Number of steps of all points, and of finished ones.
     steps: usize,
     taken: usize,
-    /// When the first of this run's points was begun, and how many steps were done by then.
+    /// When this run's first point began, and the number of steps finished by then.
     since: Option<(Instant, usize)>,
 }
 
 impl Lines {
-    /// ", about 12 minutes left": by the steps done since it began.
+    /// Returns ", about 12 minutes left", estimated from the steps since the run began.
     fn left(&self) -> String {
         let Some((begun, before)) = self.since else { return String::new() };
         let (now_done, missing) = (self.taken.saturating_sub(before), self.steps.saturating_sub(self.taken));
@@ -116,10 +116,10 @@ impl Observer for Lines {
     fn ends(&mut self) {}
 }
 
-/// Several runs as one: each counts on where the one before it ended.
+/// Shows several runs as one, with counts that continue from run to run.
 pub struct Stages {
     inner: Box<dyn Observer>,
-    /// Points and steps of all runs.
+    /// Number of points and of steps in all runs.
     all: [usize; 2],
     done: usize,
     taken: usize,
@@ -128,23 +128,23 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Runs with these numbers of points and steps together, reported to `inner`.
+    /// Makes an observer for runs with these total numbers of points and steps, which reports to `inner`.
     pub fn of(all: [usize; 2], inner: Box<dyn Observer>) -> Self {
         Self { inner, all, done: 0, taken: 0, stage: String::new(), begun: false }
     }
 
-    /// The next run's name.
+    /// Starts the next run.
     pub fn enter(&mut self, stage: String) {
         self.inner.enters(&stage);
         self.stage = stage;
     }
 
-    /// How many points are done.
+    /// Returns the number of finished points.
     pub fn done(&self) -> usize {
         self.done
     }
 
-    /// All runs have ended.
+    /// Ends the last run.
     pub fn end(&mut self) {
         self.inner.ends();
     }
@@ -185,7 +185,7 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// The observer for standard error as it is; a line per point where `verbose`.
+/// Returns the observer for this process's standard error, with a line per point if `verbose`.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(());
@@ -194,13 +194,13 @@ pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
         return Box::new(Lines::default());
     }
     let bar = ProgressBar::new(0);
-    // The template is a constant; were it wrong, indicatif's own look would do.
+    // The template is a constant. If it were wrong, indicatif's default would be used.
     let style = ProgressStyle::with_template(STYLE).unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.set_style(style.with_key("left", left));
     Box::new(Bar { bar })
 }
 
-/// A record in a line.
+/// Formats a record as one line.
 fn line(record: &Record) -> String {
     let [width, height] = record.image_size;
     let local = record.local_size.map_or(String::new(), |[x, y]| format!(" {x}x{y}"));
@@ -210,7 +210,7 @@ fn line(record: &Record) -> String {
             format!("{point}: {median_ms:.3} ms, n = {}", record.samples_ms.len())
         }
         (outcome, _) => {
-            // A compiler's log has many lines; the record keeps them all.
+            // A compiler's log has many lines; only the first is shown, and the record has all.
             let reason = record.reason.as_deref().and_then(|reason| reason.lines().next());
             format!("{point}: {}: {}", outcome.name(), reason.unwrap_or_default())
         }

@@ -1,17 +1,17 @@
-//! Old names on the command line: the message for one gives the new name.
+//! Old names on the command line; the error message gives the new name.
 
 use super::Cli;
 use clap::CommandFactory as _;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 
-/// clap's name of the mistake, the old word, and the word to type instead.
+/// clap's kind of the mistake, the old word, and the new one.
 const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
     (ContextKind::InvalidArg, "--limits", "--peak"),
 ];
 
-/// The error with the new word where an old one was typed; else as it was.
+/// Returns the error with the new word if an old one was typed; otherwise unchanged.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),
@@ -29,7 +29,7 @@ pub fn explain(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Whether the subcommand whose usage the error shows has an option.
+/// Returns whether the subcommand in the error's usage has an option.
 fn has_option(error: &clap::Error, option: &str) -> bool {
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return false };
     let (usage, command) = (usage.to_string(), Cli::command());
@@ -55,7 +55,7 @@ mod tests {
             assert_eq!(error.to_string().matches("tip:").count(), 1, "{error}");
             assert!(error.to_string().contains(new), "{error}");
         }
-        // Not where there is no such option.
+        // Not suggested if the command does not have that option.
         let other =
             explain(Cli::try_parse_from(["raycl", "render", "a.toml", "--limits"]).expect_err("no option"));
         assert!(!other.to_string().contains("--peak"), "{other}");

@@ -1,4 +1,4 @@
-//! `raycl render`: a picture of a scene.
+//! `raycl render`: renders a picture of a scene.
 
 mod casting;
 mod guess;
@@ -62,7 +62,7 @@ pub struct Args {
     /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or a word of their names
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "samples", "watch"])]
     devices: Option<String>,
-    /// With --devices: cast on those devices, too, that slow the frame
+    /// With --devices: also use devices that slow the frame down
     #[arg(long, requires = "devices")]
     every_device: bool,
     #[command(flatten)]
@@ -182,7 +182,7 @@ fn render(args: &Args) -> Result<()> {
     tell(args, &report, &device.info)
 }
 
-/// Saves a picture, and gives back its radiance where that is what it is of.
+/// Saves a picture; returns its radiance if it has one.
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
@@ -191,13 +191,13 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
     }
 }
 
-/// Whether only what is shown is wanted, which a device may make: what is compared with the reference is radiance, whatever is
-/// saved, and so are layers.
+/// Returns whether only displayed colours are needed, which a device can compute. Verification, layers and
+/// some file formats need radiance.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; nothing is left to do then.
+/// Prints the report at the end.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     match (args.json, args.quiet) {
         _ if target(args).is_standard_output() => super::tell(args.quiet, report.text(device))?,
@@ -211,12 +211,12 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     Ok(())
 }
 
-/// What is said beside what the scene's file gives reason for.
+/// Returns notes that do not come from the scene's file.
 fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
     hard(scene, samples).into_iter().chain(dirty_program())
 }
 
-/// What is said where soft lights are seen as points.
+/// Returns a note if soft lights are cast as points.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
@@ -237,7 +237,7 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, ms_since(start))
 }
 
-/// The picture's path: by default the scene's name.
+/// Returns the picture's path; by default it is the scene's name.
 fn target(args: &Args) -> Target {
     let scene = unpacked_name(&args.subject.scene);
     let stem = match scene.file_stem() {
@@ -249,7 +249,7 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
-/// The files of `--layers`, if they are asked for.
+/// Returns the files of `--layers`, if requested.
 fn layer_files(args: &Args) -> Result<Vec<Target>> {
     let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice)))
@@ -260,17 +260,18 @@ fn load(args: &Args) -> Result<Loaded> {
     args.subject.load(args.motion.turns(), is_dressed(args))
 }
 
-/// Whether a bare mesh is to have a ground, soft light and a sky; several devices take no samples.
+/// Returns whether a bare mesh gets a ground, soft light and a sky. Not with several devices, which take one
+/// sample per pixel.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && args.devices.is_none()
 }
 
-/// Samples of each pixel: so many as are asked for, or what looks good.
+/// Returns the number of samples per pixel: the requested number, or the default.
 fn samples(args: &Args, dressed: bool) -> u32 {
     args.samples.unwrap_or(if dressed { DRESSED_SAMPLES } else { 1 })
 }
 
-/// Of a bare mesh.
+/// The default for a bare mesh.
 const DRESSED_SAMPLES: u32 = 4;
 
 fn ms_since(start: Instant) -> f64 {

@@ -1,4 +1,4 @@
-//! `raycl repair`: damaged lines out of a folder's journals.
+//! `raycl repair`: removes damaged lines from a folder's journals.
 
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   raycl repair results/quick
-  raycl run configs/quick.toml --resume      measures again what was damaged")]
+  raycl run configs/quick.toml --resume      measures the damaged points again")]
 pub struct Args {
     /// A folder that `raycl run` wrote
     #[arg(value_name = "DIR")]
@@ -19,7 +19,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Takes damaged lines out of records, samples and rounds, and keeps each file as it was beside it.
+/// Removes damaged lines from records, samples and rounds; a copy of each original file stays in the folder.
 pub fn run(args: Args) -> Result<()> {
     if !args.folder.join("records.jsonl").is_file() {
         let error =
@@ -35,7 +35,11 @@ pub fn run(args: Args) -> Result<()> {
         return super::print("no line is damaged");
     }
     let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
-        format!("{}: {damaged} damaged taken out, {kept} kept; as it was: {}", file.display(), copy.display())
+        format!(
+            "{}: removed damaged lines: {damaged}, lines kept: {kept}; copy of the original: {}",
+            file.display(),
+            copy.display()
+        )
     };
     super::print(repaired.iter().map(line).collect::<Vec<_>>().join("\n"))
 }

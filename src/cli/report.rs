@@ -29,7 +29,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Writes the report, and a single folder's summaries again. It reads records and pictures, never a device.
+/// Writes the report, and a single folder's summaries again. It reads records and pictures and uses no
+/// device.
 pub fn run(args: Args) -> Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
     let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;

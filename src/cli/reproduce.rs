@@ -1,4 +1,4 @@
-//! `raycl reproduce`: the paper's experiments, and a page that judges its claims.
+//! `raycl reproduce`: measures the paper's experiments and makes a page that judges its claims.
 
 use super::choice::parse_assignment;
 use super::progress::{Stages, observer};
@@ -27,7 +27,7 @@ pub struct Args {
     /// Where to write: a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if it holds files that raycl did not write, and replace files of the same names; keep results in it
+    /// Write into DIR even if it contains files that raycl did not write; replaces those whose names it needs, but no results
     #[arg(long)]
     force: bool,
     /// Change a value of every config
@@ -50,7 +50,8 @@ pub struct Args {
     verbose: bool,
 }
 
-/// Runs the paper's configs and writes the page. Points that could not be measured are on the page and do not stop it.
+/// Measures the paper's configs and writes the page. Points that could not be measured are listed on the page
+/// and do not stop the command.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--out DIR" };
     let mut out = OutFolder::open(&args.out, choice)?;
@@ -60,14 +61,12 @@ pub fn run(args: Args) -> Result<()> {
     say_where(&args, &write_page(&mut out)?)?;
     match failed.as_slice() {
         [] => Ok(()),
-        some => {
-            Err(Error::run(some.join("; "))
-                .with_help("the page was written; each folder's summary.md tells why"))
-        }
+        some => Err(Error::run(some.join("; "))
+            .with_help("the page was written; each folder's summary.md gives the reasons")),
     }
 }
 
-/// Runs one config after the other; which of them have points that failed.
+/// Runs one config after the other; returns the names of those with failed points.
 fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     unpack(out)?;
     let devices = find_devices(None)?;
@@ -96,16 +95,16 @@ fn arguments(args: &Args, name: &str) -> run::Args {
     let taken = [args.resume, args.force];
     let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
     run.no_wait = args.no_wait;
-    // The paper's latencies, and the reason why a memory is best, need the device's peak rates.
+    // The device's peak rates are needed for the paper's latencies and to explain why a memory is fastest.
     run.peak = (name == "figure-8").then(|| "measure".to_owned());
     run
 }
 
-/// Results measured before the interruption are on the page; prints how to continue.
+/// Makes the page from the results measured before an interruption, and prints how to continue.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
-    let help = format!("{page}to go on from here: {}", resuming(args));
+    let help = format!("{page}to continue from here: {}", resuming(args));
     match error {
         Error::Interrupted { .. } => {
             let message = format!("{} of {total} points are done", stages.done());
@@ -116,7 +115,7 @@ fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, 
     }
 }
 
-/// The command that goes on with it.
+/// Returns the command that continues the reproduction.
 fn resuming(args: &Args) -> String {
     let mut words = vec!["raycl".to_owned(), "reproduce".to_owned()];
     words.extend(["--out".to_owned(), args.out.display().to_string()]);
@@ -126,7 +125,7 @@ fn resuming(args: &Args) -> String {
     words.iter().map(|word| report::quote(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// The last lines: each config's own report, and the page.
+/// Prints the paths of each config's report and of the page.
 fn say_where(args: &Args, page: &Path) -> Result<()> {
     if args.quiet {
         return Ok(());
@@ -137,12 +136,12 @@ fn say_where(args: &Args, page: &Path) -> Result<()> {
     super::print(format!("Reproduction: {}", page.display()))
 }
 
-/// The folders of results that are there.
+/// Returns the existing folders of results.
 fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
     CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join("records.jsonl").exists())
 }
 
-/// Writes the configs and scenes beside the results.
+/// Writes copies of the configs and scenes into the folder.
 fn unpack(out: &mut OutFolder) -> Result<()> {
     let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
     let scenes = scenes.map(|(name, text)| (format!("scenes/{name}"), alone(text)));
@@ -150,7 +149,7 @@ fn unpack(out: &mut OutFolder) -> Result<()> {
     out.write(&configs.chain(scenes).collect::<Vec<_>>())
 }
 
-/// A file without the line that names its schema for editors, which is not beside it here.
+/// Returns a file without the line that names its schema for editors, since the schema is not in this folder.
 fn alone(text: &str) -> Vec<u8> {
     let rest =
         text.split_once('\n').filter(|(first, _)| first.starts_with("#:schema ")).map(|(_, rest)| rest);

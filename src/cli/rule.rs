@@ -1,4 +1,5 @@
-//! `raycl rule`, for contributors: the rule by which `render` chooses, held against measurements, and its constants made of them.
+//! `raycl rule`, for contributors: compares the rule by which `render` chooses with measurements, and
+//! computes the rule's constants from them.
 
 use super::choice::one_device;
 use super::turn::hold;
@@ -11,14 +12,14 @@ use crate::rule::{Case, Measured, Sweep, cases, source};
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 
-/// Rounds in turns, of which the least counts.
+/// Number of rounds; the least time of each point is used.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  raycl rule docs/rule.toml --device cpu -o sweep.json    measure every way of every case
-  raycl rule --show docs/results/rule/*.json              what the rule chooses of stored sweeps
+  raycl rule docs/rule.toml --device cpu -o sweep.json    measure every candidate of every case
+  raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
     /// A file of cases
@@ -39,10 +40,10 @@ pub struct Args {
     /// Store the sweep
     #[arg(short, long, value_name = "FILE", conflicts_with_all = ["fit", "show"])]
     output: Option<PathBuf>,
-    /// Print the rule's constants, as the program's text, made of stored sweeps
+    /// Compute the rule's constants from stored measurements, and print them as source code
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
     fit: Vec<PathBuf>,
-    /// Print what the rule chooses of stored sweeps
+    /// Print the rule's choices for stored measurements
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with = "cases")]
     show: Vec<PathBuf>,
 }
@@ -116,14 +117,14 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     let scene = case.scene(path)?;
     let task = case.task(&scene);
     if !case.is_of_its_kinds(&task) {
-        let message = format!("the case '{}' is not of its kinds: {task:?}", case.name);
+        let message = format!("the kinds of the case '{}' do not match its scene: {task:?}", case.name);
         return Err(Error::input(message).with_help("its `kinds` are few, inside, watertight and dense"));
     }
     super::tell(false, format!("measuring {}", case.name))?;
     Measured::of(case, scene, device, rounds)
 }
 
-/// The choice of each case beside the best.
+/// Formats the choice of each case next to the best one.
 fn text(sweep: &Sweep) -> Result<String> {
     let header = ["case", "triangles", "pixels", "chosen", "ms", "best", "ms", "ratio"];
     let mut table = super::table(&header, 1);
@@ -148,7 +149,7 @@ fn text(sweep: &Sweep) -> Result<String> {
     let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
     let worst = ratios.iter().copied().fold(1.0, f64::max);
     Ok(format!(
-        "device    {}, {}: least of {} rounds in turns\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst takes {worst:.3} times as long",
+        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst takes {worst:.3} times as long",
         sweep.device,
         sweep.date,
         sweep.rounds,

@@ -1,4 +1,4 @@
-//! `raycl run`: an experiment, from its TOML to a folder of results.
+//! `raycl run`: runs an experiment; writes a folder of results.
 
 mod earlier;
 mod environment;
@@ -55,7 +55,7 @@ Exit code: 0 when every point was measured or cannot fit the device, 1 when one 
 pub struct Args {
     /// The experiment
     config: PathBuf,
-    /// The folder of results [default: results/NAME, or results/NAME-2, ... where that is taken]
+    /// The folder of results [default: results/NAME, or results/NAME-2, ... if that exists]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into DIR even if it holds files that raycl did not write; keep results in it
@@ -67,16 +67,17 @@ pub struct Args {
     /// Continue an interrupted run: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// With --resume, also measure points again that failed
+    /// With --resume, measure failed points again
     #[arg(long, requires = "resume")]
     retry_failed: bool,
     /// Time limit for one step of a point (a build with its first image; a frame), in seconds
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
-    /// Share the points among devices of one kind, instead of measuring every point on every device
+    /// Distribute the points over devices of one kind, instead of measuring every point on every device
     #[arg(long)]
     spread: bool,
-    /// Also report speed as a share of the device's peak, from a file of `raycl peak` or measured now
+    /// Also report speed as a share of the device's peak; the peak is read from a file of `raycl peak`, or
+    /// measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     pub(super) peak: Option<String>,
     /// If another process measures on the device, end at once instead of waiting for it
@@ -104,23 +105,23 @@ pub struct Args {
     /// With two folders of kernels: exit with 1 if the second is surely slower by more than this
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
-    /// Measure one of several parts of the experiment: 3/16, or auto where a launcher numbers the processes (auto/16 where it does not
-    /// say how many there are); `raycl merge` puts them together
+    /// Measure one of several parts of the experiment, such as 3/16; auto takes both numbers from the
+    /// launcher (Slurm, MPI), auto/16 only the first. `raycl merge` merges the parts
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
     /// Print Slurm scripts that measure the experiment in N shards and merge them; submits nothing
     #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sbatch: Option<u32>,
-    /// For tests: let a worker process fail, such as segv@cast:3
+    /// For tests: make a worker process fail, such as segv@cast:3
     #[arg(long, hide = true)]
     fault: Option<Fault>,
-    /// For tests: cast nothing; every frame is a sleep of so many milliseconds
+    /// For tests: cast nothing; every frame only waits for this many milliseconds
     #[arg(long, hide = true, value_name = "MS")]
     asleep: Option<f64>,
 }
 
 impl Args {
-    /// The arguments of a run that another subcommand makes.
+    /// Returns the arguments of a run that another subcommand starts.
     pub(crate) fn of(
         config: PathBuf,
         out: &Path,
@@ -155,11 +156,11 @@ impl Args {
     }
 }
 
-/// Refuses paths that are no text: workers, records and pages name them in JSON and HTML.
+/// Refuses paths that are not valid text, since workers, records and pages contain them as JSON and HTML.
 fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
-            .with_help("rename it, or give it by a link whose name is")),
+            .with_help("rename it, or give a link whose name is UTF-8")),
         None => Ok(()),
     }
 }
@@ -180,7 +181,7 @@ pub fn run(args: Args) -> Result<()> {
     report(&args, &out)
 }
 
-/// The run that the arguments ask for; devices that share its points have to be alike.
+/// Makes the run that the arguments describe. Devices that share points must be of one kind.
 fn run_of<'a>(
     args: &'a Args,
     experiment: &'a Experiment,
@@ -206,7 +207,7 @@ fn run_of<'a>(
     })
 }
 
-/// Every device there is.
+/// Returns all devices.
 fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     match args.asleep {
         Some(frame_ms) => Ok(vec![asleep::device(frame_ms)]),
@@ -214,11 +215,11 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     }
 }
 
-/// A folder that shards write to is merged, not measured in.
+/// Refuses a folder of shards: those are merged, not measured again.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!("{} holds an experiment in {} shards", out.display(), plan.header.shards))
-            .with_help("`--shard N/OF` measures one of them, `raycl merge` puts them together; or name another folder with --out")),
+            .with_help("`--shard N/OF` measures one of them, `raycl merge` merges them; or give another folder with --out")),
         None => Ok(()),
     }
 }
@@ -230,7 +231,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
-    // Before any driver starts: PoCL's compiler and signal-hook both pass signals on to handlers installed before theirs.
+    // Set before any driver starts: PoCL's compiler and signal-hook both pass signals on to handlers
+    // installed earlier.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -250,7 +252,7 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     Ok((out, records))
 }
 
-/// Keeps what the devices can do at most, where that is asked for.
+/// Stores the devices' peak rates in the folder, if requested.
 fn keep_peak(
     args: &Args,
     experiment: &Experiment,
@@ -271,7 +273,7 @@ fn choice(args: &Args) -> Choice {
     Choice { force: args.force, elsewhere: "--out DIR" }
 }
 
-/// How many points a run has, and steps: a launch of a point each.
+/// Returns the number of points and of steps in a run; a step is one launch of one point.
 pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
     let experiment = config::load(&args.config, &args.set)?;
     let infos = chosen(args, &experiment, devices)?;
@@ -279,7 +281,7 @@ pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
     Ok([points, points * experiment.timing.launches as usize])
 }
 
-/// The devices to measure on.
+/// Returns the devices to measure on.
 fn chosen<'d>(
     args: &Args,
     experiment: &Experiment,
@@ -290,7 +292,8 @@ fn chosen<'d>(
     found.map_err(|error| if named { error } else { settings::blame_device(error) })
 }
 
-/// What names the devices: the arguments, else the config, else the user's settings; else all are meant.
+/// Returns the words that select devices: from the arguments, else the config, else the user's settings;
+/// without any, all devices are used.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
@@ -311,18 +314,18 @@ fn foresee(args: &Args) -> Result<()> {
     forecast(&dry_run(&run)?, &expected, args.json)
 }
 
-/// A positive number of seconds.
+/// Parses a positive number of seconds.
 fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
     let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
 }
 
-/// A flag that the first SIGINT or SIGTERM sets; a second ends the process at once.
+/// Returns a flag that the first SIGINT or SIGTERM sets; a second one ends the process at once.
 fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        // The order counts: the flag is looked at before it is set.
+        // The order matters: the shutdown is conditional on the flag before it is set.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
             .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
             .map_err(|error| Error::fault(format!("cannot listen for Ctrl-C: {error}")))?;
@@ -330,7 +333,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Prints the results and their paths. Failed points are an error: exit code 1.
+/// Prints the results and their paths. Failed points give an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);

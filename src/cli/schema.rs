@@ -1,4 +1,4 @@
-//! `raycl schema`: JSON schemas of the files that users write, and of records.
+//! `raycl schema`: prints JSON schemas of the files that users write, and of records.
 
 use crate::error::Result;
 use crate::{config, record, scene};
@@ -10,11 +10,9 @@ use crate::{config, record, scene};
   raycl schema config > config.schema.json
   raycl schema record > record.schema.json
 
-A TOML file whose first line is `#:schema PATH`, relative to the file, is completed and checked by editors that know JSON schemas \
-(Even Better TOML, Taplo, Tombi). The repository has all schemas in docs/schemas. raycl itself does not read that line. \
-That of records gives the type of each field of records.jsonl.")]
+If the first line of a TOML file is `#:schema PATH`, relative to the file, editors with support for JSON schemas (Even Better TOML, Taplo, Tombi) complete and check the file. The repository has all schemas in docs/schemas. raycl itself ignores that line. The schema of records gives the type of each field of records.jsonl.")]
 pub struct Args {
-    /// Of what
+    /// The kind of file
     #[arg(value_name = "WHAT")]
     what: What,
 }

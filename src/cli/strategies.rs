@@ -1,4 +1,4 @@
-//! `raycl strategies`: every axis with its values, and every preset.
+//! `raycl strategies`: lists every axis with its values, and every preset.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -74,7 +74,7 @@ fn axis_text(axis: &AxisInfo) -> String {
     let wide = values.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     let mut text = format!("{}: {}\n", axis.name, axis.about);
     for (name, about) in values {
-        // Writing to a string cannot fail.
+        // Writing to a String cannot fail.
         let _ = writeln!(text, "  {name:wide$}  {about}");
     }
     text + "\n"
@@ -85,7 +85,7 @@ fn preset_text(preset: &Preset, axes: &str) -> String {
     format!("{}: {}{kind}\n  {axes}\n", preset.name, preset.about)
 }
 
-/// The axes of `preset` whose values are not those of `base`.
+/// Returns the axes of `preset` whose values differ from those of `base`.
 fn difference(base: &Preset, preset: &Preset) -> Vec<(&'static str, &'static str)> {
     let pairs = preset.strategy.axes().into_iter().zip(base.strategy.axes());
     pairs.filter(|(own, other)| own != other).map(|(own, _)| own).collect()

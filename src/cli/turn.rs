@@ -1,12 +1,13 @@
-//! Taking the locks of devices for a command that measures on them itself.
+//! Takes the locks of devices for commands that measure on them directly.
 
 use crate::device::DeviceInfo;
 use crate::device_lock::{Held, LockName, Locks};
 use crate::error::Result;
 use std::sync::atomic::AtomicBool;
 
-/// Holds devices until dropped. If another process measures on one, it waits and names that process on standard error, or
-/// with `no_wait` ends at once. Ctrl-C ends the whole command, which has measured nothing yet.
+/// Holds the locks until dropped. If another process measures on a device, the command waits and names that
+/// process on standard error, or ends at once with `no_wait`. Ctrl-C ends the whole command, which has
+/// measured nothing yet.
 pub fn hold(devices: &[&DeviceInfo], no_wait: bool) -> Result<Vec<Held>> {
     let mut says = |line: &str| crate::printer::tell(line);
     let names = devices.iter().map(|device| LockName::of(Some(device))).collect();

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Files that a picture is made of.
+/// Extensions of files that affect the picture.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
-/// Editors write a file in several steps; this long after the last of them it is whole.
+/// Editors write a file in several steps; it is complete this long after the last of them.
 const QUIET: Duration = Duration::from_millis(80);
 
 /// Files that are watched.
@@ -69,7 +69,8 @@ pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> R
     }
 }
 
-/// Whether an event changes a source of the picture. The picture itself, in the same folder, is none.
+/// Returns whether an event changes a source of the picture. The picture itself, in the same folder, does not
+/// count.
 fn matters(event: &notify::Event) -> bool {
     let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
     let source = |path: &PathBuf| is_source(path);
@@ -81,7 +82,7 @@ fn is_source(path: &Path) -> bool {
     extension.is_some_and(|extension| SOURCES.contains(&extension))
 }
 
-/// Waits for a change and for the quiet after it; false when there can be none any more.
+/// Waits for a change and for the pause after it; returns false if no more changes can come.
 fn next_change(changes: &Receiver<()>) -> bool {
     changes.recv().is_ok() && quiet(changes)
 }
@@ -101,7 +102,7 @@ fn quiet(changes: &Receiver<()>) -> bool {
 mod tests {
     use super::*;
 
-    /// Only a hang takes as long.
+    /// Only reached if the test hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
     #[test]

@@ -1,4 +1,4 @@
-//! A config's text with `--set` values laid over it, and where in them a mistake is.
+//! The text of a config and the `--set` values merged into it; finds where in them a mistake is.
 
 use std::ops::Range;
 
@@ -9,28 +9,29 @@ use toml::{Spanned, Value};
 use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
 
-/// The remedy of a mistake that has none of its own.
+/// The default remedy for a mistake.
 const KEYS: &str = "configs/quick.toml is an example of an experiment, and README.md says what its keys mean";
-/// Keys that were called otherwise once, and what they are called now.
+/// Keys that were renamed: the old name and the new one.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 
-/// A file and the overrides from the command line. Spans below the file's
-/// length lie in the file; beyond it, each override has a range of its own.
+/// A file, and overrides from the command line. Byte ranges (spans) below the file's length lie in the file;
+/// beyond it, each override has its own range.
 pub struct Document {
     name: String,
     text: String,
     overrides: Vec<Override>,
 }
 
-/// One `--set`, as a line of TOML.
+/// One `--set` option, as a line of TOML.
 struct Override {
     line: String,
-    /// Where its spans begin: past the file and the overrides before it.
+    /// Where its spans begin: after the file and the earlier overrides.
     start: usize,
 }
 
 impl Document {
-    /// The text of the file `name` under `overrides`; a key that is no dotted path is refused.
+    /// Makes a document from the text of the file `name` and the overrides. A key that is not a dotted path
+    /// is refused.
     pub fn new(name: String, text: String, overrides: &[(String, String)]) -> Result<Self> {
         let mut start = text.len() + 1;
         let mut lines = Vec::new();
@@ -43,19 +44,19 @@ impl Document {
         Ok(Self { name, text, overrides: lines })
     }
 
-    /// The file's text.
+    /// Returns the file's text.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The overrides, each as a line of TOML.
+    /// Returns the overrides, each as a line of TOML.
     pub fn override_lines(&self) -> Vec<String> {
         self.overrides.iter().map(|over| over.line.clone()).collect()
     }
 
-    /// Reads the document as a `T`.
+    /// Deserialises the document as a `T`.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
-        // The spaces move an override's spans past those of everything before it.
+        // Leading spaces shift an override's spans behind those of everything before it.
         let padded: Vec<_> = self.overrides.iter().map(|over| " ".repeat(over.start) + &over.line).collect();
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
         for (layer, over) in padded.iter().zip(&self.overrides) {
@@ -65,25 +66,25 @@ impl Document {
         T::deserialize(Deserializer::from(table)).map_err(|error| self.misfit(&error))
     }
 
-    /// A mistake at `span`, in the file or in one of the overrides.
+    /// Returns an error for a mistake at `span`, in the file or in an override.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: impl Into<String>) -> Error {
         let (name, text, start) = self.part(&span);
         Error::in_file(name, text, span.start - start..span.end.saturating_sub(start), message, label)
             .with_help(KEYS)
     }
 
-    /// `FILE:LINE` of `span`.
+    /// Returns `FILE:LINE` of `span`.
     pub fn place_of(&self, span: Range<usize>) -> String {
         let (name, text, start) = self.part(&span);
         format!("{name}:{}", line_of(text, span.start - start))
     }
 
-    /// Whether `span` lies in what the command line laid over the file.
+    /// Returns whether `span` lies in an override.
     pub fn is_override(&self, span: &Range<usize>) -> bool {
         self.overrides.iter().any(|over| over.start <= span.start)
     }
 
-    /// The file or the override that `span` lies in: its name, its text and where its spans begin.
+    /// Returns the file or the override that contains `span`: its name, its text and the start of its spans.
     fn part(&self, span: &Range<usize>) -> (&str, &str, usize) {
         match self.overrides.iter().rev().find(|over| over.start <= span.start) {
             Some(over) => ("--set", &over.line, over.start),
@@ -91,7 +92,7 @@ impl Document {
         }
     }
 
-    /// Gives an input error that has no place yet the place `span`.
+    /// Adds the location `span` to an input error that has none.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
@@ -102,7 +103,7 @@ impl Document {
             .with_help(Wanted::Experiment.read())
     }
 
-    /// What serde found wrong, in the user's words.
+    /// Returns serde's error in the user's words.
     fn misfit(&self, error: &toml::de::Error) -> Error {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();
@@ -119,7 +120,7 @@ impl Document {
         self.error(span, message, expected)
     }
 
-    /// The error for a key that is none of `known`.
+    /// Returns the error for a key that is none of `known`.
     pub fn unknown_key(&self, span: Range<usize>, key: &str, known: &[&str]) -> Error {
         let error = self.error(span, format!("unknown key '{key}'"), "no such key here");
         let list = format!("the keys are {}", known.join(", "));
@@ -132,7 +133,7 @@ impl Document {
     }
 }
 
-/// `key = value` as TOML, with `value` a string where it is nothing else.
+/// Returns `key = value` as TOML. A `value` that is not valid TOML becomes a string.
 fn toml_line(key: &str, value: &str) -> Result<String> {
     if toml::from_str::<toml::Table>(&format!("{key} = 0")).is_err() || key.contains(['=', '\n', '#']) {
         return Err(Error::input(format!("--set {key}={value}: '{key}' is not a key"))
@@ -145,7 +146,7 @@ fn toml_line(key: &str, value: &str) -> Result<String> {
     }
 }
 
-/// Lays `above` over `below`: tables are merged, everything else is replaced.
+/// Merges `above` into `below`: tables are merged, all other values replaced.
 fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
     for (key, value) in above {
         match below.get_mut(key.get_ref().as_ref()) {
@@ -172,12 +173,12 @@ fn merge<'i>(below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) {
     }
 }
 
-/// Whether every key of `table` is a place in `array`: `strategy.0.width = 8`.
+/// Returns whether every key of `table` is an index of `array`: `strategy.0.width = 8`.
 fn in_bounds(array: &DeArray<'_>, table: &DeTable<'_>) -> bool {
     table.keys().all(|key| key.get_ref().parse::<usize>().is_ok_and(|place| place < array.len()))
 }
 
-/// serde's message without Rust's names for types, and what it expected.
+/// Returns serde's message without the names of Rust types, and what serde expected.
 fn in_plain_words(message: &str) -> (String, String) {
     let words = [
         ("expected i64", "expected a whole number"),

@@ -1,4 +1,4 @@
-//! Lists that are not empty, and that have each thing once.
+//! Checks lists: not empty, and without repetitions.
 
 use toml::Spanned;
 
@@ -13,7 +13,7 @@ pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expe
     Err(document.error(list.span(), format!("'{key}' is empty"), format!("expected at least {expected}")))
 }
 
-/// The list without repetitions, in its order.
+/// Returns the list without repetitions, in its order.
 pub fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
     let mut kept = Vec::new();
     for item in list {

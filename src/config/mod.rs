@@ -1,6 +1,5 @@
-//! Experiments: a TOML file is read into private wire types, checked, and
-//! becomes an [`Experiment`], which knows nothing of TOML. Every mistake is
-//! reported at its line.
+//! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`], which
+//! has no types of serde or TOML. Every mistake is reported with its line.
 
 mod document;
 mod lists;
@@ -24,16 +23,16 @@ use crate::filetype::{Opened, Wanted, scene_instead};
 use crate::reader::Kind;
 use document::Document;
 
-/// The JSON schema of an experiment's file.
+/// Returns the JSON schema of an experiment's file.
 pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::Experiment>("raycl experiment")
 }
 
-/// Reads the experiment at `path`, with `overrides` (dotted key, value) laid over it.
+/// Reads the experiment at `path`, with `overrides` (dotted key, value) merged into it.
 ///
-/// A value is read as TOML where it is TOML, else as a string; arrays are
-/// replaced, tables merged. Paths of scenes are relative to the file.
-/// Any mistake is an input error that names the file, the line and the remedy.
+/// A value that is valid TOML is read as such, any other value as a string. Arrays are replaced, tables are
+/// merged. Paths of scenes are relative to the file. Any mistake is an input error that names the file, the
+/// line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "give the path of an experiment (.toml), such as configs/quick.toml";
@@ -52,7 +51,8 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     parse(path, text, overrides)
 }
 
-/// The experiment that a config's `text` describes; `path` names it and is what its scenes are relative to.
+/// Returns the experiment described by a config's `text`. `path` is its name in messages, and scenes are
+/// relative to it.
 pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
     let document = Document::new(path.display().to_string(), text, overrides)?;
     let wire = document.read().map_err(|error| scene_instead(path, document.text()).unwrap_or(error))?;

@@ -1,4 +1,4 @@
-//! Numbers in their ranges.
+//! Checks that numbers are in range.
 
 use std::fmt::Display;
 use std::ops::{Range, RangeInclusive};
@@ -8,7 +8,7 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// A whole number of a range.
+/// Returns a whole number that is in the range.
 pub fn whole(
     document: &Document,
     value: i64,
@@ -22,7 +22,7 @@ pub fn whole(
     }
 }
 
-/// Any number of a range, `default` where the file has none.
+/// Returns a number that is in the range, or `default` if the file has none.
 pub fn real(
     document: &Document,
     value: &Option<Spanned<f64>>,

@@ -1,4 +1,4 @@
-//! The scenes of a config: files by name, and files with values set in them.
+//! The scenes of a config: scene files, and scene files with changed values.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::wire::{Experiment, SceneEntry, SceneValues};
 use crate::error::{Error, Result, nearest_file};
 use crate::filetype::{Opened, Wanted};
 
-/// Every scene of the config, plain files first, each once.
+/// Returns every scene of the config once, unchanged files first.
 pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<Vec<SceneChoice>> {
     let folder = config.parent().unwrap_or(Path::new(""));
     let mut all = Vec::new();
@@ -47,13 +47,13 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     })
 }
 
-/// The mistake of naming a file that is no scene, in the fewest words.
+/// Refuses a file that is not a scene, with a short message.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
     let filetype = Opened::at(path).ok()?.filetype;
     filetype.refusal(&format!("{}: {}", document.place_of(name.span()), path.display()), Wanted::Scene)
 }
 
-/// Every combination of an entry's values.
+/// Returns every combination of an entry's values.
 fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec<SceneChoice>> {
     let mut choices = vec![find(document, &entry.file, folder)?];
     for (key, values) in &entry.set {
@@ -72,7 +72,7 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
     Ok(choices)
 }
 
-/// A choice with one more value, named by the last part of its key.
+/// Returns a choice with one more value; the last part of its key names it.
 fn with(choice: &SceneChoice, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);

@@ -1,4 +1,4 @@
-//! The JSON schemas of what `wire` reads by hand: sizes, and names that are lists elsewhere.
+//! JSON schemas of the values that `wire` deserialises by hand: sizes, and names that are listed elsewhere.
 
 use std::borrow::Cow;
 
@@ -31,7 +31,7 @@ fn size() -> Schema {
     json_schema!({ "anyOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
 }
 
-/// A `[[strategy]]`: a preset, and any axis.
+/// Returns the schema of a `[[strategy]]`: a preset, and any axis.
 fn strategy() -> Schema {
     let mut keys = Map::new();
     let mut add = |key: &str, about: &str, schema: Schema| {
@@ -63,8 +63,8 @@ fn strategy() -> Schema {
     json_schema!({ "type": "object", "properties": keys, "required": ["preset"], "additionalProperties": false })
 }
 
-/// A value of an axis or a list of them. Numbers may be written as numbers; of an axis whose values are files, a folder that
-/// --cl-dir names may hold more.
+/// Returns the schema of an axis's value or list of values. Numbers need no quotes. If an axis's values are
+/// files, a folder given by --cl-dir may add more.
 fn values(axis: &AxisInfo) -> Schema {
     let known = axis.values().into_iter().map(|(name, _)| Value::from(name));
     let numbers = axis.values().into_iter().filter_map(|(name, _)| name.parse::<i64>().ok()).map(Value::from);

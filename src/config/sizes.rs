@@ -10,14 +10,14 @@ use super::numbers::whole;
 use super::wire;
 use crate::error::Result;
 
-/// Pixels an image may have across or down.
+/// Range of an image's width and height in pixels.
 pub(super) const IMAGE_SIDE: RangeInclusive<i64> = 1..=65_536;
-/// Work-items a work-group may have across or down; a device may allow fewer.
+/// Range of a work-group's width and height in work-items; a device may allow fewer.
 const LOCAL_SIDE: RangeInclusive<i64> = 1..=1024;
-/// Work-items a work-group may have in all.
+/// Largest number of work-items in a work-group.
 const LOCAL_ITEMS: u64 = 4096;
 
-/// Image sizes in the order of the file, each once.
+/// Returns the image sizes in the file's order, each once.
 pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>) -> Result<Vec<[u32; 2]>> {
     not_empty(document, list, "image_sizes", "a size, such as [800, 500]")?;
     let parse = |wire: &Spanned<wire::Size>| {
@@ -26,7 +26,7 @@ pub fn image_sizes(document: &Document, list: &Spanned<Vec<Spanned<wire::Size>>>
     Ok(distinct(list.get_ref().iter().map(parse).collect::<Result<_>>()?))
 }
 
-/// Local sizes in the order of the file, each once.
+/// Returns the local sizes in the file's order, each once.
 pub fn local_sizes(document: &Document, list: &[Spanned<wire::Size>]) -> Result<Vec<[u32; 2]>> {
     let parse = |wire: &Spanned<wire::Size>| {
         size(document, wire, "local size", &LOCAL_SIDE, LOCAL_ITEMS, "work-items")

@@ -12,15 +12,15 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
-/// A strategy on its way from preset to combination.
+/// A strategy of which some axes are still to be set.
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,
-    /// The axes its name has to tell: those that differ from the preset or vary in the entry.
+    /// The axes that are part of its name: those that differ from the preset or vary within the entry.
     told: Vec<String>,
 }
 
-/// Every strategy of the config, presets first; their names differ.
+/// Returns every strategy of the config, presets first; no two names are equal.
 pub fn expand(
     document: &Document,
     config: &wire::Experiment,
@@ -30,7 +30,7 @@ pub fn expand(
     let mut add = |found: Vec<NamedStrategy>, span: Range<usize>| {
         for strategy in found {
             if all.iter().any(|other| other.name == strategy.name) {
-                let message = format!("two strategies are called '{}'", strategy.name);
+                let message = format!("two strategies have the name '{}'", strategy.name);
                 let error = document.error(span, message, "the second is here");
                 return Err(error.with_help("give one of them another name = \"...\", or remove it"));
             }
@@ -53,7 +53,8 @@ pub fn expand(
     Ok(all)
 }
 
-/// The kind of device that a preset is measured on: all, where the config says so or the command line names it.
+/// Returns the kind of device that a preset is measured on; `None` means all kinds, if the config says so or
+/// the command line names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for
@@ -73,7 +74,7 @@ fn whole_preset(preset: &Preset, sizes: &[[u32; 2]], meant_for: Option<DeviceKin
     }
 }
 
-/// Every combination of the entry's axes.
+/// Returns every combination of the entry's axes.
 fn product(
     document: &Document,
     config: &wire::Experiment,
@@ -110,7 +111,7 @@ fn product(
     drafts.into_iter().map(finish).collect()
 }
 
-/// Each draft with each value of one axis.
+/// Combines each draft with each value of one axis.
 fn vary(
     document: &Document,
     axis: &str,
@@ -146,7 +147,7 @@ fn vary(
     Ok(varied)
 }
 
-/// Names the draft, unless it makes no sense.
+/// Names a draft; `None` if the combination of its values is not allowed.
 fn named(
     document: &Document,
     entry: &StrategyEntry,
@@ -157,7 +158,7 @@ fn named(
 ) -> Result<NamedStrategy> {
     if let Some(reason) = draft.strategy.contradiction() {
         let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
-        let message = format!("this strategy makes no sense: {reason}");
+        let message = format!("this combination of axes is not allowed: {reason}");
         return Err(document.error(span, message, format!("asks for {what}")).with_help(
             "change one of the axes in the message; where a list gives some combinations that make sense, \
              write those as [[strategy]] entries of their own",
@@ -172,7 +173,8 @@ fn named(
     })
 }
 
-/// The entry's own name, with the axes that are lists; else the preset with all that differs.
+/// Returns the entry's own name and the axes that are lists; without such a name, the preset and every axis
+/// that differs from it.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");

@@ -1,4 +1,4 @@
-//! Configs that load, and configs that are refused at their place.
+//! Configs that load, and configs that are refused with the location of the mistake.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ local_sizes = [8, [64, 1], 8]
 strategies = ["naive", "local-vectors"]
 "#;
 
-/// A folder with stand-ins for the scenes and `text` as configs/test.toml.
+/// Makes a folder with placeholder scenes and `text` as configs/test.toml.
 fn folder(text: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     for name in ["configs", "scenes"] {
@@ -35,7 +35,7 @@ fn load_with(text: &str, overrides: &[(&str, &str)]) -> Result<Experiment> {
     load(&path, &overrides)
 }
 
-/// The whole report as a user sees it.
+/// Returns the whole error as a user sees it.
 fn refusal(text: &str, overrides: &[(&str, &str)]) -> String {
     let error = load_with(text, overrides).expect_err("it was accepted");
     assert_eq!(error.exit_code(), 2);
@@ -77,9 +77,9 @@ fn every_config_of_the_repository_loads() {
         let experiment = load(&file.unwrap().path(), &[])
             .unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)));
         assert!(!experiment.strategies.is_empty());
-        // Baselines test every triangle: scenes that ask for trees are too large for them.
+        // Baselines test every triangle, so they would take too long on scenes that need trees.
         let trees = experiment.strategies.iter().any(|named| named.strategy.needs_tree());
-        // And one strategy alone is compared with nothing: it makes pictures.
+        // A config with a single strategy compares nothing: it makes pictures.
         let alone = experiment.strategies.len() == 1;
         assert!(trees || alone || !experiment.baselines.is_empty());
         count += 1;
@@ -194,7 +194,7 @@ fn a_contradiction_names_reason_and_combination() {
     refuses(
         &text,
         &[
-            "this strategy makes no sense: shading = eager with triangles = tiled",
+            "this combination of axes is not allowed: shading = eager with triangles = tiled",
             "test.toml:7:1",
             "asks for preset=naive triangles=tiled",
         ],
@@ -244,7 +244,7 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
     let keys: Vec<_> =
         experiment.scenes[2].overrides.iter().map(|(key, value)| format!("{key} {value}")).collect();
     assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
-    // One is enough, and one of each.
+    // A `scene` entry alone is enough, and so is one of each form.
     let only = GOOD.replace("scenes = ", "# ") + entry + entry;
     assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);
 }

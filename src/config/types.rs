@@ -1,4 +1,4 @@
-//! What an experiment is, once it is known to make sense.
+//! A validated experiment.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -8,94 +8,94 @@ use crate::error::Result;
 use crate::scene::{Loaded, load_scene_named_in};
 use crate::strategy::Strategy;
 
-/// A question and the product of axes that answers it.
+/// A question, and the product of axes that is measured to answer it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
     /// The config's file stem.
     pub name: String,
     /// The config file.
     pub path: PathBuf,
-    /// What is asked.
+    /// The question that the experiment answers.
     pub question: String,
-    /// What is expected, written down before measuring.
+    /// The expected answer, written before measuring.
     pub expectation: String,
-    /// Scenes; each one's file was there when the config was read.
+    /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
-    /// Whether scenes are compared with each other, and so measured in the same rounds.
+    /// Whether scenes are compared with each other; if so, they are measured in the same rounds.
     pub compare_scenes: bool,
-    /// Words that devices are chosen by; "all" is every usable one. Empty where the config names none.
+    /// Words that select devices; "all" selects every usable one. Empty if the config names none.
     pub devices: Vec<String>,
-    /// Pixels across and down.
+    /// Image sizes in pixels: across, down.
     pub image_sizes: Vec<[u32; 2]>,
-    /// What is compared; names differ.
+    /// The strategies to compare; no two names are equal.
     pub strategies: Vec<NamedStrategy>,
-    /// Casters on the host, measured beside the kernels.
+    /// Casters on the host, measured in the same rounds as the kernels.
     pub baselines: Vec<Baseline>,
-    /// The smaller device to imitate.
+    /// Limits of a smaller device to imitate.
     pub emulate: Emulate,
     /// How long and how often each point is measured.
     pub timing: Timing,
     /// The config's text.
     pub source: String,
-    /// The values laid over it, each as a line of TOML.
+    /// The overrides, each as a line of TOML.
     pub overrides: Vec<String>,
 }
 
-/// A scene file, and the values that are set in it.
+/// A scene file, and values to change in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneChoice {
     /// The file.
     pub path: PathBuf,
-    /// The folder of the config that names it.
+    /// The folder of the config that names the file.
     pub named_in: PathBuf,
-    /// Dotted keys of the scene and their values.
+    /// Dotted keys in the scene file, and their new values.
     pub overrides: Vec<(String, toml::Value)>,
-    /// What is added to the scene's name, to tell it from the others of the same file: `+triangles=1000`.
+    /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
 }
 
 impl SceneChoice {
-    /// A file as it is.
+    /// Returns a choice of the file without changes.
     pub fn file(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into(), named_in: PathBuf::new(), overrides: Vec::new(), suffix: String::new() }
     }
 
-    /// Reads the file and sets the values.
+    /// Loads the scene with the changed values.
     ///
-    /// # Errors
-    /// As [`load_scene_named_in`].
+    /// # Errors As [`load_scene_named_in`].
     pub fn load(&self) -> Result<Loaded> {
         let mut loaded = load_scene_named_in(&self.named_in, &self.path, &self.overrides)?;
         loaded.scene.name.push_str(&self.suffix);
         Ok(loaded)
     }
 
-    /// For progress and logs: the file's stem with the suffix.
+    /// Returns the scene's name for progress and logs: the file's stem with the suffix.
     pub fn label(&self) -> String {
         self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned() + &self.suffix
     }
 }
 
-/// A strategy as a config names it, and the local sizes it runs at.
+/// A strategy as the config names it, with its local sizes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedStrategy {
-    /// What reports call it.
+    /// The name in reports.
     pub name: String,
-    /// The preset it is, or `None` where an axis differs from the preset's.
+    /// The preset's name; `None` if an axis differs from the preset.
     pub preset: Option<String>,
-    /// Its value of every axis.
+    /// The value of every axis.
     pub strategy: Strategy,
-    /// Work-items of a work-group across and down.
+    /// Local sizes: work-items of a work-group, across and down.
     pub local_sizes: Vec<[u32; 2]>,
-    /// The kind of device that it is measured on: its preset's, unless the config or the command line asks for all.
+    /// The only kind of device that the strategy is measured on: its preset's, unless the config or the
+    /// command line asks for all.
     pub meant_for: Option<DeviceKind>,
 }
 
 impl NamedStrategy {
-    /// Why it is not measured on devices of this kind, if so.
+    /// Returns why the strategy is not measured on devices of this kind; `None` if it is.
     pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
         let meant = self.meant_for.filter(|meant| *meant != kind)?;
-        Some(format!("meant for {}; any_kind = true in its entry measures it all the same", meant.plural()))
+        Some(format!("meant for {}; any_kind = true in its entry measures it here too", meant.plural()))
     }
 }
 
@@ -104,7 +104,7 @@ impl NamedStrategy {
 pub enum Baseline {
     /// One core, single precision: the serial baseline the paper promised.
     Serial,
-    /// One core, double precision: the reference that images are compared with.
+    /// One core, double precision: the reference against which images are verified.
     SerialF64,
     /// All cores, single precision.
     Parallel,
@@ -114,7 +114,7 @@ impl Baseline {
     /// Every baseline.
     pub const ALL: &[Self] = &[Self::Serial, Self::SerialF64, Self::Parallel];
 
-    /// Its name in configs.
+    /// Returns the name in configs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Serial => "serial",
@@ -123,7 +123,7 @@ impl Baseline {
         }
     }
 
-    /// Its name in a record's `strategy`, with the precision spelled out.
+    /// Returns the name in a record's `strategy`, which includes the precision.
     pub fn strategy(self) -> &'static str {
         match self {
             Self::Serial => "serial-f32",
@@ -133,17 +133,17 @@ impl Baseline {
     }
 }
 
-/// Limits of a smaller device to imitate; they never raise a device's own.
+/// Limits of a smaller device to imitate. They never raise the device's own limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Emulate {
-    /// `__local` bytes a work-group may use.
+    /// Size in bytes of a work-group's `__local` memory.
     pub local_bytes: Option<u64>,
-    /// `__constant` bytes a kernel may use.
+    /// Size in bytes of the `__constant` memory of a kernel.
     pub constant_bytes: Option<u64>,
 }
 
 impl Emulate {
-    /// The limits of `device` under these.
+    /// Returns the limits of `device`, lowered to these.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
         let lower = |own: u64, cap: Option<u64>| cap.map_or(own, |cap| cap.min(own));
         DeviceLimits {
@@ -155,7 +155,7 @@ impl Emulate {
 }
 
 impl fmt::Display for Emulate {
-    /// For keys: `local_bytes=49152 constant_bytes=-`.
+    /// Formats the limits for keys: `local_bytes=49152 constant_bytes=-`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = |limit: Option<u64>| limit.map_or("-".to_string(), |bytes| bytes.to_string());
         write!(f, "local_bytes={} constant_bytes={}", text(self.local_bytes), text(self.constant_bytes))
@@ -165,19 +165,20 @@ impl fmt::Display for Emulate {
 /// How long and how often each point is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Frames cast before the first sample.
+    /// Number of frames cast before the first sample.
     pub warmup: u32,
-    /// Worker processes that a group is measured in, one after another; they share the samples. One is a look.
+    /// Number of launches: worker processes that measure a group one after another and share its samples.
+    /// With one launch, results are only preliminary.
     pub launches: u32,
-    /// Samples of a point before stopping is considered, unless the time is up.
+    /// Smallest number of samples of a point, unless the time is up.
     pub min_samples: u32,
-    /// Samples of a point after which its group stops in any case.
+    /// Largest number of samples of a point; its group stops then.
     pub max_samples: u32,
-    /// Time a point may spend on its samples, in the mean of its group.
+    /// Time for the samples of a point, averaged over its group.
     pub time_limit_ms: f64,
-    /// The seed of the order of launches and rounds.
+    /// Seed for the order of launches and rounds.
     pub seed: u64,
-    /// A group stops when the standard deviation over the mean is below this for each of its points.
+    /// A group stops when the standard deviation divided by the mean is below this for each of its points.
     pub relative_sigma: f64,
 }
 
@@ -196,7 +197,7 @@ impl Default for Timing {
 }
 
 impl fmt::Display for Timing {
-    /// For keys: every setting, `name=value`.
+    /// Formats all settings for keys, as `name=value`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { warmup, launches, min_samples, max_samples, time_limit_ms, seed, relative_sigma } = self;
         write!(

@@ -1,4 +1,4 @@
-//! From what the file spells to an experiment that makes sense.
+//! Checks the wire types and makes an experiment of them.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -13,12 +13,12 @@ use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::error::{Result, nearest};
 
-/// Launches a group may take.
+/// The largest number of launches of a group.
 pub(super) const MOST_LAUNCHES: i64 = 100;
-/// Samples a point may take.
+/// The largest number of samples of a point.
 pub(super) const MOST_SAMPLES: i64 = 1_000_000;
 
-/// Checks everything that can be checked without a device.
+/// Makes all checks that need no device.
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
     let scenes = scenes::expand(document, &wire, path)?;
     let local_sizes = local_sizes(document, &wire.local_sizes)?;

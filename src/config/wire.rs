@@ -1,5 +1,5 @@
-//! The config as TOML spells it. Numbers are wide and sizes unchecked, so that
-//! `validate` can say at their place what is wrong with them.
+//! The types that a config's TOML is read into. Numbers have wide types and sizes are unchecked, so that
+//! `validate` can report every mistake with its location.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -13,21 +13,22 @@ use super::schema::{Anything, BaselineName, PresetName};
 use super::validate::{MOST_LAUNCHES, MOST_SAMPLES};
 use crate::strategy::AXES;
 
-/// An experiment: the product of its scenes, image sizes, strategies, local sizes and devices, each point verified and timed.
+/// An experiment: the product of its scenes, image sizes, strategies, local sizes and devices. Each point is
+/// verified and timed.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// What the experiment is to answer, in a sentence.
+    /// The question that the experiment answers, in a sentence.
     #[schemars(with = "String", length(min = 1))]
     pub question: Spanned<String>,
-    /// The expected answer, written before it is measured.
+    /// The expected answer, written before measuring.
     #[schemars(with = "String", length(min = 1))]
     pub expectation: Spanned<String>,
     /// Scene files, relative to this file.
     #[serde(default)]
     #[schemars(with = "Vec<String>")]
     pub scenes: Vec<Spanned<String>>,
-    /// Scene files with values set in them.
+    /// Scene files with changed values.
     #[serde(default)]
     pub scene: Vec<SceneEntry>,
     /// Measure all scenes in the same rounds, so that their times can be compared [default: false].
@@ -39,19 +40,19 @@ pub struct Experiment {
     /// Widths and heights in pixels: 512 for a square, or [800, 500].
     #[schemars(with = "Vec<Size>", length(min = 1))]
     pub image_sizes: Spanned<Vec<Spanned<Size>>>,
-    /// Work-items of a work-group: 8 for 8 x 8, or [64, 1].
+    /// Work-items per work-group: 8 for 8 x 8, or [64, 1].
     #[serde(default)]
     #[schemars(with = "Vec<Size>")]
     pub local_sizes: Vec<Spanned<Size>>,
-    /// Presets by name; `raycl strategies` lists them.
+    /// Names of presets; `raycl strategies` lists them.
     #[serde(default)]
     #[schemars(with = "Vec<PresetName>")]
     pub strategies: Vec<Spanned<String>>,
-    /// Presets with axes changed; a list is one strategy for each value.
+    /// Presets with changed axes; a list of values makes one strategy per value.
     #[serde(default)]
     #[schemars(with = "Vec<StrategyEntry>")]
     pub strategy: Vec<Spanned<StrategyEntry>>,
-    /// Measure presets that are meant for one kind of device on the others too [default: false].
+    /// Also measure presets on kinds of devices that they are not meant for [default: false].
     #[serde(default)]
     pub any_kind: bool,
     /// Casters on the host, measured in the same rounds.
@@ -66,20 +67,20 @@ pub struct Experiment {
     pub timing: Timing,
 }
 
-/// A scene file, and values to set in it.
+/// A scene file, and values to change in it.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
     /// The scene file, relative to this file.
     #[schemars(with = "String")]
     pub file: Spanned<String>,
-    /// Values by their paths, such as "object.0.triangles"; a list is one scene for each value.
+    /// Values by their paths, such as "object.0.triangles"; a list makes one scene per value.
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, Anything>")]
     pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
 }
 
-/// One value or a list of them; a value that is a list itself stands in a list.
+/// One value or a list of values. A value that is itself a list must be within a list.
 #[derive(Deserialize)]
 #[serde(untagged)]
 pub enum SceneValues {
@@ -87,14 +88,14 @@ pub enum SceneValues {
     One(toml::Value),
 }
 
-/// Limits of a smaller device to imitate; they never raise a device's own.
+/// Limits of a smaller device to imitate. They never raise the device's own limits.
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Emulate {
-    /// `__local` bytes that a work-group may use.
+    /// Size in bytes of a work-group's `__local` memory.
     #[schemars(with = "Option<u32>")]
     pub local_bytes: Option<Spanned<i64>>,
-    /// `__constant` bytes that a kernel may use.
+    /// Size in bytes of the `__constant` memory of a kernel.
     #[schemars(with = "Option<u32>")]
     pub constant_bytes: Option<Spanned<i64>>,
 }
@@ -103,25 +104,27 @@ pub struct Emulate {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Frames cast before the first sample [default: 2].
+    /// Number of frames cast before the first sample [default: 2].
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
-    /// Fresh processes, apart in time, that share the samples of a point; 1 is a look [default: 3].
+    /// Number of fresh processes, at different times, that share the samples of a point; with 1, a run is
+    /// only a look [default: 3].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
-    /// Samples of a point before stopping is considered, unless the time is up [default: 10].
+    /// Smallest number of samples of a point, unless the time is up [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Samples of a point after which its group stops in any case [default: 100].
+    /// Largest number of samples of a point; its group stops then [default: 100].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
-    /// Milliseconds that a point may spend on its samples, in the mean of its group [default: 5000].
+    /// Milliseconds for the samples of a point, averaged over its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
-    /// The seed of the order of launches and rounds [default: 1].
+    /// Seed for the order of launches and rounds [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
-    /// Stop when the standard deviation over the mean is below this for each point of a group [default: 0.005].
+    /// Stop when the standard deviation divided by the mean is below this for each point of a group [default:
+    /// 0.005].
     #[schemars(with = "Option<f64>", range(min = 0, max = 1))]
     pub relative_sigma: Option<Spanned<f64>>,
 }
@@ -213,7 +216,7 @@ impl<'de> Deserialize<'de> for Choices {
 }
 
 impl StrategyEntry {
-    /// Every key it may have.
+    /// Returns every key that is allowed.
     pub fn known_keys() -> Vec<&'static str> {
         ["name", "preset", "local_sizes", "any_kind"]
             .into_iter()

@@ -1,15 +1,16 @@
-//! Whether devices are the same model in the same state, so that one may measure in another's place.
+//! Checks that devices are the same model in the same state, so that any of them can measure a point.
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// Refuses devices that differ in anything that decides a time, and says in what.
+/// Refuses devices that differ in anything that affects times; the message names the difference.
 pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     let [first, others @ ..] = devices else { return Ok(()) };
     for other in others {
         for ((what, of_first), (_, of_other)) in facts(first).into_iter().zip(facts(other)) {
             if of_first != of_other {
-                let message = format!("devices differ, so points cannot be spread over them: {what}");
+                let message =
+                    format!("the devices differ, so points cannot be distributed over them: {what}");
                 let help = format!("{}: {of_first}\n{}: {of_other}", first.describe(), other.describe());
                 return Err(Error::input(message).with_help(help));
             }
@@ -18,7 +19,7 @@ pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     Ok(())
 }
 
-/// What must be the same.
+/// Returns the properties that must be equal.
 fn facts(device: &DeviceInfo) -> [(&'static str, String); 8] {
     let limits = &device.limits;
     let hardware = &device.hardware;

@@ -1,17 +1,18 @@
-//! Questions to a device, as raw bytes, so that a strange answer makes the device unusable rather than raycl.
+//! Queries of a device, read as raw bytes: an unexpected answer then makes the device unusable, but does not
+//! stop raycl.
 
 use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
-/// A device under questioning, with the first question it failed to answer.
+/// A device that is being queried, with the first query that failed.
 pub(super) struct Asked {
     device: ocl::Device,
     failure: Option<String>,
 }
 
 impl Asked {
-    /// Nothing was asked yet.
+    /// No query has been made yet.
     pub fn new(device: ocl::Device) -> Self {
         Self { device, failure: None }
     }
@@ -27,7 +28,7 @@ impl Asked {
             compute_units: self.number(Query::MaxComputeUnits) as u32,
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
             is_cpu,
-            lane_operations: LaneOperations::Barriers, // until others are tried
+            lane_operations: LaneOperations::Barriers, // until faster ones are tried
         }
     }
 
@@ -46,7 +47,7 @@ impl Asked {
         reasons.into_iter().find(|(fine, _)| !fine).map(|(_, reason)| reason.to_owned())
     }
 
-    /// An answer of 4 or 8 bytes: every scalar OpenCL answers with.
+    /// Queries a number of 4 or 8 bytes, the two sizes of scalars in OpenCL.
     pub fn number(&mut self, query: Query) -> u64 {
         self.numbers(query).first().copied().unwrap_or_default()
     }
@@ -86,7 +87,7 @@ impl Asked {
     }
 }
 
-/// The 4-byte number, or the 8-byte numbers, in an answer; none when it is neither.
+/// Returns the 4-byte number or the 8-byte numbers in an answer; none if its length fits neither.
 fn parse_numbers(bytes: &[u8]) -> Vec<u64> {
     if let Ok(word) = <[u8; 4]>::try_from(bytes) {
         return vec![u64::from(u32::from_ne_bytes(word))];

@@ -1,5 +1,5 @@
-//! Finding devices. Everything is asked once, as raw bytes, so that a driver
-//! with a strange answer makes its device unusable rather than raycl.
+//! Finds devices. Every property is queried once, as raw bytes, so that an unexpected answer makes a device
+//! unusable but does not stop raycl.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -14,19 +14,19 @@ use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations};
 use crate::error::{Error, Result};
 use crate::sources::Sources;
 
-/// What there is: devices, and platforms that have none.
+/// All devices, and platforms without devices.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
-    /// Every device of every platform, in the loader's order, unusable ones with the reason.
+    /// Every device of every platform, in the loader's order; an unusable one has the reason.
     pub devices: Vec<Device>,
-    /// Platforms that list no device.
+    /// Platforms without devices.
     pub empty_platforms: Vec<String>,
 }
 
-/// Every device of every platform, unusable ones with the reason. `sources` has the kernel that finds out how work-items can
-/// share a tile there.
+/// Lists every device of every platform; an unusable one has the reason. `sources` has the kernel that tests
+/// how work-items can share a tile on a device.
 ///
-/// Errors at once when there is no platform, or no device on any.
+/// Returns an error at once if there is no platform or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     let Survey { devices, empty_platforms } = survey(sources)?;
     if devices.is_empty() {
@@ -37,7 +37,7 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     Ok(devices)
 }
 
-/// Every device and every platform that has none. Errors at once when there is no platform.
+/// Lists every device, and every platform without devices. Returns an error at once if there is no platform.
 pub fn survey(sources: &Sources) -> Result<Survey> {
     let _turn = turn();
     let _patience = Patience::of_guarded();
@@ -61,7 +61,8 @@ pub fn survey(sources: &Sources) -> Result<Survey> {
     Ok(survey)
 }
 
-/// Drivers start up when they are first listed, and PoCL 3.1 lists no device to a second thread meanwhile.
+/// Lets one thread at a time list devices. Drivers start when they are listed first, and PoCL 3.1 lists no
+/// device to a second thread meanwhile.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
@@ -82,8 +83,8 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
     ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
 }
 
-/// Opens a device that an earlier start listed; none if it is missing now, or if any of its properties has changed.
-/// Starts only the driver of its own platform.
+/// Opens a device that was listed in an earlier run; `None` if it is missing or if any of its properties has
+/// changed. Only the driver of its platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded();
@@ -92,7 +93,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let devices =
         namesakes.flat_map(|platform| devices_of(platform).into_iter().map(move |device| (platform, device)));
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
-    // As twins are numbered.
+    // In the order in which devices of equal name are numbered.
     let mut found =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
     found.info.limits.lane_operations = known.limits.lane_operations;
@@ -110,7 +111,7 @@ fn no_platform() -> Error {
         .with_help(HOW_TO_GET_ONE)
 }
 
-/// How many platforms the loader has. The `ocl` crate must not ask first: with none,
+/// Returns the number of platforms. This must be queried before the `ocl` crate is used: without platforms,
 /// each of its enumerations sleeps 10 seconds, and some panic.
 fn platform_count() -> Result<u32> {
     /// CL_PLATFORM_NOT_FOUND_KHR.
@@ -126,7 +127,7 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Counts, for each device, those before it with its platform and name.
+/// Counts, for each device, the earlier ones of equal platform and name.
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {
@@ -137,8 +138,8 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Gives each device a label that no other has: its name where that is enough, else its slug. Asks for twins
-/// to be numbered.
+/// Gives each device a unique label: its name if that is unique, else its slug. Devices must be numbered
+/// before.
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();
     let mut namesakes: HashMap<String, usize> = HashMap::new();
@@ -151,7 +152,7 @@ fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// What a device says of itself.
+/// Queries all properties of a device.
 fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     let mut asked = Asked::new(device);
     let kind = DeviceKind::from_type(asked.number(Query::Type));
@@ -182,7 +183,7 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     Device { info, platform, device }
 }
 
-/// Cores that this process may use, by affinity and control groups.
+/// Returns the number of cores that this process may use, according to its affinity and control groups.
 fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }

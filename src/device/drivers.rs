@@ -1,10 +1,11 @@
-//! The drivers that an OpenCL loader would start, so that they can be tried one by one, and a broken one left out.
+//! The drivers that an OpenCL loader would start. They can be tried one by one, so that a broken one can be
+//! left out.
 
 use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Where loaders look for drivers unless told.
+/// The folder that loaders read by default.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
 /// The variable that names another folder, one .icd file, or one library.
 const FOLDER: &str = "OCL_ICD_VENDORS";
@@ -16,9 +17,9 @@ const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 /// A driver, as a loader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Driver {
-    /// Found by an .icd file, which names the driver's library.
+    /// An .icd file, which names the driver's library.
     Icd(PathBuf),
-    /// Found by the name of its library.
+    /// The name of the driver's library.
     Library(String),
 }
 
@@ -31,7 +32,7 @@ impl std::fmt::Display for Driver {
     }
 }
 
-/// Every driver that is installed or named by the environment.
+/// Returns every driver that is installed or named in the environment.
 pub fn installed() -> Vec<Driver> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let usual = set(USUAL_FOLDER).unwrap_or_else(|| VENDORS.into());

@@ -1,21 +1,21 @@
-//! What a device tells of its hardware beyond OpenCL's core: compute capability, clock, timer, place on the bus.
-//! Everything here may be missing; nothing makes a device unusable.
+//! Properties of a device's hardware that OpenCL's core does not report: compute capability, clock, timer,
+//! PCI bus. Each may be missing; none makes a device unusable.
 
 use serde::{Deserialize, Serialize};
 
-/// Answers to queries that not every driver knows.
+/// Answers to queries that only some drivers support.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Hardware {
-    /// Compute capability as in "9.0" (cl_nv_device_attribute_query).
+    /// Compute capability such as "9.0" (cl_nv_device_attribute_query).
     pub compute_capability: Option<String>,
-    /// The highest clock, as the driver says.
+    /// The highest clock that the driver reports.
     pub max_clock_mhz: Option<u64>,
-    /// The step of the clock that profiling reads.
+    /// Resolution of the timer that profiling reads.
     pub timer_resolution_ns: Option<u64>,
-    /// Domain, bus, device and function as in "0000:1b:00.0".
+    /// Domain, bus, device and function, such as "0000:1b:00.0".
     pub pci_bus: Option<String>,
-    /// The 16 bytes of its UUID in hexadecimal digits.
+    /// The 16 bytes of the UUID as hexadecimal digits.
     pub uuid: Option<String>,
 }
 
@@ -30,7 +30,8 @@ const PCI_BUS_INFO_KHR: u32 = 0x410F;
 const UUID_KHR: u32 = 0x106A;
 
 impl Hardware {
-    /// What a device with these extensions answers; `ask` gives the bytes of a query, or none where it fails.
+    /// Queries a device that has these extensions. `ask` returns the bytes of an answer, or `None` if the
+    /// query fails.
     pub fn ask(extensions: &[String], ask: impl Fn(u32) -> Option<Vec<u8>>) -> Self {
         let has = |name: &str| extensions.iter().any(|extension| extension == name);
         let attributes = has("cl_nv_device_attribute_query");
@@ -53,7 +54,7 @@ impl Hardware {
     }
 }
 
-/// A scalar of 4 or 8 bytes.
+/// Reads a scalar of 4 or 8 bytes.
 fn first_number(bytes: &[u8]) -> Option<u64> {
     match bytes.len() {
         4 => Some(u64::from(u32::from_ne_bytes(bytes.try_into().ok()?))),
@@ -62,7 +63,7 @@ fn first_number(bytes: &[u8]) -> Option<u64> {
     }
 }
 
-/// cl_device_pci_bus_info_khr: domain, bus, device, function.
+/// Reads cl_device_pci_bus_info_khr: domain, bus, device, function.
 fn bus_of(bytes: &[u8]) -> Option<String> {
     let (words, rest) = bytes.as_chunks::<4>();
     let words: Vec<u64> = words.iter().map(|word| u64::from(u32::from_ne_bytes(*word))).collect();

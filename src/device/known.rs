@@ -1,4 +1,5 @@
-//! Devices as an earlier start has found them: only the platform that is asked for is started, and nothing is tried out again.
+//! The devices that an earlier run found, from the cache. Only the driver of the selected device is started,
+//! and its lane operations are not tested again.
 
 use super::discover::{again, discover};
 use super::drivers::VENDORS;
@@ -9,15 +10,16 @@ use crate::error::Result;
 use crate::sources::Sources;
 use std::path::{Path, PathBuf};
 
-/// What entries of the cache are called.
+/// The kind of these cache entries.
 const KIND: &str = "devices";
-/// Variables that tell loaders to look elsewhere.
+/// Environment variables that make loaders look elsewhere.
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
-/// Where systems show what hardware there is.
+/// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 
-/// The device that `choose` picks of all there are, by its place; none where it picks none. All are those of an earlier start,
-/// where drivers and environment are as they were and the one that is picked still says the same of itself; else they are listed.
+/// Returns the device that `choose` picks, by its index among all; `None` if it picks none. The devices of an
+/// earlier run are used if drivers and environment are unchanged and the chosen device still reports the same
+/// properties. Otherwise all devices are listed.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
@@ -26,7 +28,8 @@ pub fn pick_one(
     let key = key(sources)?;
     let known =
         cache.get(KIND, &key).and_then(|bytes| serde_json::from_slice::<Vec<DeviceInfo>>(&bytes).ok());
-    // A device that is not among them may be new: then all devices are listed, and messages concern those.
+    // A device that is not in the stored list may be new. All devices are listed then, so that messages refer
+    // to those.
     let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
     let found = known.as_deref().zip(place).and_then(|(known, place)| again(known.get(place)?));
     if found.is_some() {
@@ -40,8 +43,9 @@ pub fn pick_one(
     Ok(choose(&infos)?.and_then(|place| devices.into_iter().nth(place)))
 }
 
-/// Everything that decides which devices there are and what was found of them: raycl, the drivers' files, the hardware that
-/// the system shows, the drivers' variables, the cores allowed, and the kernel that tries lane operations.
+/// Returns a hash of everything that affects the list of devices: raycl, the drivers' files, the hardware
+/// that the system shows, the drivers' variables, the cores allowed, and the kernel that tests lane
+/// operations.
 fn key(sources: &Sources) -> Result<String> {
     let version =
         format!("{} {}", env!("CARGO_PKG_VERSION"), option_env!("RAYCL_GIT_REVISION").unwrap_or("-"));
@@ -55,7 +59,7 @@ fn key(sources: &Sources) -> Result<String> {
     Ok(parts.collect::<Vec<_>>().join("\n"))
 }
 
-/// The drivers that a folder or a file names, with what they name.
+/// Returns the drivers that a folder or a file names, and the files that those name.
 fn drivers(path: &Path) -> Vec<String> {
     let in_folder = std::fs::read_dir(path).into_iter().flatten().filter_map(|file| Some(file.ok()?.path()));
     let mut files: Vec<PathBuf> = in_folder.collect();
@@ -68,7 +72,7 @@ fn drivers(path: &Path) -> Vec<String> {
     files.iter().filter_map(named).collect()
 }
 
-/// Names of what may be an accelerator in a folder of devices.
+/// Returns the names of possible accelerators in a folder of devices.
 fn accelerators(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder)
         .into_iter()
@@ -106,7 +110,7 @@ mod tests {
         assert_eq!(listed, picked(&Cache::none()));
         assert_eq!(cache.entries().len(), 1);
         assert_eq!(picked(&cache), listed, "from what is kept");
-        // A driver that was replaced says another version of itself than what is kept.
+        // After a driver was replaced, its version differs from the stored one.
         let key = key(&Sources::Embedded).unwrap();
         let mut kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
         kept.iter_mut().for_each(|info| info.driver = "0.1".into());

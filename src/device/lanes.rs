@@ -1,4 +1,4 @@
-//! How the 32 work-items that share a tile can tell each other things on a device: found by trying.
+//! How the 32 work-items that share a tile exchange values on a device; found by testing.
 
 use super::{DeviceInfo, quieting};
 use crate::error::Result;
@@ -7,40 +7,42 @@ use crate::sources::Sources;
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
-/// What cl/common/lanes.cl is made of on a device, slowest first. Its LANES_BY_* are these values as numbers.
+/// The implementations of the operations in cl/common/lanes.cl, slowest first. The kernel's LANES_BY_* are
+/// these values as numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
-    /// `__local` memory and barriers: any device, one group per work-group.
+    /// `__local` memory and barriers: works on any device, with one group of 32 per work-group.
     #[default]
     Barriers,
-    /// `cl_khr_subgroups` of 32 work-items.
+    /// Sub-groups of 32 work-items (`cl_khr_subgroups`).
     SubGroups,
     /// Inline PTX: votes and shuffles.
     PtxShuffles,
-    /// Inline PTX with reductions.
+    /// Inline PTX: votes, shuffles and reductions.
     Ptx,
 }
 
-/// Lanes of a group.
+/// Number of lanes in a group.
 const LANES: usize = GROUP_LANES as usize;
-/// Groups of the work-group that is tried.
+/// Number of groups in the tested work-group.
 const GROUPS: usize = 4;
-/// Answers of a lane.
+/// Number of answers per lane.
 const ANSWERS: usize = 8;
-/// The lanes that a rank is asked among.
+/// The lanes among which the test computes a rank.
 const AMONG: u32 = 0x0f0f_00ff;
 
-/// Says which answers are right.
+/// The file of the kernel that tests the operations.
 const PROBE: &str = "probe/lanes.cl";
 
 impl LaneOperations {
-    /// How many tiles a work-group does best with: several, where their groups need not wait for each other.
+    /// Returns the number of tiles per work-group that is fastest: several if groups need not wait for each
+    /// other.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
 
-    /// What it is, in words.
+    /// Returns a description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Barriers => "barriers",
@@ -50,7 +52,7 @@ impl LaneOperations {
         }
     }
 
-    /// The fastest that a device's extensions hint at and that give right answers there.
+    /// Returns the fastest implementation that a device's extensions suggest and that passes the test there.
     pub(super) fn find(
         info: &DeviceInfo,
         platform: ocl::Platform,
@@ -67,7 +69,7 @@ impl LaneOperations {
         Ok(hinted.iter().copied().find(right).unwrap_or_default())
     }
 
-    /// The compiler's option for the version of OpenCL C that they need.
+    /// Returns the compiler option for the version of OpenCL C that the implementation needs.
     pub fn standard(self, opencl_3: bool) -> &'static str {
         match (self, opencl_3) {
             (Self::SubGroups, true) => "-cl-std=CL3.0",
@@ -77,13 +79,14 @@ impl LaneOperations {
     }
 }
 
-/// The text of the kernel that tries them.
+/// Returns the source of the kernel that tests the operations.
 pub(super) fn probe(sources: &Sources) -> Result<String> {
     let list = parameter_macro("probe_lanes", PROBE_LANES.iter());
     Ok(list + &sources.read_joined(PROBE)?)
 }
 
-/// What may work, fastest first: `cl_nv_compiler_options` belongs to compilers that take inline PTX.
+/// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept
+/// inline PTX.
 fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     if info.limits.work_group_size < LANES * GROUPS {
         &[]
@@ -96,7 +99,7 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     }
 }
 
-/// Whether a kernel of these operations builds, runs and gives the answers it should.
+/// Returns whether a kernel with this implementation builds, runs and gives the right answers.
 fn try_out(
     operations: LaneOperations,
     source: &str,
@@ -126,14 +129,15 @@ fn try_out(
         .local_work_size([LANES, GROUPS])
         .arg(&answers)
         .build()?;
-    // SAFETY: the kernel has the one argument its source declares, which holds what its work-items write.
+    // SAFETY: the kernel has the one argument that its source declares, and the buffer is as long as its
+    // output.
     unsafe { kernel.enq()? };
     let mut found = vec![0; answers.len()];
     answers.read(&mut found).enq()?;
     Ok(found == expected())
 }
 
-/// The right answers of every lane of every group.
+/// Returns the right answers of every lane of every group.
 fn expected() -> Vec<u32> {
     let lanes = (0..GROUPS as u32).flat_map(|group| (0..LANES as u32).map(move |lane| (group, lane)));
     lanes.flat_map(|(group, lane)| answers(group, lane)).collect()

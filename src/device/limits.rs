@@ -1,36 +1,38 @@
-//! What a device can hold.
+//! The limits of a device.
 
 use super::LaneOperations;
 use serde::{Deserialize, Serialize};
 
-/// What a device can hold and how it is shaped, as its driver reports it.
+/// The limits of a device and its main properties, as its driver reports them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// `__local` bytes a work-group may use. Never exceed it: PoCL 3.1 aborts the process.
+    /// Bytes of `__local` memory of a work-group. Never exceed it: PoCL 3.1 aborts the process.
     pub local_bytes: u64,
-    /// `__constant` bytes a kernel may use.
+    /// Bytes of `__constant` memory of a kernel.
     pub constant_bytes: u64,
-    /// Global memory.
+    /// Bytes of global memory.
     pub global_bytes: u64,
-    /// The largest single buffer.
+    /// Bytes of the largest buffer.
     pub allocation_bytes: u64,
-    /// Work-items a work-group may have.
+    /// Largest number of work-items in a work-group.
     pub work_group_size: usize,
-    /// Work-items a work-group may have across, down and deep.
+    /// Largest number of work-items of a work-group along each dimension.
     pub work_item_sizes: [usize; 3],
-    /// Compute units.
+    /// Number of compute units.
     pub compute_units: u32,
-    /// The widest float vector the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT).
+    /// Number of floats in the widest vector that the hardware adds in one instruction
+    /// (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT).
     pub native_width: u32,
-    /// Whether work-groups run on a CPU's threads, whose stacks hold private arrays.
+    /// Whether work-groups run on threads of a CPU, whose stacks hold private arrays.
     pub is_cpu: bool,
-    /// How the work-items that share a tile tell each other things.
+    /// How the work-items that share a tile exchange values.
     #[serde(default)]
     pub lane_operations: LaneOperations,
 }
 
 impl DeviceLimits {
-    /// The same device held to less, as an imitation of a smaller one. A value above the device's own changes nothing.
+    /// Returns lower limits, to imitate a smaller device. An override above the device's own limit has no
+    /// effect.
     #[must_use]
     pub fn with_overrides(
         self,
@@ -54,8 +56,8 @@ fn lowered<T: Ord>(own: T, wished: Option<T>) -> T {
     }
 }
 
-/// The ray width that suits a device whose driver reports `reported` floats a native vector:
-/// on a CPU that, as one of 1, 2, 4, 8, 16; 1 elsewhere, where lanes are work-items.
+/// Returns the number of rays per vector that suits a device. On a CPU that is the reported number of floats
+/// per native vector, as one of 1, 2, 4, 8, 16; elsewhere it is 1, since lanes are work-items there.
 pub(super) fn native_width(is_cpu: bool, reported: u64) -> u32 {
     if !is_cpu {
         return 1;

@@ -1,4 +1,4 @@
-//! Which OpenCL devices there are, what they can hold, and which one is meant.
+//! OpenCL devices: finding them, their limits, and selecting one.
 
 mod alike;
 mod asked;
@@ -30,7 +30,7 @@ pub use threads::thread_variables;
 use crate::words::counted;
 use serde::{Deserialize, Serialize};
 
-/// What a device calls itself.
+/// The type that a device reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
@@ -45,7 +45,7 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
-    /// Its name in records and on the command line.
+    /// Returns the name in records and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
@@ -55,7 +55,7 @@ impl DeviceKind {
         }
     }
 
-    /// Several of them, in words.
+    /// Returns the plural, for messages.
     pub fn plural(self) -> &'static str {
         match self {
             Self::Cpu => "CPUs",
@@ -65,8 +65,8 @@ impl DeviceKind {
         }
     }
 
-    /// The kind of a device with this `CL_DEVICE_TYPE`. A simulator that claims to be
-    /// everything (Oclgrind) is a GPU: it has no wide vectors and no thread stacks.
+    /// Returns the kind of a device with this `CL_DEVICE_TYPE`. A simulator that reports every type
+    /// (Oclgrind) counts as a GPU, since it has neither wide vectors nor thread stacks.
     fn from_type(flags: u64) -> Self {
         let is = |flag| flags & flag != 0;
         if is(ocl::ffi::CL_DEVICE_TYPE_GPU) {
@@ -81,62 +81,63 @@ impl DeviceKind {
     }
 }
 
-/// Compiler built-ins beyond OpenCL C that kernels use where a device's compiler takes them.
+/// Compiler built-ins beyond OpenCL C. Kernels use them if the device's compiler supports them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Builtins {
     /// `__builtin_reduce_or` on vectors.
     pub reduce: bool,
     /// `__builtin_prefetch` and `__builtin_nontemporal_store` of global memory.
     pub prefetch: bool,
-    /// What work-items that share a tile tell each other with.
+    /// How work-items that share a tile exchange values.
     pub lanes: LaneOperations,
-    /// Whether the compiler takes `-cl-std=CL3.0`.
+    /// Whether the compiler accepts `-cl-std=CL3.0`.
     pub opencl_3: bool,
 }
 
-/// What a device and its driver say about themselves.
+/// The properties that a device and its driver report.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// Platform name.
     pub platform: String,
-    /// Platform version, which distinguishes drivers of one name.
+    /// Platform version, which distinguishes drivers of equal name.
     pub platform_version: String,
     /// Device name.
     pub name: String,
-    /// Who made the device.
+    /// The device's vendor.
     pub vendor: String,
-    /// The OpenCL version the device speaks.
+    /// The OpenCL version that the device supports.
     pub version: String,
     /// Driver version.
     pub driver: String,
-    /// What it calls itself.
+    /// The type that it reports.
     pub kind: DeviceKind,
     /// OpenCL extensions.
     pub extensions: Vec<String>,
-    /// What it can hold.
+    /// Its limits.
     pub limits: DeviceLimits,
-    /// What it tells of its hardware beyond that.
+    /// Further properties of its hardware.
     #[serde(default)]
     pub hardware: Hardware,
-    /// Environment variables that decide what its driver compiles or how it runs, as the process that listed it has them.
+    /// Environment variables that affect what its driver compiles or how it runs, as set in the process that
+    /// listed it.
     #[serde(default)]
     pub settings: Vec<variables::Setting>,
-    /// Cores that process may use, where the device runs on them.
+    /// Number of cores that the process may use, for devices that run on them.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// The threads it casts with, where that is known: of PoCL.
+    /// Number of threads that it casts with, if known, which it is for PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Devices of the same platform and name found before this one.
+    /// Number of earlier devices of equal platform and name.
     pub twins_before: usize,
-    /// What records call it: its name, or its slug where another device has the same name.
+    /// Its name in records: the device name, or its slug if another device has the same name.
     pub label: String,
-    /// Why nothing can be cast on it, if so.
+    /// Why nothing can be cast on it; `None` if it is usable.
     pub unusable: Option<String>,
 }
 
 impl DeviceInfo {
-    /// One line that tells it from every other device.
+    /// Returns one line that distinguishes it from every other device.
     pub fn describe(&self) -> String {
         let Self { name, platform, driver, limits, .. } = self;
         let threads = self
@@ -152,7 +153,7 @@ impl DeviceInfo {
         )
     }
 
-    /// A name for files: lower case, the same every time this device is found.
+    /// Returns a name for files: lower case, and the same in every run.
     pub fn slug(&self) -> String {
         let words = format!("{} {}", self.platform, self.name).to_lowercase();
         let parts: Vec<_> =
@@ -163,25 +164,27 @@ impl DeviceInfo {
         }
     }
 
-    /// Everything that names the device and its driver: what it is found by, and a part of keys.
+    /// Returns everything that identifies the device and its driver. It is used to find the device again, and
+    /// is part of keys.
     pub fn identity(&self) -> String {
         let twin =
             if self.twins_before > 0 { format!(" | #{}", self.twins_before + 1) } else { String::new() };
         format!("{}{twin}", self.model())
     }
 
-    /// The same without what tells it from others of its model.
+    /// Returns the same without what distinguishes it from others of its model.
     fn model(&self) -> String {
         let Self { platform, platform_version, name, driver, .. } = self;
         format!("{platform} | {platform_version} | {name} | {driver}")
     }
 
-    /// Everything that decides what its driver compiles of a text.
+    /// Returns everything that affects what its driver compiles from a source.
     pub fn compiler(&self) -> String {
         std::iter::once(self.model()).chain(self.settings.iter().cloned()).collect::<Vec<_>>().join(" | ")
     }
 
-    /// The state that decides its times beside its identity, a part of keys: compute units, cores and the driver's variables.
+    /// Returns the state that affects its times besides its identity, as part of keys: compute units, cores
+    /// and the driver's variables.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -195,9 +198,9 @@ impl DeviceInfo {
             .join(" | ")
     }
 
-    /// What its compiler takes where it says that it has it.
+    /// Returns which built-ins its compiler supports, for those that the compiler itself reports.
     pub fn builtins(&self) -> Builtins {
-        // Oclgrind's aborts on both; NVIDIA's refuses a prefetch of global memory.
+        // Oclgrind's compiler aborts on both, and NVIDIA's refuses a prefetch of global memory.
         let simulated = self.platform.to_lowercase().contains("oclgrind");
         Builtins {
             reduce: !simulated,
@@ -207,39 +210,41 @@ impl DeviceInfo {
         }
     }
 
-    /// Whether its driver speaks OpenCL 3.
+    /// Returns whether its driver supports OpenCL 3.
     pub fn speaks_opencl_3(&self) -> bool {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Whether its compiler takes options that make it print registers and spills, and its binaries are PTX.
+    /// Returns whether its compiler accepts options that make it print registers and spills, and its binaries
+    /// are PTX.
     pub fn prints_resources(&self) -> bool {
         self.has_extension("cl_nv_compiler_options")
     }
 
-    /// Whether its driver has the binary of what it compiled. PoCL compiles every kernel anew for it, for local sizes that are
-    /// told at the launch.
+    /// Returns whether its driver can return a compiled program's binary without further work. PoCL would
+    /// compile every kernel again for it, because local sizes are only known at the launch.
     pub fn has_binaries_at_hand(&self) -> bool {
         !self.platform.to_lowercase().contains("portable computing language")
     }
 
-    /// Whether its extensions include `name`.
+    /// Returns whether its extensions include `name`.
     pub fn has_extension(&self, name: &str) -> bool {
         self.extensions.iter().any(|extension| extension == name)
     }
 
-    /// The most `__local` bytes a kernel's *arguments* may take. NVIDIA's driver (580) holds 48 KiB
-    /// declared in a kernel but fails a launch with a 48 KiB argument, where 47 KiB works.
+    /// Returns the largest number of bytes of `__local` memory that a kernel's *arguments* may take. NVIDIA's
+    /// driver (580) supports 48 KiB declared in a kernel, but fails a launch with an argument of 48 KiB; 47
+    /// KiB works.
     pub fn local_argument_bytes(&self) -> u64 {
         let reserved = if self.vendor.to_lowercase().contains("nvidia") { 1024 } else { 0 };
         self.limits.local_bytes.saturating_sub(reserved)
     }
 }
 
-/// A device that was found, with the handles to work on it.
+/// A device, with the handles to use it.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// What it says about itself.
+    /// Its properties.
     pub info: DeviceInfo,
     /// Its platform's handle.
     pub platform: ocl::Platform,

@@ -1,31 +1,33 @@
-//! How many work-groups an NVIDIA multiprocessor holds at once: the paper's
-//! Figure 5 for any compute capability from 2.0 to 9.0.
+//! Computes how many work-groups an NVIDIA multiprocessor holds at once: the paper's Figure 5, for any
+//! compute capability from 2.0 to 9.0.
 
 mod table;
 
 pub use table::{MULTIPROCESSORS, Multiprocessor, multiprocessor};
 
-/// Lanes of a warp.
+/// Threads per warp.
 const WARP: u64 = 32;
-/// Threads a group may have, on every capability here.
+/// Largest number of threads in a group, on every capability here.
 const MAX_GROUP_THREADS: u32 = 1024;
-/// `__local` bytes a group may have unless the driver is asked for more, which OpenCL cannot.
+/// Bytes of `__local` memory that a group may have, unless the driver is asked for more, which is impossible
+/// in OpenCL.
 const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
-/// Registers a group may have from 3.0 on; before, the multiprocessor's.
+/// Largest number of registers of a group from capability 3.0 on; before, a group may use all of the
+/// multiprocessor's.
 const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
 
-/// What keeps a multiprocessor from holding one more group.
+/// The limit that prevents a multiprocessor from holding one more group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Limiter {
-    /// The cap on resident groups.
+    /// The largest number of resident groups.
     GroupCap,
-    /// Resident warps.
+    /// The largest number of resident warps.
     Warps,
     /// Registers.
     Registers,
     /// `__local` memory.
     Local,
-    /// Not even one group fits, with the arithmetic.
+    /// Not even one group fits; has the arithmetic.
     CannotLaunch(String),
 }
 
@@ -46,18 +48,18 @@ impl std::fmt::Display for Limiter {
 pub struct Occupancy {
     /// Resident groups.
     pub groups: u64,
-    /// Their warps.
+    /// Resident warps.
     pub warps: u64,
-    /// Their threads.
+    /// Resident threads.
     pub threads: u64,
-    /// Their warps among all it could hold, 0 to 1.
+    /// Resident warps divided by the largest possible number, 0 to 1.
     pub fraction: f64,
-    /// What keeps it from holding more; the first where several do.
+    /// The limit that prevents more groups; the first one if there are several.
     pub limiter: Limiter,
 }
 
-/// What multiprocessor `sm` holds of groups of `threads_per_group` threads, each thread with
-/// `registers_per_thread` registers and each group with `local_bytes_per_group` of `__local` memory.
+/// Returns how many groups of `threads_per_group` threads the multiprocessor `sm` holds. Each thread has
+/// `registers_per_thread` registers, and each group has `local_bytes_per_group` bytes of `__local` memory.
 pub fn occupancy(
     sm: &Multiprocessor,
     registers_per_thread: u32,
@@ -89,10 +91,10 @@ pub fn occupancy(
     }
 }
 
-/// What fits, or the arithmetic of why not even one group does.
+/// A number that fits, or the arithmetic that shows why not even one group does.
 type Fits<T> = std::result::Result<T, String>;
 
-/// Refuses what no group may have.
+/// Refuses a group that exceeds a limit of its own.
 fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) -> Fits<()> {
     if threads == 0 {
         return Err("a group needs threads".into());
@@ -109,8 +111,8 @@ fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) 
     Ok(())
 }
 
-/// Groups that the registers allow. Registers are handed out to whole warps:
-/// in 64s on 2.x, with an even number of warps; in 256s from 3.0 on.
+/// Returns the number of groups that the registers allow. Registers are allocated to whole warps: in units of
+/// 64 on 2.x, for an even number of warps; in units of 256 from 3.0 on.
 fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<u64> {
     let wanted = WARP * u64::from(registers.max(1));
     let granularity = sm.warp_granularity;
@@ -139,7 +141,7 @@ fn groups_by_local(sm: &Multiprocessor, local_bytes: u64) -> u64 {
     sm.local_bytes.checked_div(taken).unwrap_or(u64::MAX)
 }
 
-/// `__local` bytes of each group that the system keeps for itself: 1 KiB from 8.0 on.
+/// Returns the bytes of `__local` memory that the system reserves in each group: 1 KiB from 8.0 on.
 fn reserved_local_bytes(sm: &Multiprocessor) -> u64 {
     if sm.compute_capability.starts_with(['8', '9']) { 1024 } else { 0 }
 }
@@ -203,7 +205,7 @@ mod tests {
             assert_eq!(groups, 0);
             assert!(limiter.to_string().contains(part), "{limiter}");
         }
-        // These 128 Ki registers are all that the 3.7's multiprocessor has, and twice a group's share.
+        // The 128 Ki registers are all that the multiprocessor of 3.7 has, and twice what a group may have.
         assert!(matches!(of("3.7", 128, 0, 1024).limiter, Limiter::CannotLaunch(_)));
     }
 

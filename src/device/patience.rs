@@ -1,34 +1,35 @@
-//! An end for drivers that never answer.
+//! A time limit for drivers that never answer.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-/// The variable that is set in a process that does a command's work for another, which sees how it ends.
+/// The environment variable that marks a process which does a command's work on behalf of another process;
+/// that other process handles its exit.
 pub const GUARDED: &str = "RAYCL_GUARDED";
-/// The exit code of a process whose driver did not answer. Only raycl itself sees it.
+/// The exit code of a process whose driver did not answer. It is only used between processes of raycl.
 pub const HUNG: i32 = 124;
-/// Far longer than drivers take to start.
+/// Much longer than a driver takes to start.
 const LIMIT: Duration = Duration::from_secs(60);
-/// Set, for tests, to milliseconds that a driver may take instead.
+/// An environment variable for tests: the limit in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 
 /// How often raycl checks for an answer.
 const LOOK_UP: Duration = Duration::from_millis(20);
 
-/// Ends the process with [`HUNG`], unless it is dropped in time.
+/// Ends the process with [`HUNG`], unless it is dropped within the limit.
 pub struct Patience {
     answered: Arc<AtomicBool>,
 }
 
 impl Patience {
-    /// Begins to wait for a driver, where another process sees how this one ends.
+    /// Starts the limit if another process handles the exit of this one.
     pub(super) fn of_guarded() -> Option<Self> {
         std::env::var_os(GUARDED).is_some().then(Self::begin)
     }
 
-    /// Begins to wait for a driver.
+    /// Starts the limit.
     pub fn begin() -> Self {
         let answered = Arc::new(AtomicBool::new(false));
         let (seen, limit) = (Arc::clone(&answered), limit());
@@ -45,8 +46,8 @@ impl Patience {
             }
             end(&message)
         });
-        // A driver that hangs while it is loaded holds the loader's lock. Whatever takes that, as a thread's beginning and its
-        // first use of thread-local values do, has to be over before.
+        // A driver that hangs while it is loaded holds the loader's lock. Starting a thread and its first use
+        // of thread-local values take that lock too, so both must be done before.
         let _ = is_ready.recv();
         Self { answered }
     }
@@ -58,7 +59,7 @@ impl Drop for Patience {
     }
 }
 
-/// Ends the process without what is usually done at its end, which may wait for what hangs.
+/// Ends the process without running exit handlers, which may wait for the driver.
 fn end(message: &str) {
     #[cfg(unix)]
     let _ = rustix::io::write(rustix::stdio::stderr(), message.as_bytes());

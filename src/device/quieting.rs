@@ -1,10 +1,11 @@
-//! Compilers that talk to the terminal.
+//! Keeps compilers from printing to the terminal.
 
 use ocl::Device;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 
-/// The option that keeps a device's compiler from it. PoCL's counts warnings on the terminal ("2 warnings generated."), of its own
-/// headers among them, and keeps them in no log.
+/// Returns a compiler option that stops a device's compiler from printing to the terminal. PoCL's prints the
+/// number of warnings ("2 warnings generated."), including those in its own headers, and does not write them
+/// to a log.
 pub fn quieting(device: Device) -> &'static str {
     let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
         DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),

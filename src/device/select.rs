@@ -1,37 +1,38 @@
-//! Choosing devices by name and kind; never by number, which changes from machine to machine.
+//! Selects devices by name and kind. Numbers are not supported, since they differ between machines.
 
 use super::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result, nearest};
 
-/// The devices that the patterns mean, each once, in the patterns' order; without patterns, every usable device.
+/// Returns the devices that match the patterns, each once, in the order of the patterns; without patterns,
+/// every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or
-/// version or of a device's name or vendor, in any case. One that means no device is
-/// the user's mistake, as is one that means only unusable devices.
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or
+/// of a device's name or vendor, upper or lower case. A pattern that matches no usable device is a mistake of
+/// the user.
 pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
 }
 
-/// The same for devices that another process found.
+/// Does the same for devices that another process found.
 pub fn select_infos<'a>(infos: &'a [DeviceInfo], patterns: &[String]) -> Result<Vec<&'a DeviceInfo>> {
     let all: Vec<_> = infos.iter().collect();
     Ok(selected(&all, patterns)?.into_iter().map(|place| &infos[place]).collect())
 }
 
-/// The usable device to cast on when none is named: a GPU before an accelerator before a CPU,
-/// then the one with the most compute units, then the first.
+/// Returns the usable device to cast on if none is named: a GPU before an accelerator before a CPU, then the
+/// one with the most compute units, then the first.
 pub fn pick_default(devices: &[Device]) -> Option<&Device> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     preferred(&infos).map(|place| &devices[place])
 }
 
-/// The same of devices that are not open, by its place.
+/// Does the same for devices that are not open, and returns an index.
 pub fn default_place(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
 
-/// The places of the devices that the patterns mean, as [`select`] gives them.
+/// Returns the indices of the devices that match the patterns, as [`select`] does.
 pub fn places(infos: &[DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
     selected(&infos.iter().collect::<Vec<_>>(), patterns)
 }
@@ -61,7 +62,7 @@ fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
     Ok(chosen)
 }
 
-/// The usable devices one pattern means; at least one.
+/// Returns the usable devices that match one pattern; at least one.
 fn usable(infos: &[&DeviceInfo], pattern: &str) -> Result<Vec<usize>> {
     let matching: Vec<_> = (0..infos.len()).filter(|&place| matches(infos[place], pattern)).collect();
     let (fine, broken): (Vec<_>, Vec<_>) =
@@ -83,7 +84,7 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// The texts that patterns are compared with.
+/// Returns the texts that patterns are compared with.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }
@@ -101,7 +102,7 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
 fn listing(infos: &[&DeviceInfo]) -> String {
     let lines: Vec<_> = infos.iter().map(|info| format!("  {}", info.describe())).collect();
     format!(
-        "A name is any part of platform, device or vendor, or cpu, gpu, all. There is:\n{}",
+        "A name is any part of the platform's, device's or vendor's name, or cpu, gpu, all. Available:\n{}",
         lines.join("\n")
     )
 }

@@ -1,19 +1,22 @@
-//! How many threads PoCL has: by itself one for each processor of the machine, however few the process may run on.
+//! Limits the number of PoCL's threads. By default PoCL starts one per processor of the machine, even if the
+//! process may run on fewer.
 
 use super::DeviceKind;
 
-/// PoCL's names for the number of its threads: that of version 5 and later, and the one before it, which all versions know.
+/// PoCL's environment variables for the number of its threads: the one of version 5 and later, and the older
+/// one, which all versions read.
 const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
-/// The number of compute units of all its drivers, where those names are not set (version 6).
+/// The environment variable for the compute units of all of PoCL's drivers, read if those above are not set
+/// (version 6).
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 
-/// The variables to set before a driver is loaded, so that PoCL has no more threads than the process may run on, by its
-/// affinity and its control groups. None where the user has set one of them.
+/// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the
+/// process may run on according to its affinity and control groups. Empty if the user has set one of them.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), allowed())
 }
 
-/// Threads that the process may run at once.
+/// Returns the number of threads that the process may run at once.
 fn allowed() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
@@ -25,7 +28,7 @@ fn variables(is_set: impl Fn(&str) -> bool, threads: usize) -> Vec<(&'static str
     COUNTS.map(|name| (name, threads.to_string())).to_vec()
 }
 
-/// The number of threads that a device casts with, if known: PoCL's has one per compute unit.
+/// Returns the number of threads that a device casts with, if known. PoCL has one thread per compute unit.
 pub fn threads_of(platform: &str, kind: DeviceKind, compute_units: u32) -> Option<u32> {
     let is_pocl = platform.to_lowercase().contains("portable computing language");
     (is_pocl && kind == DeviceKind::Cpu).then_some(compute_units)

@@ -1,15 +1,17 @@
-//! Environment variables that drivers read: which of them decide a time or a picture, and which are only worth knowing.
+//! Environment variables that drivers read: those that affect times or pictures, and those that are only
+//! stored.
 
-/// The variables of one driver that change what it compiles, on how many threads it runs or how it launches. A name ends in `*`
-/// where all that begin so are meant.
+/// The environment variables of one driver that affect what it compiles, its number of threads or how it
+/// launches kernels. A name that ends in `*` stands for all names that begin so.
 struct Driver {
-    /// A word of its platform's name, in lower case.
+    /// A word of the platform's name, in lower case.
     platform: &'static str,
     deciding: &'static [&'static str],
 }
 
-/// The one list: a point's key holds those of its device's driver that are set. Sources: PoCL's documentation of 3.1 and later and the
-/// names in its library, NVIDIA's CUDA programming guide, Intel's guides of its OpenCL and DPC++ runtimes.
+/// The only list of these variables. The key of a point contains those of its device's driver that are set.
+/// Sources: PoCL's documentation of 3.1 and later and the names in its library, NVIDIA's CUDA programming
+/// guide, Intel's guides of its OpenCL and DPC++ runtimes.
 const DRIVERS: [Driver; 3] = [
     Driver {
         platform: "portable computing language",
@@ -61,11 +63,11 @@ const DRIVERS: [Driver; 3] = [
     },
 ];
 
-/// Variables that match a pattern above, but only make the driver print more.
+/// Variables that match a pattern above, but only increase the driver's output.
 const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 
-/// Beginnings of drivers' and loaders' variables, also of caches, logs and masks of devices. The environment keeps
-/// every such variable that is set.
+/// Prefixes of the variables of drivers and loaders, including those for caches, logs and masks of devices.
+/// The environment of a run stores every such variable that is set.
 const FAMILIES: [&str; 9] = [
     "CL_CONFIG_",
     "CUDA_",
@@ -81,18 +83,18 @@ const FAMILIES: [&str; 9] = [
 /// A variable that is set, as `NAME=VALUE`.
 pub type Setting = String;
 
-/// The variables that decide times or pictures of a device of this platform, in the order of their names.
+/// Returns the variables that affect times or pictures on a device of this platform, sorted by name.
 pub fn deciding(platform: &str) -> Vec<Setting> {
     deciding_of(platform, variables())
 }
 
-/// Every variable of a driver or a loader that is set, in the order of their names.
+/// Returns every variable of a driver or a loader that is set, sorted by name.
 pub fn all() -> Vec<Setting> {
     let known = |name: &str| FAMILIES.iter().any(|family| name.starts_with(family));
     settings(variables(), known)
 }
 
-/// Lossy: a value need not be UTF-8.
+/// Lossy, since a value need not be UTF-8.
 fn variables() -> impl Iterator<Item = (String, String)> {
     std::env::vars_os()
         .map(|(name, value)| (name.to_string_lossy().into_owned(), value.to_string_lossy().into_owned()))

@@ -1,4 +1,4 @@
-//! Where the locks of devices lie: one folder for all users of a machine, so that they wait for each other too.
+//! The folder of the device locks. All users of a machine share it, so that they wait for each other too.
 
 use crate::error::Error;
 use crate::record::own_file;
@@ -6,19 +6,19 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// The variable that names another folder.
+/// The environment variable that names another folder.
 pub const VARIABLE: &str = "RAYCL_LOCK_DIR";
 
 /// A folder of locks.
 #[derive(Clone, Debug)]
 pub struct Folder {
     path: PathBuf,
-    /// Whether every user of the machine may make locks in it.
+    /// Whether every user of the machine may create locks in the folder.
     shared: bool,
 }
 
 impl Folder {
-    /// The one that the variable names, or else the one that all users share.
+    /// Returns the folder that the variable names, or else the shared one.
     pub fn of_machine() -> Self {
         match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
             Some(path) => Self::named(Path::new(&path)),
@@ -26,22 +26,22 @@ impl Folder {
         }
     }
 
-    /// This one.
+    /// Returns the folder at `path`.
     pub fn named(path: &Path) -> Self {
         Self { path: path.to_owned(), shared: false }
     }
 
-    /// Where a lock's file lies.
+    /// Returns the path of a lock's file.
     pub fn path(&self, lock: &str) -> PathBuf {
         self.path.join(format!("{lock}.lock"))
     }
 
-    /// Opens a lock's file to read and write, and makes it if it is missing.
+    /// Opens a lock's file for reading and writing, and creates it if it is missing.
     pub fn open(&self, lock: &str) -> std::io::Result<File> {
         self.make()?;
         let path = self.path(lock);
         own_file(&path)?;
-        // Not `create`: where folders are shared, Linux refuses it for a file that another user made.
+        // Without `create`: in a shared folder Linux refuses that flag for a file that another user made.
         let open = || OpenOptions::new().read(true).write(true).open(&path);
         let file = match open() {
             Err(error) if error.kind() == ErrorKind::NotFound => match create(&path) {
@@ -54,7 +54,7 @@ impl Folder {
         Ok(file)
     }
 
-    /// Whether `file` is what the folder has under this name now, and no link led to it.
+    /// Returns whether `file` is still the file of this name in the folder, and was not reached by a link.
     #[cfg(unix)]
     pub fn still_has(&self, lock: &str, file: &File) -> bool {
         use std::os::unix::fs::MetadataExt as _;
@@ -64,17 +64,17 @@ impl Folder {
         named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino())
     }
 
-    /// Whether `file` is what the folder has under this name now.
+    /// Returns whether `file` is still the file of this name in the folder.
     #[cfg(not(unix))]
     pub fn still_has(&self, lock: &str, _file: &File) -> bool {
         self.path(lock).exists()
     }
 
-    /// What it means that the folder cannot be used.
+    /// Returns the error for a folder that cannot be used.
     pub fn unusable(&self, error: &IoError) -> Error {
         let message = format!("the locks of devices cannot be kept in {}: {error}", self.path.display());
         Error::run(message).with_help(format!(
-            "{VARIABLE} names another folder; all that measure on this machine need the same one"
+            "set {VARIABLE} to another folder; all processes that measure on this machine must use the same one"
         ))
     }
 
@@ -87,7 +87,7 @@ impl Folder {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
         }
-        // Anybody may have put a link there.
+        // Another user may have placed a link here.
         match self.path.symlink_metadata()?.is_dir() {
             true => Ok(()),
             false => Err(IoError::new(ErrorKind::NotADirectory, "it is no folder")),
@@ -95,26 +95,27 @@ impl Folder {
     }
 }
 
-/// The same whatever TMPDIR a process has.
+/// Returns the same path for every value of TMPDIR.
 fn shared_path() -> PathBuf {
     let temporary = if cfg!(unix) { PathBuf::from("/tmp") } else { std::env::temp_dir() };
     temporary.join("raycl-locks")
 }
 
-/// A new file that every user can lock.
+/// Creates a file that every user can lock.
 fn create(path: &Path) -> std::io::Result<File> {
     let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
     open_to_all(path, 0o666)?;
     Ok(file)
 }
 
-/// Another user may have given somebody's file this name beside its own: what would be written would be that file's.
+/// Refuses a file with a second name. Another user may have linked somebody's file into the folder, and
+/// writing to it would change that file.
 #[cfg(unix)]
 fn refuse_second_name(file: &File) -> std::io::Result<()> {
     use std::os::unix::fs::MetadataExt as _;
     match file.metadata()?.nlink() {
         0 | 1 => Ok(()),
-        _ => Err(IoError::new(ErrorKind::InvalidInput, "it is the second name of another file")),
+        _ => Err(IoError::new(ErrorKind::InvalidInput, "it is a hard link to another file")),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Who holds a device: what its lock's file says, for those who wait.
+//! The process that holds a device, as described in the lock's file for those who wait.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -6,12 +6,12 @@ use std::fs::File;
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::Path;
 
-/// The longest text that is read or shown: a lock's file may be anybody's.
+/// The longest text that is read or shown, since the lock's file may have been written by anybody.
 const LONGEST_BYTES: u64 = 4096;
-/// Characters of a command that are shown.
+/// Largest number of a command's characters that are shown.
 const LONGEST_COMMAND: usize = 200;
 
-/// A process that measures; nothing where its file does not say.
+/// A process that holds a device; fields are missing if the lock's file does not have them.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Holder {
@@ -21,9 +21,9 @@ pub struct Holder {
 }
 
 impl Holder {
-    /// This process.
+    /// Returns the description of this process.
     pub fn of_this_process() -> Self {
-        // Lossy: an argument need not be UTF-8.
+        // Lossy, since an argument need not be UTF-8.
         let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
         let program = words.next().unwrap_or_default();
         let program = Path::new(&program).file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -32,14 +32,14 @@ impl Holder {
         Self { process: std::process::id(), command, folder }
     }
 
-    /// Writes it over what a lock's file says.
+    /// Replaces the contents of a lock's file.
     pub fn write(&self, file: &mut File) -> std::io::Result<()> {
         file.set_len(0)?;
         file.rewind()?;
         file.write_all(&serde_json::to_vec(self)?)
     }
 
-    /// Who holds the lock with this file.
+    /// Reads a lock's file.
     pub fn read(path: &Path) -> Self {
         let mut text = String::new();
         let read = File::open(path).and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text));
@@ -48,7 +48,7 @@ impl Holder {
 }
 
 impl fmt::Display for Holder {
-    /// "process 123, `raycl run configs/quick.toml` in /home/ada".
+    /// Formats as "process 123, `raycl run configs/quick.toml` in /home/ada".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.process == 0 {
             return f.write_str("another process");

@@ -1,5 +1,6 @@
-//! One measurement at a time on a device of this machine: what is timed for a figure holds the device's lock meanwhile.
-//! Two that time each other both measure wrongly, and neither could tell.
+//! Allows one measurement at a time on a device of this machine. A process holds the device's lock while it
+//! takes times that are reported. Without it, two measurements at the same time would slow each other down
+//! unnoticed.
 
 mod folder;
 mod holder;
@@ -16,44 +17,44 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How often who waits looks whether the device is free, or the user wants an end.
+/// How often a waiting process checks whether the device is free or the user has interrupted it.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// The locks of the devices, and what to do where another process holds one.
+/// The locks of the devices, and what to do if another process holds one.
 #[derive(Clone, Debug)]
 pub struct Locks {
     folder: Folder,
     wait: bool,
 }
 
-/// A device that nobody else measures on, until dropped. The operating system lets go of it however the process ends.
+/// A lock on a device, released when dropped. The operating system releases it however the process ends.
 pub struct Held {
     file: File,
 }
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // Who takes it next writes over what stays here. Closing alone would not let go of it: a process that is being
-        // started has the file, too, until it runs its own program.
+        // The next holder overwrites what remains in the file. Closing the file would not release the lock: a
+        // process that is being started also has the file open until it runs its own program.
         let _ = self.file.set_len(0);
         let _ = self.file.unlock();
     }
 }
 
 impl Locks {
-    /// This machine's, in the folder that `RAYCL_LOCK_DIR` names or else in the one that all users share. Without `wait`
-    /// a device that is taken is an error.
+    /// Returns the locks in the folder that `RAYCL_LOCK_DIR` names, or else in the shared folder. Without
+    /// `wait`, a device that is in use is an error.
     pub fn of_machine(wait: bool) -> Self {
         Self { folder: Folder::of_machine(), wait }
     }
 
-    /// The locks of a folder.
+    /// Returns the locks of a folder.
     pub fn in_folder(folder: &Path, wait: bool) -> Self {
         Self { folder: Folder::named(folder), wait }
     }
 
-    /// Takes a device as soon as nobody else measures on it. Who waits is told for whom, by `says`, a line for each; an
-    /// interruption ends the waiting.
+    /// Takes a device's lock as soon as it is free. While it waits, it calls `says` with a line that
+    /// describes the holder. An interruption ends the wait.
     pub fn take(
         &self,
         device: &LockName,
@@ -77,14 +78,15 @@ impl Locks {
             }
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted(format!("it was waiting for {device}")).with_help(
-                    "run it again when the other is done; --no-wait ends at once instead of waiting",
+                    "run it again when the other process has ended; --no-wait ends at once instead of waiting",
                 ));
             }
             std::thread::sleep(LOOK_UP);
         }
     }
 
-    /// Takes several devices. All processes take them in the same order, so no two can wait for each other.
+    /// Takes the locks of several devices. All processes take them in the same order, so no two can wait for
+    /// each other.
     pub fn take_all(
         &self,
         mut devices: Vec<LockName>,
@@ -96,16 +98,16 @@ impl Locks {
         devices.iter().map(|device| self.take(device, says, interrupted)).collect()
     }
 
-    /// The device, unless another holds it.
+    /// Tries to take the lock once; `None` if another process holds it.
     fn try_hold(&self, mut file: File, device: &LockName) -> std::io::Result<Option<Held>> {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Ok(None),
-            // Some network file systems know no locks: they must do without.
+            // Some network file systems do not support locks; raycl then measures without.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
-        // One that was removed meanwhile is nobody's lock any more: the next look finds the new one.
+        // If the file was removed meanwhile, its lock is worthless. The next attempt finds the new file.
         if !self.folder.still_has(device.file(), &file) {
             return Ok(None);
         }
@@ -116,7 +118,7 @@ impl Locks {
 
 fn refused(holder: &Holder, device: &LockName) -> Error {
     Error::run(format!("{holder} measures on {device}")).with_help(
-        "without --no-wait this waits until that has ended; two that measure at once time each other",
+        "without --no-wait, raycl waits until that has ended; two measurements at the same time would disturb each other",
     )
 }
 

@@ -1,18 +1,20 @@
-//! What a device's lock is called.
+//! Names of device locks.
 
 use crate::device::{DeviceInfo, DeviceKind};
 use std::fmt;
 
-/// The same for all that share hardware: every driver of the host's processors, and casters without a driver, are one.
+/// The name of a lock: the same for all devices that share hardware. All drivers for the host's processors,
+/// and the casters on the host, share one.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LockName {
     file: String,
-    /// As messages name it.
+    /// The name in messages.
     label: String,
 }
 
 impl LockName {
-    /// The lock's name for a device: from its UUID or its place on the bus, else from its name. For none, the host's.
+    /// Returns the name of a device's lock, from the device's UUID or PCI bus, else from its name. `None`
+    /// stands for the host.
     pub fn of(device: Option<&DeviceInfo>) -> Self {
         let Some(info) = device.filter(|info| info.kind != DeviceKind::Cpu) else {
             return Self { file: "cpu".to_owned(), label: "the host's processors".to_owned() };
@@ -24,7 +26,7 @@ impl LockName {
         Self { file, label: info.label.clone() }
     }
 
-    /// The name of its file, without an ending.
+    /// Returns the name of the lock's file, without an extension.
     pub fn file(&self) -> &str {
         &self.file
     }

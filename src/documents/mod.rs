@@ -1,5 +1,5 @@
-//! The figures of the documents, made of stored records: every number in README.md, docs/kernels.md, docs/paper.md and
-//! docs/performance.md is made here, or stands among the facts of docs/figures.toml.
+//! The figures of the documents, made from stored records. Every number in README.md, docs/kernels.md,
+//! docs/paper.md and docs/performance.md is computed here or listed under `[facts]` in docs/figures.toml.
 
 mod occupancy;
 mod of_record;
@@ -21,17 +21,17 @@ use page::Page;
 use sheet::Sheet;
 use std::path::Path;
 
-/// The documents whose numbers have records.
+/// The documents whose numbers are checked.
 pub const DOCUMENTS: [&str; 4] = ["README.md", "docs/kernels.md", "docs/paper.md", "docs/performance.md"];
 
-/// The documents of a repository beside its records.
+/// The documents of a repository, and its records.
 pub struct Documents {
     sheet: Sheet,
     texts: Vec<(&'static str, String)>,
 }
 
 impl Documents {
-    /// Reads the documents of the repository at `root`, and their sheet.
+    /// Reads the documents of the repository at `root`, and docs/figures.toml.
     pub fn read(root: &Path) -> Result<Self> {
         let text = |name: &'static str| {
             let path = root.join(name);
@@ -43,31 +43,31 @@ impl Documents {
         Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
     }
 
-    /// Where a text and the records differ.
+    /// Returns where a text differs from the records.
     pub fn check(&self, text: &str) -> Vec<Difference> {
         let page = Page::of(text, &self.sheet);
         page.stale.into_iter().chain(page.wrong).collect()
     }
 
-    /// A document's text as it was read.
+    /// Returns a document's text as it was read.
     pub fn text(&self, name: &str) -> Option<&str> {
         self.texts.iter().find(|(own, _)| *own == name).map(|(_, text)| text.as_str())
     }
 
-    /// Where a document and the records differ, by its name.
+    /// Returns every document's name with its differences from the records.
     pub fn differences(&self) -> Vec<(&'static str, Difference)> {
         let of = |(name, text): &(&'static str, String)| {
             let name = *name;
             self.check(text).into_iter().map(move |difference| (name, difference)).collect::<Vec<_>>()
         };
         let unused = self.unused().into_iter().map(|phrase| {
-            let records_say = "nothing asks for it: take it out".to_owned();
+            let records_say = "no document uses it: remove it".to_owned();
             (sheet::SHEET, Difference { line: 0, stands: phrase, records_say })
         });
         self.texts.iter().flat_map(of).chain(unused).collect()
     }
 
-    /// Facts and blocks that stand in no document.
+    /// Returns the facts and blocks that no document uses.
     fn unused(&self) -> Vec<String> {
         let nowhere = |phrase: &&str| !self.texts.iter().any(|(_, text)| text.contains(*phrase));
         let facts = self.sheet.facts.iter().map(String::as_str).filter(nowhere).map(str::to_owned);
@@ -75,7 +75,8 @@ impl Documents {
         facts.chain(blocks.filter(|block| nowhere(&block.as_str()))).collect()
     }
 
-    /// Writes what the records say into the documents at `root`; how many lines changed, and what no rewriting mends.
+    /// Rewrites the documents at `root` from the records. Returns the number of changed lines, and the
+    /// mistakes that rewriting cannot correct.
     pub fn rewrite(&self, root: &Path) -> Result<(usize, Vec<(&'static str, Difference)>)> {
         let (mut changed, mut wrong) = (0, Vec::new());
         for (name, text) in &self.texts {

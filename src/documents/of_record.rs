@@ -1,4 +1,4 @@
-//! Figures of a record, by the names that queries use.
+//! The figures of a record, by the names that queries use.
 
 use crate::record::{Record, by, interval, median, significant};
 
@@ -15,7 +15,7 @@ pub enum Form {
     Power,
 }
 
-/// A figure of a record.
+/// The value of a figure.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Told {
     /// A number.
@@ -73,7 +73,7 @@ const TEXTS: [(&str, Text); 4] = [
     ("outcome", |record| Some(record.outcome.name().to_owned())),
 ];
 
-/// Whether a word names a figure. PTX instructions, such as `ld.global`, count as figures.
+/// Returns whether a word names a figure. PTX instructions, such as `ld.global`, count as figures.
 pub fn is_figure(word: &str) -> bool {
     let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
     is_instruction
@@ -81,7 +81,7 @@ pub fn is_figure(word: &str) -> bool {
         || TEXTS.iter().any(|(name, _)| *name == word)
 }
 
-/// The figure of a record that has this name.
+/// Returns the figure of this name.
 pub fn figure(record: &Record, name: &str) -> Told {
     if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
         return text(record).map_or_else(|| nothing(record), Told::Words);
@@ -93,7 +93,7 @@ pub fn figure(record: &Record, name: &str) -> Told {
     number.map_or_else(|| nothing(record), |(value, form)| Told::Number(value, form))
 }
 
-/// How many instructions of a kind its main kernel has.
+/// Returns how many instructions of a kind the record's main kernel has.
 fn instructions(record: &Record, name: &str) -> Option<u32> {
     let counts = record.main_kernel()?.instruction_counts.as_ref()?;
     Some(counts.instructions.get(name).copied().unwrap_or(0))

@@ -1,39 +1,40 @@
-//! A document: what stands between markers, numbers with a query behind them, and numbers that have none.
+//! A document. It may contain blocks between markers, numbers followed by a query in a comment, and other
+//! numbers.
 
 use super::of_record::Told;
 use super::query::Query;
 use super::sheet::Sheet;
 use super::unrecorded::{Fences, unrecorded};
 
-/// What begins a block, before its name.
+/// Text before the name of a block, at its beginning.
 const BEGIN: &str = "<!-- figures: ";
-/// What ends a block.
+/// Text at the end of a block.
 const END: &str = "<!-- end of figures -->";
 
-/// A place where a document and the records differ.
+/// A difference between a document and the records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// From 1.
+    /// The line's number, from 1.
     pub line: usize,
-    /// What stands there.
+    /// The text in the document.
     pub stands: String,
-    /// The text that the records give, or the reason why there is none.
+    /// The text that the records give, or why they give none.
     pub records_say: String,
 }
 
-/// A document as the records would have it, and where it is otherwise.
+/// A document, rewritten from the records, and its differences.
 #[derive(Debug, Default, PartialEq)]
 pub struct Page {
     /// The whole text.
     pub text: String,
-    /// Where it differs from what was read.
+    /// Differences from the text that was read.
     pub stale: Vec<Difference>,
-    /// What no rewriting mends: queries that are wrong, numbers without a record.
+    /// Mistakes that rewriting cannot correct: wrong queries, numbers without a record.
     pub wrong: Vec<Difference>,
 }
 
 impl Page {
-    /// A document's text read against the records.
+    /// Compares a document's text with the records.
     pub fn of(text: &str, sheet: &Sheet) -> Self {
         let mut page = Self::default();
         let mut lines = text.lines().enumerate().map(|(place, line)| (place + 1, line));
@@ -81,7 +82,7 @@ impl Page {
     fn prose(&mut self, number: usize, line: &str, sheet: &Sheet, fences: &mut Fences) {
         let mut made = String::new();
         let mut rest = line;
-        // The line without what is answered for.
+        // The line without the numbers that have a query.
         let mut bare = String::new();
         while let Some((before, comment, after)) = next_comment(rest) {
             let at = before.len() - number_at_end(before).len();
@@ -95,19 +96,19 @@ impl Page {
         bare += rest;
         for phrase in unrecorded(&bare, &sheet.facts, fences) {
             let records_say =
-                "nothing: no query stands behind it, and it is no fact of docs/figures.toml".to_owned();
+                "nothing: no query follows it, and docs/figures.toml has no such fact".to_owned();
             self.wrong.push(Difference { line: number, stands: phrase, records_say });
         }
         self.push(&made);
     }
 
-    /// What stands before a comment, as its query would have it.
+    /// Replaces the text before a comment by the answer to the comment's query.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
         let told = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();
         let problem = match told {
             Ok(Told::Words(says)) if stands.is_empty() => {
-                format!("{says}, and no number is before its query: {query}")
+                format!("{says}, but no number precedes the query: {query}")
             }
             Ok(Told::Words(says)) => {
                 if says != stands {
@@ -124,14 +125,14 @@ impl Page {
     }
 }
 
-/// The text before a line's first comment, the comment's, and the rest.
+/// Returns the text before a line's first comment, the comment's text, and the rest.
 fn next_comment(line: &str) -> Option<(&str, &str, &str)> {
     let (before, rest) = line.split_once("<!-- ")?;
     let (comment, after) = rest.split_once(" -->")?;
     Some((before, comment, after))
 }
 
-/// The number that a text ends with: digits, a point, a sign, an exponent.
+/// Returns the number at the end of a text: digits, a point, a sign, an exponent.
 fn number_at_end(text: &str) -> &str {
     let start = text.trim_end_matches(|c: char| c.is_ascii_digit() || ".-e".contains(c)).len();
     let number = &text[start..];

@@ -1,12 +1,12 @@
-//! The paper's published times, and what its Figure 5 predicts.
+//! The times that the paper published, and the values of its Figure 5.
 
 use super::of_record::{Form, Told};
 use crate::report::paper::curve;
 
-/// The published time of "SCENE PRESET WxH"; nothing where the figure has no point.
+/// Returns the published time for "SCENE PRESET WxH"; `Nothing` if the paper's plot has no such point.
 pub fn published(words: &[&str]) -> Result<Told, String> {
     let [scene, preset, size] = words[..] else {
-        return Err(format!("'{}' is no published point; expected \"SCENE PRESET WxH\"", words.join(" ")));
+        return Err(format!("'{}' is not a published point; expected \"SCENE PRESET WxH\"", words.join(" ")));
     };
     let (_, points) =
         curve(scene, preset).ok_or_else(|| format!("no figure of the paper has {preset} on {scene}"))?;

@@ -1,7 +1,7 @@
-//! Queries: which record a figure is of, which of its values, and how it is rounded.
+//! Queries: each names a record, one of its figures, and how the figure is rounded.
 //!
-//! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life / local-vectors 8x8 still-life,
-//! 2 digits`. CONTRIBUTING.md documents it.
+//! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life /
+//! local-vectors 8x8 still-life, 2 digits`. CONTRIBUTING.md documents it.
 
 use super::occupancy::threads;
 use super::of_record::{Form, MEDIAN, Told, figure, is_figure};
@@ -13,17 +13,17 @@ use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
 
-/// Significant digits by default.
+/// The default number of significant digits.
 const DIGITS: i32 = 3;
-/// The paper's published times, which are part of the program.
+/// The source name for times that the paper published; they are part of the program.
 const PUBLISHED: &str = "published";
-/// What a multiprocessor holds, which is computed.
+/// The source name for the number of threads on a multiprocessor, which is computed.
 const OCCUPANCY: &str = "occupancy";
-/// Units that a value is given in: their name, and what it is multiplied by.
+/// The units of results: their names and factors.
 const UNITS: [(&str, f64); 8] =
     [("T", 1e-12), ("G", 1e-9), ("M", 1e-6), ("k", 1e-3), ("s", 1e-3), ("us", 1e3), ("%", 100.0), ("1", 1.0)];
 
-/// What a query asks for: one figure, or one over another.
+/// A query for one figure, or for the quotient of two.
 pub struct Query<'a> {
     operands: Vec<(&'a str, Vec<&'a str>)>,
     digits: Option<i32>,
@@ -43,7 +43,7 @@ impl<'a> Query<'a> {
             operands.push((source.trim(), words.split_whitespace().collect()));
         }
         if operands.len() > 2 || operands[0].0.is_empty() {
-            return Err(format!("'{text}' is no query; expected \"SOURCE: WORDS\", one or one / another"));
+            return Err(format!("'{text}' is not a query; expected \"SOURCE: WORDS\", one or one / another"));
         }
         let mut query = Self { operands, digits: None, factor: None };
         for modifier in parts {
@@ -68,7 +68,7 @@ impl<'a> Query<'a> {
         Ok(())
     }
 
-    /// What the records say, as it is written; `Err` says what is wrong with the query.
+    /// Returns the query's answer as text in a document. `Err` describes a mistake in the query.
     pub fn answer(&self, sources: &Sources) -> Result<Told, String> {
         let told = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
@@ -97,14 +97,14 @@ impl<'a> Query<'a> {
     }
 }
 
-/// What one side of a query tells, and of which record where it is a frame's median.
+/// The answer to one side of a query, with its record if the figure is a frame's median.
 struct Side {
     told: Told,
     median_of: Option<Record>,
 }
 
 impl Side {
-    /// " (n = 3)" where so few samples have no say.
+    /// Returns " (n = 3)" if the record has too few samples for a verdict.
     fn few(&self) -> String {
         let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
         few.map_or(String::new(), |record| format!(" (n = {})", fewest(record)))
@@ -123,7 +123,8 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// A ratio of two medians is that of samples close in time, as everywhere; of others it is what it says.
+/// Returns the quotient of two figures. For two medians it is the ratio by samples close in time, as in all
+/// reports.
 fn quotient(one: &Side, other: &Side) -> Told {
     if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
         let few = || Told::Nothing("not enough samples".into());
@@ -136,7 +137,7 @@ fn quotient(one: &Side, other: &Side) -> Told {
     }
 }
 
-/// The value that a JSON pointer leads to.
+/// Returns the value that a JSON pointer leads to.
 fn at(value: &Value, words: &[&str]) -> Result<Told, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
@@ -161,7 +162,7 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
             figure if is_figure(figure) => wanted = figure,
             word if records.iter().any(|record| is(record, word)) => picked.retain(|record| is(record, word)),
             word if PRESETS.iter().any(|preset| preset.name == word) => picked.clear(),
-            word => return Err(format!("no record in {name} is of '{word}'{}", meant(records, word))),
+            word => return Err(format!("no record in {name} matches '{word}'{}", meant(records, word))),
         }
     }
     if let Some(across) = growth {
@@ -173,11 +174,15 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     match picked[..] {
         [] => Ok(Side { told: Told::Nothing(String::new()), median_of: None }),
         [one] => Ok(Side { told: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
-        _ => Err(format!("{} records of {name} are '{}'; expected one", picked.len(), words.join(" "))),
+        _ => Err(format!(
+            "{} records of {name} match '{}'; expected exactly one",
+            picked.len(),
+            words.join(" ")
+        )),
     }
 }
 
-/// The exponent with which the best times of some records grow.
+/// Returns the exponent with which the best times of some records grow.
 fn grown(records: &[&Record], across: &str) -> Told {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Told::Number(value, _) => Some(value),
@@ -191,8 +196,9 @@ fn grown(records: &[&Record], across: &str) -> Told {
         .map_or(Told::Nothing("too few".into()), |[exponent, _]| Told::Number(exponent, Form::Measure))
 }
 
-/// Whether a word is true of a record: its name, preset, scene, a baseline's strategy, its local size ("8x8"), its image's size
-/// ("@800x500"), how many triangles ("triangles=1026"), or a value of an axis ("width=8").
+/// Returns whether a word matches a record: its name, preset, scene, a baseline's strategy, its local size
+/// ("8x8"), its image size ("@800x500"), its number of triangles ("triangles=1026"), or a value of an axis
+/// ("width=8").
 fn is(record: &Record, word: &str) -> bool {
     let size = |[across, down]: [u32; 2]| format!("{across}x{down}");
     let axis = || match word.split_once('=') {
@@ -217,7 +223,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::path::Path;
 
-    /// The answer from the folder of records that tests have.
+    /// Answers a query from the folder of records for tests.
     fn answer(query: &str) -> Result<Told, String> {
         let folders = BTreeMap::from([("old".to_owned(), "tests/data/old-results".to_owned())]);
         let sources = Sources::new(Path::new(env!("CARGO_MANIFEST_DIR")), folders);
@@ -248,7 +254,7 @@ mod tests {
             assert!(error.contains(part), "{error}");
         };
         wrong("8x8", "no query");
-        wrong("new: naive 8x8", "'new' is no source; expected one of old");
+        wrong("new: naive 8x8", "'new' is not a source; expected one of old");
         wrong("published: teapot naive 8x8, 3 digit", "neither");
         wrong("old: naive 1x1 still-lfe", "did you mean 'still-life'?");
         wrong("old: naive still-life", "expected one");

@@ -5,10 +5,10 @@ use super::sources::Sources;
 use crate::report::Reproduction;
 use serde_json::Value;
 
-/// What is counted, in the order of the counts.
+/// The verdicts that are counted, in the order of the counts.
 const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
 
-/// What a reproduction says of the one device in it.
+/// Returns what a reproduction finds for the only device in its records.
 fn found(sources: &Sources, device: &Device) -> Result<Value, String> {
     let folders: Result<Vec<_>, _> = device.folders.iter().map(|name| sources.folder(name)).collect();
     let json = Reproduction::of(&folders?).and_then(|page| page.json()).map_err(|error| error.to_string())?;
@@ -16,7 +16,7 @@ fn found(sources: &Sources, device: &Device) -> Result<Value, String> {
     Ok(value["devices"][0].take())
 }
 
-/// The four lines of each device.
+/// Returns the four lines of the answer for each device.
 pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let mut lines = Vec::new();
     for device in devices {
@@ -38,7 +38,7 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Counts, then a row a claim: one deciding comparison stands for all.
+/// Returns the counts, then one row per claim with one deciding comparison.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let found: Vec<Value> = devices.iter().map(|device| found(sources, device)).collect::<Result<_, _>>()?;
     let of = |device: &Value| device["claims"].as_array().cloned().unwrap_or_default();
@@ -58,14 +58,14 @@ pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// "Of 35 claims on PoCL 0 held, 13 did not hold, ...".
+/// Formats counts: "Of 35 claims on PoCL 0 held, 13 did not hold, ...".
 fn counted(head: &str, claims: &[Value]) -> String {
     let count = |verdict: &str| claims.iter().filter(|claim| claim["verdict"] == verdict).count();
     let counts = VERDICTS.map(|verdict| format!("{} {verdict}", count(verdict)));
     format!("- {head}: of {} claims {}.", claims.len(), counts.join(", "))
 }
 
-/// The verdict, and the first comparison that says so.
+/// Returns a claim's verdict, and the first comparison with that verdict.
 fn decided(claim: &Value) -> String {
     let verdict = claim["verdict"].as_str().unwrap_or_default();
     let lines = claim["lines"].as_array().map_or(&[][..], Vec::as_slice);
@@ -78,7 +78,7 @@ fn decided(claim: &Value) -> String {
     format!("**{verdict}**: {}{more}", code(first))
 }
 
-/// Two underscores would be Markdown's bold.
+/// Marks names as code, since two underscores would make bold text in Markdown.
 fn code(text: &str) -> String {
     text.replace("__local", "`__local`")
 }

@@ -1,10 +1,10 @@
-//! Where the records come from: each folder's device, date, program and command.
+//! A table of the records' origin: each folder's device, date, program and command.
 
 use super::sheet::line;
 use super::sources::Sources;
 use serde_json::Value;
 
-/// A row a folder.
+/// Returns one row per folder.
 pub fn runs(sources: &Sources, names: &[String]) -> Result<Vec<String>, String> {
     let heads = ["records", "device, driver", "begun (UTC)", "program", "command"];
     let mut lines = vec![line(heads.into_iter()), format!("|{}", "---|".repeat(heads.len()))];
@@ -29,7 +29,7 @@ fn devices(environment: &Value) -> String {
     devices.iter().map(told).collect::<Vec<_>>().join("; ")
 }
 
-/// Its words after the program's own name, which is a path of the machine that ran it.
+/// Returns the command line without the program's own path, which depends on the machine.
 fn command(environment: &Value) -> String {
     let words = environment["command_line"].as_array().map_or(&[][..], Vec::as_slice);
     let words = words.iter().skip(1).filter_map(Value::as_str).map(crate::report::quote);

@@ -1,4 +1,5 @@
-//! `docs/figures.toml`: where records lie, the tables that are made of them, and the numbers that come of elsewhere.
+//! Reads `docs/figures.toml`: the folders of records, the tables made from them, and the numbers that have no
+//! record.
 
 use super::of_record::Told;
 use super::query::Query;
@@ -12,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// The sheet's place in the repository.
+/// The path of that file in the repository.
 pub const SHEET: &str = "docs/figures.toml";
 
 #[derive(Deserialize)]
@@ -23,40 +24,40 @@ struct Wire {
     blocks: BTreeMap<String, Block>,
 }
 
-/// What stands between two markers.
+/// The contents of a block between two markers.
 #[derive(Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Block {
-    /// Rows by columns, a query a cell.
+    /// A table with a query per cell.
     Table(Table),
-    /// The paper's claims beside what was measured.
+    /// The paper's claims with their verdicts.
     Claims { devices: Vec<Device> },
-    /// The answer in four lines for each device.
+    /// The four lines of the answer for each device.
     Answer { devices: Vec<Device> },
-    /// Where records come from.
+    /// The origin of the records.
     Runs { folders: Vec<String> },
 }
 
-/// A device of the reproduction, and the folders that it is read from.
+/// A device of the reproduction, and the folders of its records.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Device {
-    /// What documents call it.
+    /// The device's name in documents.
     pub head: String,
-    /// Sources of the paper's configs.
+    /// The sources with records of the paper's configs.
     pub folders: Vec<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    /// The head of the first column.
+    /// The heading of the first column.
     head: String,
     rows: Vec<Row>,
     columns: Vec<Column>,
 }
 
-/// A row: words that its queries have in common, which are also its head unless that is given.
+/// A row. Its words are part of all its queries and also its heading, unless a heading is given.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -77,7 +78,7 @@ impl Row {
         }
     }
 
-    /// How its numbers are rounded, after what the column says.
+    /// Returns how its numbers are rounded; these modifiers follow the column's.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),
@@ -86,15 +87,15 @@ impl Row {
     }
 }
 
-/// A column: its queries, with `{}` where the words of the row go.
+/// A column: a query in which `{}` stands for the words of the row.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Column {
     head: String,
     of: String,
-    /// What stands where no record is.
+    /// The text of a cell without a record.
     missing: Option<String>,
-    /// Which of its numbers are bold.
+    /// Which of its numbers is printed bold.
     bold: Option<Bold>,
 }
 
@@ -105,21 +106,22 @@ enum Bold {
     Most,
 }
 
-/// The sheet of a repository.
+/// The contents of docs/figures.toml.
 pub struct Sheet {
-    /// Where its queries are answered from.
+    /// The records that answer its queries.
     pub sources: Sources,
-    /// Phrases with numbers that no record holds: the paper's, options, versions, arithmetic. The longest first.
+    /// Phrases with numbers that have no record: the paper's, options, versions, arithmetic. The longest come
+    /// first.
     pub facts: Vec<String>,
     blocks: BTreeMap<String, Block>,
     made: RefCell<HashMap<String, Lines>>,
 }
 
-/// A block's lines, or why it has none.
+/// The lines of a block, or why it has none.
 type Lines = std::result::Result<Vec<String>, String>;
 
 impl Sheet {
-    /// Reads the sheet of the repository at `root`.
+    /// Reads docs/figures.toml of the repository at `root`.
     pub fn read(root: &Path) -> Result<Self> {
         let path = root.join(SHEET);
         let text = reader::text(&path, Kind::Toml).map_err(|error| {
@@ -128,7 +130,7 @@ impl Sheet {
         let wire: Wire = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| line_of(&text, span.start));
             Error::input(format!("{SHEET}:{line}: {}", error.message()))
-                .with_help("CONTRIBUTING.md tells what stands in it")
+                .with_help("CONTRIBUTING.md describes its contents")
         })?;
         let mut facts: Vec<String> = wire.facts.into_values().flatten().collect();
         facts.sort_by_key(|fact| std::cmp::Reverse(fact.len()));
@@ -140,7 +142,7 @@ impl Sheet {
         })
     }
 
-    /// The lines of a block, which are made once.
+    /// Returns the lines of a block; they are computed once.
     pub fn block(&self, name: &str) -> Lines {
         if let Some(made) = self.made.borrow().get(name) {
             return made.clone();
@@ -160,7 +162,7 @@ impl Sheet {
         }
     }
 
-    /// The names of all blocks.
+    /// Returns the names of all blocks.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.blocks.keys().map(String::as_str)
     }
@@ -190,17 +192,17 @@ impl Sheet {
             _ => column
                 .missing
                 .clone()
-                .ok_or_else(|| format!("{query}: no record, and nothing is said for it to be missing")),
+                .ok_or_else(|| format!("{query}: no record, and the column has no `missing` text")),
         }
     }
 }
 
-/// A row of Markdown.
+/// Formats a row of Markdown.
 pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     format!("| {} |", cells.collect::<Vec<_>>().join(" | ")).replace("|  |", "| |")
 }
 
-/// A column with its least or greatest number bold.
+/// Makes the least or the greatest number of a column bold.
 fn emboldened(mut cells: Vec<String>, bold: Option<Bold>) -> Vec<String> {
     let Some(bold) = bold else { return cells };
     let numbers =

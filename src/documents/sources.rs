@@ -8,15 +8,15 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// What a source holds.
+/// The contents of a source.
 pub enum Source {
     /// A folder of results.
     Folder(Folder),
-    /// A file of another program, or of one command.
+    /// A file of another program, or the output of one command.
     Json(Value),
 }
 
-/// Where sources lie: the first part of a name stands for a folder, the rest leads on from there.
+/// Finds sources by name: the first part of a name stands for a folder, the rest is a path within it.
 pub struct Sources {
     root: PathBuf,
     folders: BTreeMap<String, String>,
@@ -24,12 +24,13 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// The sources of a repository, by the names that its sheet gives to folders.
+    /// Makes the sources of a repository; `folders` maps first parts of names to folders.
     pub fn new(root: &Path, folders: BTreeMap<String, String>) -> Self {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }
 
-    /// The source of a name, such as "h200/figure-8"; a JSON file is named without its ending. Why there is none.
+    /// Returns the source of a name, such as "h200/figure-8"; a JSON file is named without its extension. The
+    /// error says why there is none.
     pub fn get(&self, name: &str) -> Result<Rc<Source>, String> {
         if let Some(known) = self.read.borrow().get(name) {
             return Ok(known.clone());
@@ -39,7 +40,7 @@ impl Sources {
         Ok(source)
     }
 
-    /// A folder of results.
+    /// Returns a folder of results.
     pub fn folder(&self, name: &str) -> Result<Folder, String> {
         match &*self.get(name)? {
             Source::Folder(folder) => Ok(folder.clone()),
@@ -51,7 +52,7 @@ impl Sources {
         let (first, rest) = name.split_once('/').unwrap_or((name, ""));
         let folder = self.folders.get(first).ok_or_else(|| {
             let known: Vec<_> = self.folders.keys().map(String::as_str).collect();
-            format!("'{first}' is no source; expected one of {}", known.join(", "))
+            format!("'{first}' is not a source; expected one of {}", known.join(", "))
         })?;
         let path = self.root.join(folder).join(rest);
         let file = PathBuf::from(format!("{}.json", path.display()));

@@ -1,16 +1,16 @@
-//! Numbers that no record answers for.
+//! Finds numbers that have no record.
 
-/// What the lines before one say of it.
+/// State carried from line to line.
 #[derive(Default)]
 pub struct Fences {
-    /// It stands in a fenced block of code.
+    /// Whether the line is in a fenced block of code.
     within: bool,
-    /// The last item of a numbered list.
+    /// The number of the last item in a numbered list.
     item: usize,
 }
 
 impl Fences {
-    /// A line without its place in a numbered list, "1. ", which starts at 1 and goes on by one.
+    /// Returns a line without its number in a numbered list ("1. "). Lists start at 1 and count up by one.
     fn without_place<'a>(&mut self, line: &'a str) -> &'a str {
         let item = line.split_once(". ").and_then(|(place, rest)| Some((place.parse().ok()?, rest)));
         match item {
@@ -23,12 +23,13 @@ impl Fences {
     }
 }
 
-/// What a number in a code span must not be followed by: there are options and names in it, and no figures.
+/// Units. A number with one of them is checked even in a code span; other numbers there are options and
+/// names.
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// The words of a line with digits in them that are neither in code, nor names, nor in one of some facts; a fact that holds
-/// another comes before it.
+/// Returns the words of a line that contain digits, except those in code, in names and in one of the facts. A
+/// fact that contains another must come before it.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;
@@ -50,12 +51,12 @@ fn has_digit(word: &str) -> bool {
     word.contains(|c: char| c.is_ascii_digit())
 }
 
-/// Names begin with a letter: H200, f32, AVX-512.
+/// Names, such as H200, f32 and AVX-512, begin with a letter.
 fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }
 
-/// A line without its code spans, unless one holds a number with a unit.
+/// Returns a line without its code spans, except those that contain a number with a unit.
 fn without_code(line: &str) -> String {
     let part = |(place, part): (usize, &str)| {
         let is_code = place % 2 == 1 && !has_unit(part);
@@ -71,14 +72,14 @@ fn has_unit(code: &str) -> bool {
         || words.iter().any(|word| word.strip_suffix('%').is_some_and(is_number))
 }
 
-/// A line without the targets of its links and pictures.
+/// Returns a line without the targets of its links and pictures.
 fn without_links(line: &str) -> String {
     let mut parts = line.split("](");
     let first = parts.next().unwrap_or_default().to_owned();
     parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
-/// A text without a phrase, where no letter, digit or further part of a number touches it.
+/// Returns a text without a phrase, except where a letter, a digit or a part of a number adjoins it.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
     let mut kept = String::new();
@@ -94,7 +95,7 @@ fn without(text: &str, phrase: &str) -> String {
     kept + rest
 }
 
-/// Whether what stands before a phrase belongs to the same word.
+/// Returns whether the text before a phrase belongs to the same word.
 fn number_begins(phrase: &str, before: &str) -> bool {
     let first_is_number = phrase.starts_with(|c: char| c.is_alphanumeric());
     let part = before.ends_with(|c: char| c.is_alphanumeric() || c == '-' || c == '±');
@@ -103,7 +104,7 @@ fn number_begins(phrase: &str, before: &str) -> bool {
     first_is_number && (part || decimal)
 }
 
-/// Whether what follows a phrase belongs to the same word.
+/// Returns whether the text after a phrase belongs to the same word.
 fn number_goes_on(after: &str) -> bool {
     let mut next = after.chars();
     match next.next() {

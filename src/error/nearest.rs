@@ -1,10 +1,10 @@
-//! What a misspelt name was meant to be.
+//! Suggests corrections of misspelt names.
 
 use std::path::{Path, PathBuf};
 
-/// The candidate most like `word`, if any is like enough to be what was meant.
+/// Returns the candidate most similar to `word`, if one is similar enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // What is much longer than any name is none, and comparing it takes long.
+    // A word much longer than any name cannot be one, and comparing it would take long.
     let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
     candidates
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
@@ -13,7 +13,8 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
-/// The file beside a missing one whose name is most like its own, if one is like enough.
+/// Returns the file whose name is most similar to that of a missing file in the same folder, if one is
+/// similar enough.
 pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
     let folder = missing.parent().filter(|folder| !folder.as_os_str().is_empty());
     let names: Vec<String> = std::fs::read_dir(folder.unwrap_or(Path::new(".")))

@@ -1,9 +1,10 @@
-//! What messages show of a file's text: no line that is too long to be read, and nothing that would steer a terminal.
+//! Prepares a file's text to be quoted in messages: long lines are shortened, and control characters
+//! replaced.
 
-/// Longer lines of a file are not shown, nor longer messages that quote one.
+/// Longer lines of a file are not quoted, and longer messages are shortened.
 pub(super) const SHOWN_LINE_BYTES: usize = 400;
 
-/// A sentence without its middle where it is too long to be read, and without what would steer a terminal.
+/// Returns a sentence with its middle omitted if it is too long, and without control characters.
 pub fn shortened(text: impl Into<String>) -> String {
     let text = printable(text.into());
     if text.len() <= SHOWN_LINE_BYTES {
@@ -14,17 +15,17 @@ pub fn shortened(text: impl Into<String>) -> String {
     format!("{head} ... {tail}")
 }
 
-/// Where the character at `place` begins.
+/// Returns the index of the first byte of the character at `place`.
 pub(super) fn boundary(text: &str, place: usize) -> usize {
     (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
 
-/// The number, from 1, of the line that holds the byte at `offset`.
+/// Returns the number, from 1, of the line that contains the byte at `offset`.
 pub fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
 }
 
-/// The text with long lines cut off, and how many bytes that took from before `place`.
+/// Returns the text with long lines cut, and the number of bytes that were removed before `place`.
 pub(super) fn cut_long_lines(text: String, place: usize) -> (String, usize) {
     if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
         return (text, 0);
@@ -42,7 +43,8 @@ pub(super) fn cut_long_lines(text: String, place: usize) -> (String, usize) {
     (kept, cut)
 }
 
-/// The text with question marks for what would steer a terminal; every other byte stays at its place.
+/// Returns the text with control characters replaced by question marks; the positions of all other bytes stay
+/// the same.
 pub(super) fn printable(text: String) -> String {
     let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
     if !text.contains(steers) {

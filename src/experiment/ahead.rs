@@ -1,5 +1,6 @@
-//! Programs are built before the points that run them are checked: by several processes, since a driver compiles one
-//! program of a process at a time, and each once, whatever the number of scenes, sizes and launches that use it.
+//! Builds programs before the points that use them are checked. Several processes do this, since a driver
+//! compiles one program at a time in a process. Each program is built once, however many scenes, sizes and
+//! launches use it.
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
@@ -13,36 +14,37 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often a wait looks up, to see whether the user wants an end.
+/// How often a waiting process checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
 /// How long orders may wait without one being finished before all builders start. Drivers start one after the other, 0.2 s each on
 /// an H200, where a cached program is loaded in as much: one builder is enough until something has to be compiled.
 const PATIENCE: Duration = Duration::from_millis(900);
 
-/// A program: for which device, by the hash of its text and options. The depth of a tree's stack follows from the scene.
+/// A program, identified by its device and the hash of its source and options. The depth of a tree's stack
+/// follows from the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
     /// The number of the device's worker.
     pub device: usize,
-    /// The hash of text and options, as far as they are known before the tree is built.
+    /// The hash of source and options, as far as they are known before the tree is built.
     pub hash: String,
-    /// The scene, where it walks a tree.
+    /// The scene, if the program uses a tree.
     pub scene: Option<usize>,
 }
 
-/// A program to be built, and a point that runs it.
+/// A program to be built, and a point that uses it.
 pub struct Order {
     /// The program.
     pub program: Program,
-    /// The point's place in the plan.
+    /// The point's index in the plan.
     pub point: usize,
 }
 
-/// What runs a program.
+/// A point that needs a program.
 pub trait Needs {
-    /// Which; none where it is a caster on the host.
+    /// Returns the program; `None` for a caster on the host.
     fn order(&self) -> Option<Order>;
-    /// Hears what building it took, where it was built for this.
+    /// Receives the result of building the program, if it was built for this point.
     fn hears(&mut self, built: Option<Built>);
 }
 
@@ -55,33 +57,34 @@ struct State {
     compiles: bool,
     /// All programs ordered so far.
     ordered: HashSet<Program>,
-    /// Finished programs, with the result if the builder survived. A point that waits for a program takes it from here.
+    /// Finished programs, with the result if the builder survived. A point that waits for its program takes
+    /// it from here.
     done: HashMap<Program, Option<Built>>,
     closed: bool,
 }
 
-/// What was built so far.
+/// Counts of the programs built so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Programs that were compiled.
+    /// Number of programs that were compiled.
     pub compiled: usize,
-    /// Programs that were kept since earlier runs.
+    /// Number of programs that came from the cache.
     pub kept: usize,
-    /// The sum of what each took.
+    /// Sum of the times for building each program.
     pub work_ms: f64,
-    /// What the run has waited for them.
+    /// Time for which the run waited for programs.
     pub waited_ms: f64,
 }
 
 impl Tally {
-    /// As a person reads it; none where nothing was built.
+    /// Formats the counts for a person; `None` if no program was built.
     pub fn text(&self) -> Option<String> {
         let Self { compiled, kept, work_ms, waited_ms } = *self;
         let programs = |count: usize| format!("{count} program{}", if count == 1 { "" } else { "s" });
         let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
         (compiled + kept > 0).then(|| {
             format!(
-                "Built: {} compiled, {kept} taken from the cache; {} of work, for which the run waited {}",
+                "Built: {} compiled, {kept} taken from the cache; {} of work in all; the run waited {} for it",
                 programs(compiled),
                 seconds(work_ms),
                 seconds(waited_ms)
@@ -90,7 +93,7 @@ impl Tally {
     }
 }
 
-/// The programs of a run: orders come in, builders serve them.
+/// The programs of a run: the run requests them, and builders build them.
 #[derive(Default)]
 pub struct Ahead {
     state: Mutex<State>,
@@ -98,7 +101,7 @@ pub struct Ahead {
     tally: Mutex<Tally>,
 }
 
-/// Lets the builders go when a run ends, in whatever way.
+/// Ends the builders when a run ends, in any way.
 struct Closing<'a>(&'a Ahead);
 
 impl Drop for Closing<'_> {
@@ -111,7 +114,8 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// Does a run's work beside builders, one for each spawner; `limit` is the longest that a build may take.
+    /// Calls `work` while builders run in parallel, one for each spawner. `limit` is the longest time for
+    /// building a program.
     pub fn beside<R>(
         &self,
         builders: Vec<Box<dyn Spawner + Send>>,
@@ -129,12 +133,12 @@ impl Ahead {
         })
     }
 
-    /// What was built so far.
+    /// Returns the counts so far.
     pub fn tally(&self) -> Tally {
         *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Orders the programs of points, in their order.
+    /// Requests the programs of points, in their order.
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
         let mut state = self.locked();
         if state.waiting.is_empty() {
@@ -148,7 +152,8 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Orders the programs of points and waits until they are built; those points that they were built for hear what it took.
+    /// Requests the programs of points and waits until they are built. The points for which a program was
+    /// built receive the result.
     pub fn need(&self, points: &mut [impl Needs], interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order(&*points);
@@ -169,8 +174,9 @@ impl Ahead {
         Ok(())
     }
 
-    /// A builder: serves orders until the run ends; while it has no process, only those that waited for its `patience`. A process that dies or hangs costs its program, which the point's own
-    /// worker will try again and tell of.
+    /// The loop of a builder: builds programs until the run ends. While it has no process, it takes only
+    /// programs that have waited for `patience`. If a process dies or hangs, its program stays unbuilt; the
+    /// point's own worker will try again and report the error.
     fn serve(
         &self,
         spawner: &mut dyn Spawner,
@@ -240,7 +246,8 @@ impl Ahead {
     }
 }
 
-/// A worker that has opened its device; none where it cannot, which the run will find out by itself.
+/// Starts a worker and waits until its device is open; `None` if that fails, which the run will notice
+/// itself.
 fn started(
     spawner: &mut dyn Spawner,
     device: usize,
@@ -251,7 +258,7 @@ fn started(
     matches!(wait(worker.as_mut(), limit, interrupted), Some(Reply::Started)).then_some(worker)
 }
 
-/// A worker's reply; none where it died, hangs or is no longer wanted.
+/// Returns a worker's reply; `None` if it died, hangs or is no longer needed.
 fn wait(worker: &mut dyn Worker, limit: Duration, interrupted: &AtomicBool) -> Option<Reply> {
     let start = Instant::now();
     loop {

@@ -1,5 +1,5 @@
-//! For tests: a device that casts nothing, and workers whose frames are sleeps. What many machines do at once, and what becomes of them
-//! when they are killed, can so be tested on one machine. Nothing is opened, and no lock taken.
+//! For tests: a device that casts nothing, and workers whose frames only wait. With them, tests on one
+//! machine can imitate many machines, and processes that are killed. No device is opened and no lock taken.
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
@@ -10,10 +10,10 @@ use crate::launch::FrameTimes;
 use crate::record::Outcome;
 use std::time::{Duration, Instant};
 
-/// Its platform: no driver has this name.
+/// The platform's name; no driver has it.
 const PLATFORM: &str = "raycl asleep";
 
-/// A device whose frames take so long.
+/// Returns a device whose frames take `frame_ms`.
 pub fn device(frame_ms: f64) -> DeviceInfo {
     DeviceInfo {
         platform: PLATFORM.to_owned(),
@@ -46,17 +46,17 @@ pub fn device(frame_ms: f64) -> DeviceInfo {
     }
 }
 
-/// Whether a device is such a one.
+/// Returns whether a device is such a device.
 pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }
 
-/// How long frames take on such a device, where there is one.
+/// Returns how long frames take on such a device, if there is one.
 pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }
 
-/// Answers requests by sleeping.
+/// Answers requests by waiting.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
@@ -72,7 +72,7 @@ impl<'a> Asleep<'a> {
         Self { drafter, plan, frame, device: device(frame_ms), scene: None }
     }
 
-    /// A check passes at once, a frame takes its time.
+    /// Answers a request: a check passes at once, a frame waits.
     pub fn answer(&mut self, request: &Request) -> Result<Reply> {
         match request {
             Request::Check { point, .. } => self.check(*point),
@@ -88,7 +88,7 @@ impl<'a> Asleep<'a> {
     }
 
     fn check(&mut self, number: usize) -> Result<Reply> {
-        let gone = || Error::run("a worker was asked for a point it does not have");
+        let gone = || Error::run("a worker received a request for a point that it does not have");
         let point: Point = *self.plan.points.get(number).ok_or_else(gone)?;
         if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
             let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(gone)?;

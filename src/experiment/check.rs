@@ -1,4 +1,4 @@
-//! All that a point must pass before it is timed: it fits, it builds, it runs, its image is right.
+//! Checks a point before it is timed: it must fit, build, run, and give the right image.
 
 use super::draft::Drafter;
 use super::protocol::Built;
@@ -19,27 +19,27 @@ use crate::verify::verify;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Checks points of one device one after another, and keeps what they share.
+/// Checks points of one device one after another, and keeps the data that they share.
 pub struct Checker<'a> {
     drafter: Drafter<'a>,
     device: Option<(&'a Device, Queue)>,
-    /// The scene at hand on the device.
+    /// The current scene, on the device.
     session: Option<Session>,
     pictures: Pictures,
     references: ReferenceCache,
 }
 
-/// A point's image, and what it was cast with.
+/// A point's image, and the caster that made it.
 struct Cast {
     image: Radiance,
-    /// Pixels that hit something, where that is counted.
+    /// Number of pixels that hit something, if it was counted.
     hits: Option<usize>,
     culling: Culling,
     ready: Ready,
 }
 
 impl<'a> Checker<'a> {
-    /// Opens the device; without one only casters on the host can be checked.
+    /// Opens the device; without one, only casters on the host can be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
             Some(device) => Some((device, Queue::open(device.platform, device.device)?)),
@@ -48,23 +48,23 @@ impl<'a> Checker<'a> {
         Ok(Self { drafter, device, session: None, pictures, references: ReferenceCache::default() })
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn device(&self) -> Option<&'a Device> {
         self.device.as_ref().map(|(device, _)| *device)
     }
 
-    /// The device's anchor.
+    /// Builds the device's anchor.
     pub fn anchor(&self) -> Result<Anchor> {
         let (device, queue) = self.device.as_ref().ok_or_else(|| Error::run("the host has no anchor"))?;
         Anchor::build(queue, device.info.limits.compute_units)
     }
 
-    /// Drops what the device has of a scene: another comes.
+    /// Frees the current scene on the device, before another one is loaded.
     pub fn leave_scene(&mut self) {
         self.session = None;
     }
 
-    /// The scene on the device, imitating a smaller one where the experiment says so.
+    /// Returns the scene on the device, with the limits of a smaller device if the experiment imitates one.
     fn session(&mut self, scene: &Arc<Scene>) -> Option<&mut Session> {
         let (device, queue) = self.device.as_ref()?;
         let Drafter { experiment, sources } = self.drafter;
@@ -75,15 +75,16 @@ impl<'a> Checker<'a> {
         }))
     }
 
-    /// Builds a point's program, up to what its driver compiles at a launch, and keeps it; none where that cannot be.
+    /// Builds a point's program, including the parts that its driver compiles at a launch, and stores it in
+    /// the cache; `None` if that fails.
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
         build_kernel(self.session(scene)?, strategy, local_size).ok()
     }
 
-    /// Casts a point once and compares its image with the reference, unless it is the one that was `verified` before, by its
-    /// hash; fills in `record` on the way.
+    /// Casts a point once and compares its image with the reference, unless the image's hash is `verified`,
+    /// which an earlier launch has compared. Fills in `record` on the way.
     pub fn check(
         &mut self,
         point: &Point,
@@ -109,7 +110,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Compares an image with the reference and keeps its pictures.
+    /// Compares an image with the reference and saves its pictures.
     fn judge(
         &mut self,
         cast: &Cast,
@@ -134,7 +135,7 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// The image's size decides nothing that is compiled: one work-group is enough.
+/// One work-group is enough: the compiled code does not depend on the image size.
 const SMALLEST: [u32; 2] = [1, 1];
 
 fn build_kernel(
@@ -151,7 +152,7 @@ fn build_kernel(
     Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache })
 }
 
-/// Casts the first frame, which drivers may still compile for, and writes down what is learnt on the way to it.
+/// Casts the first frame, during which drivers may still compile, and records what becomes known on the way.
 fn cast_kernel(
     session: &mut Session,
     strategy: &Strategy,

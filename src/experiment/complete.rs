@@ -1,22 +1,23 @@
-//! What a point's frames amount to.
+//! Completes a point's record from its frames.
 
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
 use crate::sensor::SensorReading;
 
-/// A timed frame: in which launch it was taken, and when.
+/// A timed frame: its launch, when it was taken, and its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
     /// The launch's number in the folder of results.
     pub launch: u32,
-    /// Since the launch's rounds began.
+    /// Milliseconds since the launch's rounds began.
     pub at_ms: f64,
-    /// What it took.
+    /// The frame's times.
     pub times: FrameTimes,
 }
 
-/// Writes what a point's samples amount to into its record. An interval needs the points that were measured with it.
+/// Adds the results of a point's samples to its record. Intervals are computed later, since they need the
+/// points that were measured together with it.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let frames: Vec<FrameTimes> = taken.iter().map(|taken| taken.times).collect();
     record.sample_launches = taken.iter().map(|taken| taken.launch).collect();
@@ -45,7 +46,7 @@ pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>
     record.warning = warning(record, &frames);
 }
 
-/// What to mind in reading its times.
+/// Returns a warning about the record's times, if there is one.
 fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     let throttled = record
         .throttled_samples
@@ -55,8 +56,8 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
-/// Where launching a frame takes longer than casting it, the frame is too small to be compared. The least of each counts:
-/// whatever else runs on the host makes launching longer.
+/// Returns a warning if launching a frame takes longer than casting it, so that the frame is too small to be
+/// compared. The minimum of each is used, since other work on the host makes launches longer.
 fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;
@@ -68,11 +69,12 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (launch_ms > frame_ms).then(|| {
         let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
         let (launch, device) = (us(launch_ms), us(frame_ms));
-        format!("launching dominates: it takes {launch} us per frame{batched}, the device {device} us; larger images tell more")
+        format!("launch costs dominate: launching takes {launch} us per frame{batched}, the device only {device} us; use larger images")
     })
 }
 
-/// Rays and tests per second. Where a strategy does not separate primary rays, the whole frame's time counts.
+/// Computes rays and tests per second. If a strategy does not separate primary rays, the time of the whole
+/// frame is used.
 fn rates(record: &mut Record) {
     let pixels = f64::from(record.image_size[0]) * f64::from(record.image_size[1]);
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };

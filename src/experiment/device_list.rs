@@ -1,6 +1,6 @@
-//! Finding devices in a process of their own. A driver that fails while it is listed takes that process down, not the
-//! run; and a run that has never started a driver hands nothing of one to its workers: NVIDIA's (580) lists no device
-//! in a process whose parent has started it.
+//! Lists devices in a child process. A driver that crashes while it is listed then ends only that process.
+//! Besides, a run that has never started a driver passes no driver state to its workers: NVIDIA's driver
+//! (580) lists no device in a process whose parent has started it.
 
 use super::protocol::DeviceList;
 use crate::device::patience::Patience;
@@ -14,11 +14,11 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Far longer than drivers take to say what there is.
+/// Far longer than drivers take to list their devices.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Every device, as a process of its own finds them. Where that process dies another is asked: the first death may have
-/// been somebody else's doing.
+/// Returns all devices, as listed by a child process. If that process dies, a second one is tried, since the
+/// cause may have been outside.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,
@@ -32,14 +32,13 @@ pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
 
 fn failed(why: impl std::fmt::Display) -> Error {
     Error::run(format!("the devices could not be listed: {why}")).with_help(
-        "a driver that dies is left out where OCL_ICD_VENDORS names a folder without its .icd file",
+        "to leave out a driver that crashes, set OCL_ICD_VENDORS to a folder without its .icd file",
     )
 }
 
-/// Why a process of its own lists no device, where these variables are set; none where it does.
+/// Returns why a child process with these environment variables lists no device; `None` if it lists one.
 ///
-/// # Errors
-/// Where that process cannot be started.
+/// # Errors If that process cannot be started.
 pub fn lists_devices(variables: &[(&str, OsString)]) -> Result<Option<String>> {
     let answer = ask_with(None, variables)?;
     Ok(answer.err())
@@ -49,7 +48,7 @@ fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>>
     ask_with(cl_dir, &[])
 }
 
-/// What a process of its own says; inside, how it ended if it said nothing of use.
+/// Returns the child process's answer. The inner error says how the process ended if it gave no valid answer.
 fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],
@@ -66,7 +65,7 @@ fn ask_with(
     let Some(output) = output else {
         return Ok(Err(format!("a driver has not answered for {} s", LIMIT.as_secs())));
     };
-    // Drivers may print lines of their own before ours, the last.
+    // A driver may print lines before the answer, which is the last line.
     let text = String::from_utf8_lossy(&output.stdout);
     let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
     Ok(serde_json::from_str(last).map_err(|_| {
@@ -76,7 +75,8 @@ fn ask_with(
     }))
 }
 
-/// What a process says until it ends; one that has not ended in time is ended, and says nothing.
+/// Returns the output of a process until it ends. A process that exceeds the limit is ended, and has no
+/// output.
 fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
     let start = Instant::now();
     let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
@@ -93,7 +93,7 @@ fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Ou
     }
 }
 
-/// Reads to the end beside, so that no pipe is ever full.
+/// Reads to the end in another thread, so that no pipe gets full.
 fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     spawn(move || {
         let mut bytes = Vec::new();
@@ -106,7 +106,7 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
     reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
 }
 
-/// The line that a process which lists devices answers [`find_devices`] with.
+/// Returns the line with which a child process answers [`find_devices`].
 pub fn list_devices(sources: &Sources) -> Result<String> {
     let _patience = Patience::begin();
     let list = match discover(sources) {

@@ -1,4 +1,4 @@
-//! What is known of a point before anything is tried: its record's first half, and its key.
+//! The data of a point that is known before anything is tried: the first half of its record, and its key.
 
 use super::host::Identity;
 use super::{KeyParts, Point, Work, key};
@@ -12,7 +12,7 @@ use crate::scene::{Loaded, Scene};
 use crate::strategy::Workload;
 use std::sync::Arc;
 
-/// What drafts are made from.
+/// The inputs of drafts.
 #[derive(Clone, Copy)]
 pub struct Drafter<'a> {
     /// The experiment.
@@ -21,11 +21,11 @@ pub struct Drafter<'a> {
     pub sources: &'a Sources,
 }
 
-/// A scene with what was said of its reading, and its hash, which takes a while to compute.
+/// A scene with the notes from reading it, and its hash, which takes time to compute.
 pub struct Hashed {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// What was passed over or made up when it was read.
+    /// Parts of the scene's file that were ignored or replaced by defaults.
     pub notes: Vec<String>,
     /// [`Scene::content_hash`].
     pub hash: String,
@@ -38,7 +38,8 @@ impl From<Loaded> for Hashed {
 }
 
 impl Drafter<'_> {
-    /// The record of a point on `device` before it is tried. Equal keys mean that the same is measured in the same way.
+    /// Returns the record of a point on `device` before it is tried. Equal keys mean that the same is
+    /// measured in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let mut tree = "";
@@ -71,7 +72,7 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // Before its tree is built: a key costs no tree. Its depth follows from scene, strategy and builder.
+                // The tree is not built for the key: its depth follows from scene, strategy and builder.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = if named.strategy.needs_tree() { accel::FINGERPRINT } else { "" };

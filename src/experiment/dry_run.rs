@@ -1,4 +1,4 @@
-//! What a run would do, without compiling anything.
+//! Predicts what a run would do, without compiling anything.
 
 use super::{Run, Work};
 use crate::error::Result;
@@ -7,24 +7,24 @@ use crate::record::HOST;
 use crate::strategy::{HostNeeds, Requirements, Workload};
 use serde::Serialize;
 
-/// A point of a plan, as foreseen.
+/// A point of a plan, with its predicted memory needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
     /// Scene, size, strategy, local size.
     pub label: String,
-    /// What records would call its device.
+    /// The device's name in records.
     pub device: String,
-    /// The bytes it needs; none for a caster on the host.
+    /// The bytes it needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
-    /// Why the device cannot hold it, if so.
+    /// Why it does not fit on the device, if so.
     pub refused: Option<String>,
-    /// Why it is not measured there, if its preset is meant for devices of another kind.
+    /// Why it is not measured on the device, if its preset is meant for another kind.
     pub not_for: Option<String>,
-    /// What was passed over or made up when its scene was read.
+    /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,
 }
 
-/// Every point of a run, as foreseen.
+/// Predicts every point of a run.
 pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
     let available = Available::read();
     let scenes = run.load_scenes()?;

@@ -1,4 +1,4 @@
-//! How long a run will take, by how long its points took before.
+//! Predicts how long a run will take, from earlier times of its points.
 
 use super::pending::PendingPoint;
 use super::{Plan, Run};
@@ -9,39 +9,40 @@ use std::collections::HashMap;
 use std::fmt;
 use std::time::Duration;
 
-/// Starting a worker: its process, its driver, its scene.
+/// Time to start a worker: its process, its driver, its scene.
 const START_MS: f64 = 500.0;
 
-/// Compiling a program, where nothing is known.
+/// Time to compile a program, if no earlier time is known.
 const COMPILE_MS: f64 = 300.0;
 
-/// How long a run will take.
+/// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Points that are yet to be measured, and how many of them were measured before.
+    /// Number of points to be measured, and of those that were measured before.
     pub points: [usize; 2],
-    /// Launches of each.
+    /// Number of launches per point.
     pub launches: usize,
-    /// Frames of a point at least.
+    /// Smallest number of frames per point.
     pub least_frames: usize,
-    /// What the points that were measured before will take.
+    /// Expected time for the points that were measured before.
     pub time: Duration,
 }
 
-/// What an earlier record tells of a point, in milliseconds.
+/// A point's times in an earlier record, in milliseconds.
 #[derive(Clone, Copy, Default)]
 struct Known {
-    /// A sample.
+    /// Time of a sample.
     sample_ms: f64,
-    /// A check that looks at the picture, and one that compares it with the reference.
+    /// Times of a check that only hashes the picture, and of one that compares it with the reference.
     check_ms: [f64; 2],
-    /// Samples of a launch, where it was measured by the same rule.
+    /// Number of samples per launch, if measured by the same stopping rule.
     rounds: Option<usize>,
 }
 
 impl Run<'_> {
-    /// How long it will take by what was measured `earlier`, of which points of the same names tell; else the same strategy at
-    /// another size, in proportion to the pixels. Points of `done` keys are not measured again.
+    /// Predicts the duration from `earlier` records of points with the same names. For other points the same
+    /// strategy at another size is scaled by the number of pixels. Points whose keys are in `done` are not
+    /// measured again.
     pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;
         let by_name = by_name(earlier);
@@ -62,13 +63,14 @@ impl Run<'_> {
             expected.points[1] += known.len();
             all_ms += self.group_ms(&known);
         }
-        // Files may hold anything: what is no time is none.
+        // A file may contain anything; an invalid time counts as zero.
         expected.time = Duration::try_from_secs_f64(1e-3 * all_ms).unwrap_or_default();
         Ok(expected)
     }
 
-    /// What each point of the plan for one device will take, in milliseconds, by groups of comparable points: by what was measured
-    /// `earlier`, else by how much there is to compute. Its place is that in the plan.
+    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
+    /// comparable points. Times come from `earlier` records, or else from the amount of computation. A cost's
+    /// place is the point's index in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         let by_name = by_name(earlier);
@@ -103,7 +105,7 @@ impl Run<'_> {
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
     }
 
-    /// All launches of a group.
+    /// Returns the time for all launches of a group.
     fn group_ms(&self, points: &[Known]) -> f64 {
         if points.is_empty() {
             return 0.0;
@@ -114,7 +116,7 @@ impl Run<'_> {
         let by_time = (rule.time_limit_ms * points.len() as f64 / round_ms.max(1e-3)).ceil();
         let by_rule = (by_time as usize).clamp(rule.least(), rule.max_samples);
         let rounds = points.iter().filter_map(|point| point.rounds).max().unwrap_or(by_rule);
-        // Warming up ends early where frames are long.
+        // The warm-up ends early if frames are long.
         let warm = |point: &Known| {
             (f64::from(timing.warmup) * point.sample_ms).min(0.1 * timing.time_limit_ms + point.sample_ms)
         };
@@ -126,7 +128,7 @@ impl Run<'_> {
     }
 }
 
-/// Earlier records by the names of their points, and by those of their strategies.
+/// Returns earlier records by the names of their points, and by those of their strategies.
 fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
     let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
     let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
@@ -134,8 +136,9 @@ fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
     by_name
 }
 
-/// What a point that was never measured may take: enough to tell large ones from small ones. A ray is tested against every triangle,
-/// or meets some thirty things on each level of a tree; a device does so many of these a millisecond, and the host a tenth.
+/// Estimates the time of a point that was never measured, well enough to distinguish long ones from short
+/// ones. A ray is tested against every triangle, or against about thirty boxes and triangles on each level of
+/// a tree. A device does a fixed number of these per millisecond, and the host a tenth of it.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
     let rays = draft.image_size.iter().map(|side| f64::from(*side)).product::<f64>()
@@ -146,13 +149,13 @@ fn guessed(draft: &Record) -> Known {
     Known { sample_ms, check_ms: [COMPILE_MS + sample_ms, COMPILE_MS + 2.0 * sample_ms], rounds: None }
 }
 
-/// A point's names without its sizes.
+/// Returns a point's names without its sizes.
 fn strategy(record: &Record) -> String {
     format!("{}|{}|{}", record.scene, record.device, record.name)
 }
 
 impl fmt::Display for Expected {
-    /// "33 points in 3 launches: about 6m 10s, by earlier times".
+    /// Formats as "33 points in 3 launches: about 6m 10s, by earlier times".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [points, known] = self.points;
         let launches = if self.launches == 1 {
@@ -162,11 +165,7 @@ impl fmt::Display for Expected {
         };
         write!(f, "{points} points in {launches}: ")?;
         if known == 0 {
-            return write!(
-                f,
-                "at least {} frames of each; how long they take is not known yet",
-                self.least_frames
-            );
+            return write!(f, "at least {} frames of each; how long they take is unknown", self.least_frames);
         }
         let seconds = self.time.as_secs();
         match seconds {
@@ -175,7 +174,7 @@ impl fmt::Display for Expected {
         }
         match known {
             _ if known == points => write!(f, ", by earlier times"),
-            some => write!(f, " for {some} of them, by earlier times; of the others it is not known yet"),
+            some => write!(f, " for {some} of them, by earlier times; the times of the others are unknown"),
         }
     }
 }

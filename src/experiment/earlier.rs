@@ -1,4 +1,5 @@
-//! What earlier attempts at the same part of an experiment found. Their folders are only read: one of them may still be at work.
+//! Reads the results of earlier attempts at the same part of an experiment. Their folders are not changed,
+//! since one of the attempts may still be running.
 
 use crate::error::Result;
 use crate::record::{Record, Sample, read_lines};
@@ -6,12 +7,12 @@ use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Records, and the samples of launches in which a point took part that has no record.
+/// Records, and samples of launches in which at least one point has no record.
 #[derive(Debug, Default)]
 pub struct Before {
-    /// A later attempt's record of a point comes after an earlier one's.
+    /// For each point, later attempts' records follow earlier ones.
     pub records: Vec<Record>,
-    /// Launches have new numbers, each its own; a sample says where it was taken.
+    /// Launches are renumbered so that each number is unique; a sample has its origin.
     pub samples: Vec<Sample>,
 }
 
@@ -25,7 +26,7 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
     let mut next = 0;
     for folder in folders {
         let mut samples = lines::<Sample>(&folder.join("samples.jsonl"))?;
-        // What it copied itself is where it was taken, too.
+        // Samples that an attempt copied itself are also in the folder where they were taken.
         samples.retain(|sample| sample.origin.is_none());
         let open: HashSet<u32> = samples
             .iter()
@@ -56,7 +57,7 @@ fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// One that was killed at once has no such file.
+/// Reads a journal; an attempt that was killed early does not have one.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
 }

@@ -1,4 +1,4 @@
-//! Running a plan: what its results lack is measured, group by group, and all is summarised.
+//! Runs a plan: measures the missing results, group by group, and summarises all of them.
 
 use super::group::OpenGroup;
 use super::launches::{Waiting, serve};
@@ -14,8 +14,8 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
-    /// Measures every point that the results lack, and returns the records of all, which are on disk by then.
-    /// When it fails or is interrupted, everything finished before is on disk too.
+    /// Measures every point that the results lack, and returns the records of all points, which are on disk
+    /// by then. After an error or an interruption, everything finished before is on disk too.
     pub fn execute(
         &self,
         results: &mut Results,
@@ -30,7 +30,8 @@ impl Run<'_> {
         })
     }
 
-    /// The same with groups of points spread over the devices, `spawners[i]` starting the workers of device `i`.
+    /// Does the same with groups of points distributed over the devices; `spawners[i]` starts the workers of
+    /// device `i`.
     pub fn execute_spread(
         &self,
         results: &mut Results,
@@ -43,7 +44,7 @@ impl Run<'_> {
         })
     }
 
-    /// Hands the points that the results lack to `measure`, and summarises what the plan has by then.
+    /// Passes the points that the results lack to `measure`, and summarises the results of the plan.
     fn measure(
         &self,
         results: &mut Results,
@@ -85,26 +86,29 @@ impl Run<'_> {
         shown
     }
 
-    /// Whether programs of later groups are built while earlier ones are timed: where nothing that is timed needs the cores.
+    /// Returns whether programs of later groups are built while earlier ones are timed, which is so if no
+    /// timed point needs the cores.
     fn builds_beside_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Whether a record of a point is all there is to find out. One that was passed over may be asked for now.
+    /// Returns whether a record of a point is final. A record of a point that was skipped for its kind is not
+    /// if the point is to be measured now.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.outcome.is_fine())
     }
 }
 
-/// Points that have no record yet. Where a plan has the same measurement twice, it is made once.
+/// Points that have no record yet. If a plan contains the same measurement twice, it is made once.
 struct Missing {
     taken: HashSet<String>,
 }
 
 impl Missing {
-    /// A block's control point is measured with whatever else of it is missing, also where it has a record.
+    /// Returns the points of a group to be measured. If any point of a block is missing, its control point is
+    /// measured too, even if it has a record.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {
         let is_control =
             |pending: &PendingPoint| pending.record.control.as_ref() == Some(&pending.record.key);
@@ -119,7 +123,8 @@ impl Missing {
     }
 }
 
-/// Completes the records of points whose presets are meant for devices of another kind; the others are left.
+/// Completes the records of points whose presets are meant for devices of another kind; returns the other
+/// points.
 fn pass_over(
     group: Vec<PendingPoint>,
     launches: usize,

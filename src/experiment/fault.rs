@@ -1,4 +1,4 @@
-//! Faults on purpose, for the tests of isolation: `raycl run --fault`, which help does not list.
+//! Deliberate faults for tests of isolation: `raycl run --fault`, which is not shown in the help.
 
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
@@ -7,16 +7,16 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// What a hanging worker leaves.
+/// The file that a hanging worker leaves.
 const HANGS: &str = ".hangs";
 
-/// How a worker is to fail, and when: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
+/// How and when a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,
     step: Step,
     point: usize,
-    /// Only the run's first worker fails.
+    /// Whether only the run's first worker fails.
     pub once: bool,
 }
 
@@ -32,12 +32,12 @@ enum Kind {
     Garbage,
 }
 
-/// What a worker is at.
+/// A step of a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Step {
     /// A point's check.
     Check,
-    /// A frame of it.
+    /// Casting a frame of a point.
     Cast,
 }
 
@@ -75,8 +75,8 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Fails if this step of this point is the one. A hang leaves a file in the folder of results, for who waits for it; a
-    /// hold goes on when that file is removed.
+    /// Fails if this is the step and point of the fault. `hang` leaves a file in the folder of results, for
+    /// the test that waits for it; `hold` continues when that file is removed.
     pub fn strike(&self, step: Step, point: usize, folder: &Path) {
         if (step, point) == (self.step, self.point) {
             self.kind.happen(folder);
@@ -87,7 +87,7 @@ impl Fault {
 impl Kind {
     #[allow(clippy::panic, reason = "a panic is one of the faults")]
     fn happen(self, folder: &Path) {
-        // A signal that could not be raised would be a test that fails.
+        // If a signal cannot be raised, the test fails.
         let raise = |signal| drop(signal_hook::low_level::emulate_default_handler(signal));
         match self {
             Self::Abort => raise(SIGABRT),
@@ -107,7 +107,7 @@ impl Kind {
                     std::thread::sleep(Duration::from_millis(5));
                 }
             }
-            // Drivers write to standard output as they please.
+            // Imitates a driver that writes to standard output.
             Self::Garbage => drop(writeln!(std::io::stdout(), "{{\"Started\": a driver's words\n\n[1, 2")),
         }
     }

@@ -1,5 +1,5 @@
-//! Points that are compared with each other, casters on the host among them: in every launch each is checked, then those that passed
-//! are timed together.
+//! A group of points that are compared with each other, including casters on the host. In every launch each
+//! point is checked, then those that passed are timed together.
 
 mod timed;
 
@@ -20,31 +20,31 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
 use timed::Timed;
 
-/// Points that are compared with each other, and how far they are.
+/// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
     points: Vec<PendingPoint>,
-    /// Launches that every point has been sampled in.
+    /// Number of complete launches, in which every point was sampled.
     whole: usize,
     /// How often it was visited: each time by workers of another launch.
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
-    /// The device that it stays on, where groups are spread over several.
+    /// The device to which the group is bound, if groups are distributed over several.
     home: Option<usize>,
 }
 
 impl OpenGroup {
-    /// A group that has not been visited yet.
+    /// Makes a group that has not been visited yet.
     pub fn new(points: Vec<PendingPoint>) -> Self {
         Self { points, whole: 0, visits: 0, reason: None, home: None }
     }
 
-    /// How often it was visited.
+    /// Returns the number of visits.
     pub fn visits(&self) -> u32 {
         self.visits
     }
 
-    /// Its points that are not done.
+    /// Returns its unfinished points.
     pub fn points(&self) -> &[PendingPoint] {
         &self.points
     }
@@ -53,23 +53,23 @@ impl OpenGroup {
         self.points.iter().map(PendingPoint::task)
     }
 
-    /// Whether its points are casters on the host alone.
+    /// Returns whether all its points are casters on the host.
     pub fn is_on_host(&self) -> bool {
         self.points.iter().all(|pending| pending.record.is_baseline())
     }
 
-    /// Whether it may be measured on this device.
+    /// Returns whether it may be measured on this device.
     pub fn may_go_to(&self, device: usize) -> bool {
         self.home.is_none_or(|home| home == device)
     }
 
-    /// Stays on a device: what is compared is measured on one.
+    /// Binds the group to a device, since points that are compared must be measured on the same one.
     pub fn settle(&mut self, device: usize) {
         self.home = Some(device);
         self.points.iter_mut().for_each(|pending| pending.device = device);
     }
 
-    /// Whether each of its points has its record.
+    /// Returns whether all its points have their records.
     pub fn is_finished(&self) -> bool {
         self.points.is_empty()
     }
@@ -113,8 +113,8 @@ impl OpenGroup {
         if self.whole == launches { self.finish(sink) } else { Ok(()) }
     }
 
-    /// Takes over what an earlier session measured: launches in which every point has samples enough. Of half a launch
-    /// nothing is used, for the other half would be another process's.
+    /// Takes over launches of an earlier session in which every point has enough samples. Incomplete launches
+    /// are dropped, since the rest would be measured by another process.
     fn adopt(&mut self, rule: &StoppingRule, launches: usize, sink: &mut impl ResultSink) {
         let past: Vec<Vec<Taken>> =
             self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
@@ -134,7 +134,7 @@ impl OpenGroup {
         sink.advances(self.whole * self.points.len());
     }
 
-    /// Has the programs built, where that is done ahead.
+    /// Waits until the group's programs are built, if they are built ahead.
     fn build(
         &mut self,
         run: &Run<'_>,
@@ -142,7 +142,7 @@ impl OpenGroup {
         sink: &mut impl ResultSink,
     ) -> Result<()> {
         let Some(ahead) = run.ahead else { return Ok(()) };
-        // As a check does, it would disturb whoever measures.
+        // Building, like checking, would disturb a process that measures on the device.
         let devices = lock_names(run, &self.points);
         drop(run.locks.take_all(devices, &mut |line| sink.says(line), supervisor.interrupted())?);
         supervisor.start_ahead(self.tasks())?;
@@ -150,7 +150,7 @@ impl OpenGroup {
         ahead.need(&mut self.points, supervisor.interrupted())
     }
 
-    /// Checks every point; one that fails has its record.
+    /// Checks every point; a point that fails gets its record.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -164,14 +164,15 @@ impl OpenGroup {
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;
         for mut pending in std::mem::take(&mut self.points) {
-            // A check needs no lock, but it would disturb whoever holds it: it begins when nobody does.
+            // A check needs no lock, but it would disturb the process that holds it, so it waits until the
+            // device is free.
             let interrupted = supervisor.interrupted();
             drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
             sink.works_on(&format!("checking {}", pending.label));
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
                 Ok((record, true)) => {
-                    // A later launch's record adds nothing: its picture has been found to be the same.
+                    // A later launch's record adds nothing: its picture has the same hash.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
@@ -192,7 +193,7 @@ impl OpenGroup {
         Ok(())
     }
 
-    /// Takes the rounds of one launch.
+    /// Times the points in the rounds of one launch.
     fn time(
         &mut self,
         run: &Run<'_>,
@@ -253,13 +254,13 @@ impl OpenGroup {
     }
 }
 
-/// The device that a point is measured on; none for a caster on the host.
+/// Returns the device that a point is measured on; `None` for a caster on the host.
 fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
     let device = run.devices.get(pending.device % run.devices.len().max(1));
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// What the devices of some points are locked by.
+/// Returns the names of the locks for the devices of some points.
 fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     let awake = points
         .iter()
@@ -267,7 +268,7 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// What was checked, by the names of its draft: a worker knows of one folder of kernels only.
+/// Gives a checked record the names of its draft, since a worker only knows about one folder of kernels.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

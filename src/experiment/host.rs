@@ -1,4 +1,5 @@
-//! Baselines: the serial and the parallel caster on the host, timed by its clock; and what decides their times.
+//! Baselines: the serial and the parallel caster on the host, timed by the host's clock. Also the properties
+//! that affect their times.
 
 use crate::config::Baseline;
 use crate::image::Radiance;
@@ -8,18 +9,18 @@ use crate::reference::{cast_parallel_f32, cast_serial_f32, cast_serial_f64, fing
 use crate::scene::Scene;
 use std::time::Instant;
 
-/// What a baseline's key has of the machine and the program.
+/// The machine and the program, as part of a baseline's key.
 pub struct Identity {
-    /// The processor.
+    /// The model of the processor.
     pub device: String,
-    /// Cores it may use, and threads.
+    /// Number of cores it may use, and of threads.
     pub state: String,
-    /// The text it is compiled from, and how.
+    /// The source it is compiled from, and the compiler's options.
     pub program: String,
 }
 
 impl Identity {
-    /// The identity of this process on this machine.
+    /// Returns the identity of this process on this machine.
     pub fn of_this_process() -> Self {
         let Host { cpu, cores, .. } = Host::read();
         Self {
@@ -30,7 +31,7 @@ impl Identity {
     }
 }
 
-/// What tells this kind of host from others: what keys of its casters have of it.
+/// Returns what identifies this kind of host, as used in keys of its casters.
 pub fn host_identity() -> String {
     let Identity { device, state, program } = Identity::of_this_process();
     format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])

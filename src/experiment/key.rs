@@ -1,32 +1,34 @@
-//! The name of a measurement: a hash of all that can change its time or its picture, and of nothing else.
+//! The key of a measurement: a hash of everything that can change its time or its picture, and of nothing
+//! else.
 
-/// Everything that names one measurement, as text; [`key`] hashes it in this order.
+/// The texts that make up a key; [`key`] hashes them in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct KeyParts<'a> {
     /// [`Scene::content_hash`](crate::scene::Scene::content_hash).
     pub scene_hash: &'a str,
     /// Platform, version, device and driver; "host" and the processor's model for a baseline.
     pub device: &'a str,
-    /// Compute units, cores allowed and the driver's variables; for a baseline cores allowed and threads.
+    /// Compute units, cores allowed and the driver's variables; for a baseline, cores allowed and threads.
     pub state: &'a str,
     /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), as displayed.
     pub emulate: &'a str,
-    /// The axes spelled out, or [`Baseline::strategy`](crate::config::Baseline::strategy).
+    /// All axes with their values, or [`Baseline::strategy`](crate::config::Baseline::strategy).
     pub strategy: &'a str,
-    /// "16x16"; empty for a baseline.
+    /// Local size, such as "16x16"; empty for a baseline.
     pub local_size: &'a str,
-    /// "800x500".
+    /// Image size, such as "800x500".
     pub image_size: &'a str,
-    /// The hash of source, defines and build options; for a baseline that of its source, and how raycl was built.
+    /// The hash of source, defines and build options; for a baseline, of its source and of how raycl was
+    /// built.
     pub program_hash: &'a str,
     /// [`Timing`](crate::config::Timing), as displayed.
     pub timing: &'a str,
-    /// [`accel::FINGERPRINT`](crate::accel::FINGERPRINT) where the strategy walks a tree; else empty.
+    /// [`accel::FINGERPRINT`](crate::accel::FINGERPRINT) if the strategy uses a tree, else empty.
     pub tree: &'a str,
 }
 
-/// The name of a measurement: 32 hexadecimal digits of BLAKE3 over the parts, each preceded by
-/// its length so that no two lists of parts run together.
+/// Returns the key of a measurement: 32 hexadecimal digits of BLAKE3 over the parts. The length of each part
+/// is hashed before it, so that different parts never give the same input.
 pub fn key(parts: &KeyParts<'_>) -> String {
     let KeyParts { scene_hash, device, state, emulate, strategy, .. } = *parts;
     let KeyParts { local_size, image_size, program_hash, timing, tree, .. } = *parts;

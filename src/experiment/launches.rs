@@ -1,5 +1,5 @@
-//! The order of launches: every group is visited as often as there are launches, and between two visits of one all others
-//! have their turn, in another order each time.
+//! The order of launches. Every group is visited once per launch. Between two visits of a group all others
+//! have their turn, in a different order each time.
 
 use super::Run;
 use super::group::OpenGroup;
@@ -9,14 +9,14 @@ use crate::error::Result;
 use crate::measure::round_order;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Groups that are yet to be visited.
+/// Groups that still have to be visited.
 pub struct Waiting {
     groups: Mutex<Vec<OpenGroup>>,
     seed: u64,
 }
 
 impl Waiting {
-    /// Groups of a run.
+    /// Makes the groups of a run.
     pub fn new(groups: Vec<OpenGroup>, seed: u64) -> Self {
         let groups = groups.into_iter().filter(|group| !group.is_finished()).collect();
         Self { groups: Mutex::new(groups), seed }
@@ -26,8 +26,8 @@ impl Waiting {
         self.groups.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The next group for a device, or for any: of those that were visited least often any one, but at first in the order of
-    /// the plan.
+    /// Takes the next group for a device, or for any device. It is a random one of those that were visited
+    /// least often; on the first visit the plan's order is used.
     fn take(&self, device: Option<usize>) -> Option<OpenGroup> {
         let mut groups = self.locked();
         let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));
@@ -37,7 +37,7 @@ impl Waiting {
             .collect();
         let turn = u64::from(visits) << 32 | next.len() as u64;
         let chosen = if visits == 0 { 0 } else { round_order(next.len(), turn, self.seed)[0] };
-        // The order of the others stays.
+        // The order of the others stays the same.
         Some(groups.remove(next[chosen]))
     }
 
@@ -48,8 +48,8 @@ impl Waiting {
     }
 }
 
-/// Visits groups until there are none left: all, or those that may be measured on one device. Nobody takes another group
-/// after an error.
+/// Visits groups until none is left: all groups, or those that may be measured on one device. After an error
+/// no other group is taken.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

@@ -1,4 +1,4 @@
-//! One run a folder.
+//! A lock that allows one run at a time in a folder.
 
 use crate::error::{Error, Result};
 use crate::record::own_file;
@@ -6,20 +6,21 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-/// Holds a folder until dropped. The operating system lets go of it however the process ends.
+/// A lock on a folder, released when dropped. The operating system releases it however the process ends.
 pub struct Lock {
     file: File,
 }
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing would not do: a process that is being started has the file, too, until it runs its own program.
+        // Closing the file would not release the lock: a process that is being started also has it open until
+        // it runs its own program.
         let _ = self.file.unlock();
     }
 }
 
 impl Lock {
-    /// Takes a folder, or says which process has it.
+    /// Takes the lock of a folder, or returns an error that names the process which has it.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(".lock");
         let failed = |error: std::io::Error| Error::unwritable(path.display(), &error);
@@ -34,7 +35,7 @@ impl Lock {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(taken(folder, file)),
-            // Some network file systems know no locks: they must do without.
+            // Some network file systems do not support locks; raycl then runs without.
             Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }

@@ -1,4 +1,4 @@
-//! Who wants to know how a run gets on.
+//! Reports the progress of a run.
 
 use crate::record::Record;
 use std::io::Write as _;
@@ -9,15 +9,15 @@ pub trait Observer: Send {
     fn enters(&mut self, _stage: &str) {}
     /// The run begins, with this number of points and of steps. A step is one launch of one point.
     fn begins(&mut self, points: usize, steps: usize);
-    /// An earlier run has finished these numbers of points and steps.
+    /// An earlier session has finished these numbers of points and steps.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
-    /// So many steps are done.
+    /// This many steps have been finished.
     fn advances(&mut self, _steps: usize) {}
-    /// What is being done now, in a few words.
+    /// Describes the current work, in a few words.
     fn works_on(&mut self, what: &str);
-    /// Something to say at once, progress or not: the run waits for another process.
+    /// Prints a line at once, for example that the run waits for another process.
     fn says(&mut self, line: &str) {
-        // A log that cannot be written is no reason to stop measuring.
+        // If the line cannot be written, the run continues.
         let _ = writeln!(std::io::stderr(), "{line}");
     }
     /// A point is finished.
@@ -26,7 +26,7 @@ pub trait Observer: Send {
     fn ends(&mut self);
 }
 
-/// Hears nothing.
+/// Ignores all events.
 impl Observer for () {
     fn begins(&mut self, _points: usize, _steps: usize) {}
     fn works_on(&mut self, _what: &str) {}

@@ -1,4 +1,4 @@
-//! The points of a plan that are yet to be measured, each with what is known of it.
+//! The points of a plan that still have to be measured, each with its data so far.
 
 use super::ahead::{Needs, Order, Program};
 use super::complete::Taken;
@@ -12,30 +12,30 @@ use crate::program::Sources;
 use crate::record::{PlannedPoint, Record};
 use std::collections::HashMap;
 
-/// A point that is yet to be measured.
+/// A point that still has to be measured.
 pub struct PendingPoint {
-    /// Its place in the plan.
+    /// Its index in the plan.
     pub point: usize,
     /// The device whose worker runs it.
     pub device: usize,
-    /// Its scene, by its number.
+    /// The number of its scene.
     pub scene: usize,
     /// For the observer.
     pub label: String,
-    /// What is known of it.
+    /// Its record so far.
     pub record: Record,
-    /// Why it is not measured on its device, which is of another kind than its preset is meant for.
+    /// Why it is not measured on its device, if its preset is meant for another kind.
     pub not_for: Option<String>,
-    /// What building its program ahead took, where that was done for it.
+    /// The result of building its program ahead, if it was built for this point.
     pub built: Option<Built>,
     /// The hash of its picture, once that was compared with the reference.
     pub verified: Option<String>,
-    /// Its samples of whole launches.
+    /// Its samples from complete launches.
     pub taken: Vec<Taken>,
 }
 
 impl PendingPoint {
-    /// A point of which nothing is known but its draft: by its number, its device's and its scene's.
+    /// Makes a point from its draft and the numbers of the point, its device and its scene.
     pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
             point,
@@ -50,7 +50,7 @@ impl PendingPoint {
         }
     }
 
-    /// What a worker is asked to run.
+    /// Returns the point as used in requests to a worker.
     pub fn task(&self) -> Task<'_> {
         let (key, verified) = (&self.record.key, self.verified.as_deref());
         Task { point: self.point, device: self.device, scene: self.scene, key, verified }
@@ -70,13 +70,14 @@ impl Needs for PendingPoint {
 }
 
 impl Run<'_> {
-    /// Whether a point of the plan for one device is a caster on the host.
+    /// Returns whether a point of the plan for one device is a caster on the host.
     pub fn is_on_host(&self, place: usize) -> bool {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         plan.points.get(place).is_some_and(|point| point.device.is_none())
     }
 
-    /// Every point on every device, or the host, by the names that records have: its place in the plan for one device, and the device's.
+    /// Returns every point on every device or the host, with its names in records: its index in the plan for
+    /// one device, its device, and its draft.
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
         let plan = self.plan();
         let of: HashMap<usize, (usize, Option<usize>)> =
@@ -89,7 +90,7 @@ impl Run<'_> {
         Ok(groups.iter().flatten().filter_map(planned).collect())
     }
 
-    /// Why a point is not measured on a device, which is of another kind than its preset is meant for.
+    /// Returns why a point is not measured on a device, if its preset is meant for another kind.
     pub(super) fn not_for(&self, point: &Point, device: Option<&DeviceInfo>) -> Option<String> {
         match point.work {
             Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].not_for(device?.kind),
@@ -97,7 +98,7 @@ impl Run<'_> {
         }
     }
 
-    /// Whether no device passes a point over for its kind.
+    /// Returns whether the point is measured on every device, whatever its kind.
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
             Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].meant_for.is_none(),
@@ -105,7 +106,8 @@ impl Run<'_> {
         }
     }
 
-    /// Every point that is measured, with what is known of it, as it is measured together. Scenes are loaded one at a time.
+    /// Returns every point that is measured, in groups that are measured together. Scenes are loaded one at a
+    /// time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let drafters: Vec<_> =
             self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();
@@ -129,7 +131,7 @@ impl Run<'_> {
                     let of = labels.as_ref().filter(|_| device.is_some()).map(|labels| &labels[place]);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
                     let name = of.map_or(String::new(), |label| format!(" ({label})"));
-                    // Casters on the host have no device: any worker will do.
+                    // Casters on the host have no device, so any worker can run them.
                     let job = point.device.unwrap_or(0) + place * self.devices.len().max(1);
                     let label = point.label(self.experiment) + &name;
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
@@ -148,7 +150,7 @@ impl Run<'_> {
     }
 }
 
-/// What two folders of kernels are called.
+/// Returns the labels of two folders of kernels.
 fn labels(sources: [&Sources; 2]) -> [String; 2] {
     let name = |sources: &Sources| match sources {
         Sources::Embedded => "built in".to_owned(),
@@ -161,7 +163,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// A point of one of two folders of kernels. Neither is the preset, which is what is built in.
+/// Labels a point as one of two folders of kernels. It is not the preset any more, since that means the
+/// built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;

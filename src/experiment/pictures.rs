@@ -8,26 +8,26 @@ use image::RgbImage;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Saves pictures under a folder of results. None replaces another.
+/// Saves pictures in a folder of results, without replacing any.
 pub struct Pictures {
     folder: PathBuf,
-    /// Pictures saved, by what they show, so that points which agree to the last bit share one.
+    /// Names of saved pictures by their hash, so that points with identical images share one.
     saved: HashMap<blake3::Hash, String>,
 }
 
 impl Pictures {
-    /// Pictures of the results in `folder`.
+    /// Returns the pictures of the results in `folder`.
     pub fn of(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), saved: HashMap::new() }
     }
 
-    /// What tells a picture from any other, to the last bit.
+    /// Returns a hash of all bits of a picture.
     pub fn hash(image: &Radiance) -> String {
         hash(image).to_hex()[..32].to_owned()
     }
 
-    /// Saves a picture under the first of `names` that no other picture has, else under its hash, and returns
-    /// its path relative to the folder.
+    /// Saves a picture under the first of `names` that is free, else under its hash. Returns its path
+    /// relative to the folder.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
         let hash = hash(image);
         if let Some(path) = self.saved.get(&hash) {
@@ -39,25 +39,26 @@ impl Pictures {
         Ok(path)
     }
 
-    /// Saves what was drawn under `name`, or under its hash too where another picture has that name, and returns its path.
+    /// Saves a drawing under `name`, or with its hash added if another picture has that name. Returns its
+    /// path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
         let path = self.place(&[name], drawn, &blake3::hash(drawn.as_raw()));
         save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;
         Ok(path)
     }
 
-    /// The first of `names` that no other picture has, else the last with its hash.
+    /// Returns the first of `names` that is free, else the last with its hash added.
     fn place(&self, names: &[&str], shown: &RgbImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
         let free = |path: &String| match image::open(self.folder.join(path)) {
-            // What cannot be read is no picture.
+            // A file that cannot be read is not the same picture.
             Err(_) => true,
             Ok(there) => there.to_rgb8() == *shown,
         };
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 
-    /// Saves the picture that `make` makes, unless one of that name is there, and returns its path.
+    /// Saves the picture that `make` returns, unless one of that name exists. Returns its path.
     pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
         let path = path_of(name);
         let file = self.folder.join(&path);
@@ -82,7 +83,7 @@ fn hash(image: &Radiance) -> blake3::Hash {
     hasher.finalize()
 }
 
-/// A name that is one file in one folder on any system.
+/// Returns a name that is valid as a single file name on every system.
 fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
@@ -105,7 +106,7 @@ mod tests {
         let white = Radiance { pixels: vec![[1.0; 3]; 6], ..black.clone() };
         let grey = Radiance { pixels: vec![[0.01; 3]; 6], ..black.clone() };
         for _ in 0..2 {
-            // The second time is a fresh worker: it remembers nothing.
+            // The second time is like a new worker, which has no list of saved pictures.
             let mut pictures = Pictures::of(folder.path());
             let mut save = |image| pictures.picture(&["a", "a-8x8"], image, Display::default()).unwrap();
             assert_eq!(save(&black), "images/a.png");

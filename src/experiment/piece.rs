@@ -1,4 +1,5 @@
-//! What of a plan is measured together: whole groups, groups of one device, or the blocks that a plan is cut into.
+//! The parts of a plan that are measured together: whole groups, groups of one device, or the blocks into
+//! which a plan is cut.
 
 use super::{Plan, Point};
 use crate::shard::Block;
@@ -7,39 +8,41 @@ use std::collections::HashMap;
 /// Points that are measured together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
-    /// Their places in the plan.
+    /// Their indices in the plan.
     pub points: Vec<usize>,
-    /// The number of the block they are.
+    /// The number of the block that they form, if any.
     pub block: Option<u32>,
-    /// The place of the point that all blocks of their group measure; among the points or not.
+    /// The index of the control point, which all blocks of a group measure. It may be one of the points or
+    /// not.
     pub control: Option<usize>,
 }
 
 impl Piece {
-    /// The places of all that is measured, the control point first: where a run ends while it writes records, that one is there.
+    /// Returns the indices of all points to be measured, the control point first. If a run is interrupted
+    /// while it writes records, the control point's is there.
     pub fn places(&self) -> Vec<usize> {
         let others = self.points.iter().filter(|place| Some(**place) != self.control);
         self.control.iter().chain(others).copied().collect()
     }
 
-    /// Whether a point is measured for comparison only.
+    /// Returns whether a point is only measured for comparison with other blocks.
     pub fn borrows(&self, place: usize) -> bool {
         self.control == Some(place) && !self.points.contains(&place)
     }
 }
 
 impl Plan {
-    /// All groups of comparable points.
+    /// Returns all groups of comparable points.
     pub fn whole(&self) -> Vec<Piece> {
         pieces(self.groups())
     }
 
-    /// The same where each device's points are by themselves, and those of the host.
+    /// Does the same with separate groups for each device and for the host.
     pub fn by_device(&self) -> Vec<Piece> {
         pieces(self.groups_by_device())
     }
 
-    /// The points of some blocks, on each device. Blocks are made of the plan for one device.
+    /// Returns the points of some blocks, on each device. The blocks refer to the plan for one device.
     pub fn of_blocks(&self, blocks: &[Block]) -> Vec<Piece> {
         let places = self.places_on_devices();
         let mut devices: Vec<Option<usize>> = self.points.iter().map(|point| point.device).collect();
@@ -54,7 +57,7 @@ impl Plan {
         blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
     }
 
-    /// The place of each point of the plan for one device, on each device.
+    /// Returns the index, on each device, of each point of the plan for one device.
     pub(super) fn places_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
         let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
         let first: HashMap<Point, usize> = self
@@ -70,7 +73,7 @@ impl Plan {
     }
 }
 
-/// Groups follow each other in the plan's order, and leave nothing out.
+/// Returns pieces for groups that are consecutive in the plan and cover it completely.
 fn pieces<'a>(groups: impl Iterator<Item = &'a [Point]>) -> Vec<Piece> {
     let mut next = 0;
     groups
@@ -110,7 +113,7 @@ mod tests {
     fn blocks_are_of_the_plan_for_one_device_and_are_measured_on_each() {
         let pieces = plan(2).of_blocks(&[block(1, &[0], None), block(3, &[8, 9], Some(6))]);
         assert_eq!(pieces[0].points, [0]);
-        // The second scene begins at 9 with two devices, at 5 with one.
+        // The second scene begins at index 9 with two devices, and at 5 with one.
         let second: Vec<_> = pieces[1..].iter().map(|piece| (piece.points.clone(), piece.control)).collect();
         assert_eq!(second, [(vec![12, 13], Some(10)), (vec![16, 17], Some(14))]);
         assert!(pieces[1].borrows(10) && !pieces[1].borrows(12));

@@ -1,4 +1,4 @@
-//! What an experiment measures: every point, in groups that are compared with each other.
+//! The plan of an experiment: all its points, in groups that are compared with each other.
 
 use std::collections::HashSet;
 
@@ -7,18 +7,19 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// Points that are compared with each other are neighbours, among them those of a scene, among these those of a device.
+    /// The points. Those that are compared with each other are adjacent; within them those of a scene, and
+    /// within these those of a device.
     pub points: Vec<Point>,
     /// Whether scenes are compared with each other.
     pub compare_scenes: bool,
 }
 
-/// One thing to measure; its numbers are places in the experiment's lists.
+/// A point; its numbers are indices of the experiment's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Point {
-    /// Which scene.
+    /// The scene.
     pub scene: usize,
-    /// Which of the chosen devices; `None` is the host.
+    /// The device, as an index of the chosen devices; `None` is the host.
     pub device: Option<usize>,
     /// What casts the rays.
     pub work: Work,
@@ -31,9 +32,9 @@ pub struct Point {
 pub enum Work {
     /// A kernel.
     Kernel {
-        /// Which of the experiment's strategies.
+        /// The strategy.
         strategy: usize,
-        /// Work-items of a work-group across and down.
+        /// Local size: work-items of a work-group, across and down.
         local_size: [u32; 2],
     },
     /// A caster on the host.
@@ -41,8 +42,8 @@ pub enum Work {
 }
 
 impl Plan {
-    /// The product of the experiment's lists on `device_count` devices. A strategy that is
-    /// in the experiment under two names runs once at each local size.
+    /// Makes the product of the experiment's lists on `device_count` devices. A strategy with two names in
+    /// the experiment runs once at each local size.
     pub fn new(experiment: &Experiment, device_count: usize) -> Self {
         let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
         let kernels = kernels(experiment);
@@ -59,13 +60,14 @@ impl Plan {
         Self { points, compare_scenes: experiment.compare_scenes }
     }
 
-    /// Points that are compared with each other and measured in interleaved rounds: those of one image size and, unless scenes
-    /// are compared, of one scene; casters on the host and all devices are among them.
+    /// Returns the groups of points that are compared with each other and measured in interleaved rounds. A
+    /// group has one image size and, unless scenes are compared, one scene. It includes casters on the host
+    /// and all devices.
     pub fn groups(&self) -> impl Iterator<Item = &[Point]> {
         self.points.chunk_by(|one, other| self.compares(one, other))
     }
 
-    /// The same where groups are spread over devices: casters on the host are groups of their own.
+    /// Does the same for groups that are distributed over devices: casters on the host form their own groups.
     pub fn groups_by_device(&self) -> impl Iterator<Item = &[Point]> {
         self.points.chunk_by(|one, other| self.compares(one, other) && one.device == other.device)
     }
@@ -75,7 +77,7 @@ impl Plan {
     }
 }
 
-/// Every scene at every image size, what is compared side by side.
+/// Returns every scene at every image size; those that are compared are adjacent.
 fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     let scenes = 0..experiment.scenes.len();
     let mut cases: Vec<_> =
@@ -86,7 +88,7 @@ fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     cases
 }
 
-/// Every strategy at each of its local sizes.
+/// Returns every strategy at each of its local sizes.
 fn kernels(experiment: &Experiment) -> Vec<Work> {
     let mut seen = HashSet::new();
     let mut works = Vec::new();
@@ -101,12 +103,12 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 }
 
 impl Point {
-    /// Whether both are of one scene and image size.
+    /// Returns whether both have the same scene and image size.
     pub fn is_beside(&self, other: &Self) -> bool {
         (self.scene, self.image_size) == (other.scene, other.image_size)
     }
 
-    /// For progress and logs: "teapot 800x500 naive 16x16".
+    /// Formats the point for progress and logs: "teapot 800x500 naive 16x16".
     pub fn label(&self, experiment: &Experiment) -> String {
         let scene = experiment.scenes.get(self.scene).map_or(String::new(), SceneChoice::label);
         let [width, height] = self.image_size;

@@ -1,4 +1,4 @@
-//! Why a point is not timed, as its record says it.
+//! The reason why a point is not timed, for its record.
 
 use crate::launch::{LaunchError, Refused};
 use crate::record::{Outcome, Record};
@@ -7,29 +7,29 @@ use serde::{Deserialize, Serialize};
 /// Why a point cannot be timed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointFailure {
-    /// What to record.
+    /// The outcome to record.
     pub outcome: Outcome,
-    /// Why, in a sentence.
+    /// The reason, in a sentence.
     pub reason: String,
 }
 
 impl PointFailure {
-    /// An outcome and its reason.
+    /// Makes a failure from an outcome and its reason.
     pub fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self { outcome, reason: reason.into() }
     }
 
-    /// A kernel without a device to run on.
+    /// The failure of a kernel without a device to run on.
     pub fn no_device() -> Self {
         Self::new(Outcome::LaunchFailed, "no device was chosen")
     }
 
-    /// An image that is not the reference's.
+    /// The failure of an image that differs from the reference.
     pub fn wrong_image(reason: String) -> Self {
         Self::new(Outcome::WrongImage, reason)
     }
 
-    /// The record of a point refused so.
+    /// Returns the record with this failure.
     pub fn write_into(self, mut record: Record) -> Record {
         record.outcome = self.outcome;
         record.reason = Some(self.reason);

@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What is kept of a worker's standard error: its end.
+/// How much of the end of a worker's standard error is kept.
 const LAST_WORDS_BYTES: usize = 2000;
 /// How long a worker that is no longer needed may take to end.
 const FAREWELL: Duration = Duration::from_secs(1);
@@ -21,24 +21,25 @@ const FAREWELL: Duration = Duration::from_secs(1);
 pub struct Processes {
     program: PathBuf,
     jobs: Vec<Job>,
-    /// Whether they may take programs from the driver's cache, which tells no registers.
+    /// Whether workers may take programs from the driver's cache, which does not contain registers.
     trust_driver: bool,
 }
 
 impl Processes {
-    /// `jobs[i]` is the job of the worker for device `i`.
+    /// Makes workers; `jobs[i]` is the job of the worker for device `i`.
     pub fn new(jobs: Vec<Job>) -> Result<Self> {
         Ok(Self { program: this_program()?, jobs, trust_driver: false })
     }
 
-    /// Workers for programs that others have built: what the compiler printed of them is kept with them.
+    /// Makes workers for programs that builders have compiled; the compiler's messages are stored with the
+    /// programs.
     #[must_use]
     pub fn after_builders(self) -> Self {
         Self { trust_driver: true, ..self }
     }
 }
 
-/// This program, even where its file has been replaced since it started.
+/// Returns the path of this program, even if its file was replaced since it started.
 fn this_program() -> Result<PathBuf> {
     let running = PathBuf::from("/proc/self/exe");
     if running.exists() {
@@ -54,14 +55,15 @@ impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
             Error::run(format!("cannot start a worker process: {error}")).with_help(
-                "see that processes (`ulimit -u`) and memory are left, and run it again with --resume",
+                "check that more processes (`ulimit -u`) and memory are available, and run it again with --resume",
             )
         };
         let mut command = Command::new(&self.program);
         command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // What it says last goes into records: a message is enough.
+        // The end of its standard error goes into records, where one message is enough.
         command.env("RUST_BACKTRACE", "0");
-        // Registers are printed only by a compiler that compiles; who wants its cache sets the variable.
+        // A compiler prints registers only when it compiles. Users who want the driver's cache can set the
+        // variable themselves.
         if !self.trust_driver && std::env::var_os(CACHE_DISABLE).is_none() {
             command.env(CACHE_DISABLE, "1");
         }
@@ -90,7 +92,7 @@ struct WorkerProcess {
     last_words: Option<JoinHandle<String>>,
 }
 
-/// Reads replies until the worker closes its standard output, and passes over what drivers write there.
+/// Reads replies until the worker closes its standard output. Lines that a driver writes there are skipped.
 fn read_replies(out: impl Read + Send + 'static) -> Receiver<Reply> {
     let (sender, replies) = channel();
     std::thread::spawn(move || {
@@ -117,9 +119,9 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
 }
 
 impl WorkerProcess {
-    /// Writes a line. A worker that is gone is noticed when its reply is waited for.
+    /// Writes a line. If the worker has ended, that is noticed while waiting for its reply.
     fn write(&mut self, line: &impl Serialize) {
-        // Always possible: paths are the only part that might not be text, and `raycl run` refuses those that are not.
+        // This never fails: only paths might not be valid text, and `raycl run` refuses those.
         let Ok(mut text) = serde_json::to_vec(line) else { return };
         text.push(b'\n');
         if let Some(requests) = &mut self.requests {
@@ -170,7 +172,7 @@ impl Worker for WorkerProcess {
     }
 }
 
-/// A worker that works is killed; an idle one is let go.
+/// A busy worker is killed; an idle one may end by itself.
 impl Drop for WorkerProcess {
     fn drop(&mut self) {
         self.requests = None;

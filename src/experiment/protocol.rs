@@ -1,4 +1,4 @@
-//! What passes between a run and its workers: JSON lines over pipes.
+//! The messages between a run and its workers: JSON lines over pipes.
 
 use super::fault::{Fault, Step};
 use super::point_failure::PointFailure;
@@ -9,78 +9,81 @@ use crate::record::Record;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The first line to a worker: what it works on.
+/// The first line to a worker: its task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Job {
     /// The config's path.
     pub config: PathBuf,
-    /// Its text, which the file may no longer have.
+    /// The config's text; the file may have changed since.
     pub text: String,
-    /// The values laid over it.
+    /// The overrides of the config.
     pub overrides: Vec<(String, String)>,
-    /// How many devices the run has: the plan depends on it.
+    /// Number of devices in the run, on which the plan depends.
     pub device_count: usize,
-    /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; none where the run has baselines only.
+    /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
+    /// baselines only.
     pub device: Option<String>,
-    /// The device of whose kind it is, and in whose name it measures, where points are spread over several.
+    /// The device under whose name results are recorded, if points are distributed over several devices of
+    /// its kind.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
-    /// The folder of kernels that replaces those built in.
+    /// The folder of kernels that replaces the built-in ones.
     pub cl_dir: Option<PathBuf>,
     /// The folder of results, for pictures.
     pub folder: PathBuf,
-    /// For tests: how the worker is to fail.
+    /// For tests: how the worker fails.
     pub fault: Option<Fault>,
-    /// For tests: every frame is a sleep of so long, and no device is opened.
+    /// For tests: every frame waits for this long, and no device is opened.
     #[serde(default)]
     pub asleep_ms: Option<f64>,
 }
 
-/// What a process that lists devices answers.
+/// The answer of a process that lists devices.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DeviceList {
     /// Every device there is.
     Devices(Vec<DeviceInfo>),
-    /// There is none, or no way to ask.
+    /// There is no device, or an error occurred.
     Failed {
-        /// Why.
+        /// The reason.
         message: String,
         /// The remedy.
         help: String,
     },
 }
 
-/// What building a program took.
+/// The result of building a program.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Built {
-    /// From the strategy to a kernel that can be launched, with keeping it for later.
+    /// Time from the strategy to a kernel that can be launched, including storing it in the cache.
     pub build_ms: f64,
-    /// Whether it was kept since an earlier build, and nothing was compiled.
+    /// Whether the program came from the cache and nothing was compiled.
     pub from_cache: bool,
 }
 
-/// What a worker is asked; numbers are places in the plan.
+/// A request to a worker; numbers are indices in the plan.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Request {
     /// Cast a point once and compare its image with the reference.
     Check {
-        /// Which.
+        /// The point.
         point: usize,
-        /// The key it must have.
+        /// The key that it must have.
         key: String,
-        /// The hash of its picture, where an earlier launch compared that with the reference: the same needs no comparing.
+        /// The hash of its picture, if an earlier launch has verified it: an identical picture is not
+        /// compared again.
         verified: Option<String>,
     },
-    /// Build the program of a point and keep it.
+    /// Build the program of a point and store it.
     Build {
-        /// Which.
+        /// The point.
         point: usize,
     },
-    /// Cast one frame of a point that passed; the first time after its warm-up.
+    /// Cast one frame of a point that has passed its check; the first time, warm up before.
     Cast {
-        /// Which.
+        /// The point.
         point: usize,
     },
     /// Run the device's anchor once.
@@ -88,7 +91,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// What a worker is at when it does this, and of which point; none where it is of no point.
+    /// Returns the step of a worker that serves this request, and the point; `None` if it concerns no point.
     pub fn step(&self) -> Option<(Step, usize)> {
         match self {
             Self::Check { point, .. } => Some((Step::Check, *point)),
@@ -98,36 +101,36 @@ impl Request {
     }
 }
 
-/// What a worker answers.
+/// A reply of a worker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reply {
     /// To the job: the device is open.
     Started,
-    /// To a build; none where the point cannot be built, which its check will tell of.
+    /// To a build; `None` if the program cannot be built, which the point's check will report.
     Built(Option<Built>),
     /// To a check.
     Checked {
-        /// What was found.
+        /// The record so far.
         record: Box<Record>,
-        /// Whether the point can be cast; if not, the record says why.
+        /// Whether the point can be cast; if not, the record has the reason.
         ready: bool,
     },
     /// To a cast.
     Sample(FrameTimes),
     /// To a cast that failed.
     Refused(PointFailure),
-    /// To anything: what ends the run.
+    /// To any request: an error that ends the run.
     Failed {
         /// What happened.
         message: String,
-        /// What to do about it.
+        /// What the user can do.
         help: String,
     },
 }
 
 impl Reply {
-    /// An error that ends the run, with its remedy.
+    /// Makes the reply for an error that ends the run.
     pub fn of_error(error: &Error) -> Self {
         Self::Failed { message: error.to_string(), help: error.remedy().to_owned() }
     }

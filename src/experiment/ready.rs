@@ -1,4 +1,4 @@
-//! What casts the frames of a point that passed its check.
+//! A point that has passed its check and can be cast.
 
 use super::host;
 use super::point_failure::PointFailure;
@@ -6,7 +6,7 @@ use crate::config::Baseline;
 use crate::launch::{Caster, FrameTimes};
 use crate::scene::Scene;
 
-/// A point that can be cast again and again.
+/// A point that can be cast repeatedly.
 pub enum Ready {
     /// On a device.
     Kernel(Box<Caster>),
@@ -15,7 +15,7 @@ pub enum Ready {
 }
 
 impl Ready {
-    /// Casts `batch` frames on a device, one on the host; the mean times of one.
+    /// Casts `batch` frames on a device, or one on the host; returns the mean times of one frame.
     pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, PointFailure> {
         match self {
             Self::Kernel(caster) => Ok(caster.cast_batch(batch)?),

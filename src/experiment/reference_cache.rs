@@ -1,10 +1,11 @@
-//! The references that images are compared with, made when first asked for.
+//! The references that images are compared with, computed when they are first needed.
 
 use crate::reference::{Reference, reference};
 use crate::scene::Scene;
 use crate::strategy::Culling;
 
-/// The references of the scene and size at hand. Points come sorted by both, so older ones are dropped.
+/// The references of the current scene and image size. Points are sorted by both, so older references are
+/// dropped.
 #[derive(Default)]
 pub struct ReferenceCache {
     at: Option<(usize, [u32; 2])>,
@@ -12,7 +13,7 @@ pub struct ReferenceCache {
 }
 
 impl ReferenceCache {
-    /// What an image of the scene numbered `number` ought to be.
+    /// Returns the reference for the scene numbered `number`.
     pub fn reference(
         &mut self,
         number: usize,

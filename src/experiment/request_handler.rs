@@ -1,4 +1,4 @@
-//! What does the work of a run: checks points and casts their frames, one request at a time.
+//! Does the work of a worker: checks points and casts their frames, one request at a time.
 
 use super::check::Checker;
 use super::draft::{Drafter, Hashed};
@@ -15,28 +15,28 @@ use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// A point to be cast, and whether it was warmed up.
+/// A point that can be cast, and whether it was warmed up.
 struct Entry {
     ready: Ready,
-    /// Frames of a sample, once it is warm.
+    /// Number of frames per sample, after the warm-up.
     batch: Option<u32>,
 }
 
-/// Does what is asked of one device.
+/// Serves the requests for one device.
 pub struct RequestHandler<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
     checker: Checker<'a>,
-    /// The scene at hand, by its number.
+    /// The current scene, with its number.
     scene: Option<(usize, Hashed)>,
-    /// The points at hand: those of one group that passed.
+    /// The current group, given by one of its points; all points that passed are ready.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
-    /// Once it was asked for.
+    /// The anchor, after its first use.
     anchor: Option<Anchor>,
-    /// The device's sensors, once something is checked: who only builds needs none.
+    /// The device's sensors, from the first check on; processes that only build do not need them.
     watch: Option<Watch>,
-    /// The device in whose name it measures, where that is another.
+    /// The device under whose name results are recorded, if it is another one.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -61,7 +61,7 @@ impl<'a> RequestHandler<'a> {
         }
     }
 
-    /// Does what a request asks.
+    /// Serves a request.
     pub fn answer(&mut self, request: &Request) -> Result<Reply> {
         match request {
             Request::Build { point } => self.build(*point),
@@ -102,14 +102,14 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Drops what belongs to another group, and loads the scene of a point where another is at hand.
+    /// Drops the data of other groups, and loads the scene of a point if it is not the current one.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.is_beside(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }
         if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
-            // The old one goes first: two large scenes may not fit.
+            // The old scene is dropped first, since two large scenes may not fit.
             self.scene = None;
             self.checker.leave_scene();
             let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
@@ -139,7 +139,8 @@ impl<'a> RequestHandler<'a> {
             None => {
                 let timer_ns =
                     self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
-                // With a coarse timer, a sample may be a batch. One frame's time is needed to choose the batch's size.
+                // If the timer is coarse, a sample may be a batch of frames. The time of one frame is needed
+                // to choose the batch's size.
                 let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
                 let shortest_ms = warm_up(|| frame(1), frames, timing.time_limit_ms);
                 batch_size(shortest_ms, timer_ns)
@@ -159,9 +160,9 @@ impl<'a> RequestHandler<'a> {
     }
 }
 
-/// Casts frames that are not kept; the check has cast one already, so where frames are long in comparison
-/// with the time limit fewer will do. A frame that fails here fails again when it is timed, and is told then.
-/// Gives the shortest part of the fastest frame; infinity where there was none.
+/// Casts frames that are not recorded. The check has cast one already, so fewer are cast if frames are long
+/// compared with the time limit. A frame that fails here will fail again when it is timed, and is reported
+/// then. Returns the shortest part of the fastest frame; infinite if there was no frame.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
     frames: u32,
@@ -180,11 +181,11 @@ fn warm_up(
 }
 
 fn no_such_point() -> Error {
-    Error::fault("a worker was asked for a point it does not have")
+    Error::fault("a worker received a request for a point that it does not have")
 }
 
 fn changed(device: Option<&DeviceInfo>) -> Error {
     let what = if device.is_some() { "a scene, a kernel file or the device" } else { "a scene" };
-    Error::run(format!("{what} changed while the run was going on"))
-        .with_help("the same command with --resume measures what changed")
+    Error::run(format!("{what} changed during the run"))
+        .with_help("run the same command with --resume to measure the affected points")
 }

@@ -1,4 +1,4 @@
-//! Where what is found goes: the results' folder, the observer, the caller.
+//! Receives results and passes them on to the folder of results and to the observer.
 
 use super::complete::Taken;
 use super::{Observer, Results};
@@ -6,35 +6,35 @@ use crate::error::Result;
 use crate::peak::Peak;
 use crate::record::{AnchorSample, Record, RoundLoad, Sample};
 
-/// What measuring points hands its findings to.
+/// Receives the results of measurements.
 pub trait ResultSink {
-    /// Tells what is being done now, in a few words.
+    /// Describes the current work, in a few words.
     fn works_on(&mut self, what: &str);
-    /// Says something at once.
+    /// Prints a line at once.
     fn says(&mut self, line: &str);
-    /// Completes a record.
+    /// Stores a complete record.
     fn keep(&mut self, record: Record) -> Result<()>;
-    /// Keeps a sample of a point.
+    /// Stores a sample of a point.
     fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()>;
-    /// Keeps what else the machine did while rounds were timed.
+    /// Stores what other processes took while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
-    /// Keeps what the anchor took.
+    /// Stores a time of the anchor.
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
-    /// The number of a launch that begins: one that no other of the folder has.
+    /// Returns the number of a new launch, which is unique in the folder.
     fn next_launch(&mut self) -> u32;
-    /// So many launches of points are done, or will not be.
+    /// This many launches of points are finished, or will not take place.
     fn advances(&mut self, steps: usize);
-    /// An earlier session's samples of a point.
+    /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;
 }
 
-/// Keeps what a run finds as soon as it is found.
+/// Stores a run's results as soon as they are known.
 pub struct FolderSink<'a> {
     /// The folder.
     pub results: &'a mut Results,
-    /// Who listens.
+    /// The observer.
     pub observer: &'a mut dyn Observer,
-    /// How many points have stopped, those of earlier sessions among them.
+    /// Number of finished points, including those of earlier sessions.
     pub done: usize,
 }
 
@@ -67,7 +67,7 @@ impl ResultSink for FolderSink<'_> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
-    /// First on disk, then heard of.
+    /// Writes to disk before the observer is told.
     fn keep(&mut self, mut record: Record) -> Result<()> {
         Peak::apply(self.results.peak(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());

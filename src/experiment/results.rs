@@ -1,4 +1,4 @@
-//! The folder a run writes its results to.
+//! The folder into which a run writes its results.
 
 use super::complete::Taken;
 use super::earlier;
@@ -23,16 +23,16 @@ pub struct Results {
     samples: JsonLines<Sample>,
     rounds: JsonLines<RoundLoad>,
     anchors: JsonLines<AnchorSample>,
-    /// Control measurements, once there is one.
+    /// The journal of control points, if there are any.
     controls: Option<JsonLines<Record>>,
-    /// The machine's name, where an experiment is measured on several.
+    /// The machine's name, if an experiment is measured on several.
     host: Option<String>,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
 }
 
-/// What a folder of results holds before a run goes on with it.
+/// The contents of a folder of results before a run continues in it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Past {
     /// Finished points, in the order of their last records.
@@ -43,7 +43,7 @@ pub struct Past {
     pub next_launch: u32,
 }
 
-/// The contents of journals. Damaged lines are reported, and their points are measured again.
+/// Reads journals. Damaged lines are reported, and their points are measured again.
 fn past(records: &Path, samples: &Path) -> Result<Past> {
     let (records, samples) = (read_lines(records)?, read_lines(samples)?);
     let damage = [records.damage("records.jsonl"), samples.damage("samples.jsonl")];
@@ -59,22 +59,24 @@ fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
 }
 
 impl Results {
-    /// Makes the folder. One that holds records already is refused: nothing measured is ever overwritten.
+    /// Makes the folder. A folder that already contains records is refused: no measurement is ever
+    /// overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if folder.join("records.jsonl").exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
-            return Err(error.with_help("--resume goes on with them; or name another folder with --out"));
+            return Err(error.with_help("--resume continues them; or give another folder with --out"));
         }
         Self::open(folder, environment)
     }
 
-    /// Goes on with the folder, or makes it where the run before did not come that far.
+    /// Continues in an existing folder, or makes it if the earlier run had not done so.
     pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
         Self::open(folder, environment)
     }
 
-    /// Makes the folder of an attempt at a part of an experiment on this host, which goes on where earlier ones ended: their records
-    /// count as done, and of what was not finished samples are copied, with where they come from. Nothing is written to their folders.
+    /// Makes the folder of an attempt at a part of an experiment on this host. It continues where earlier
+    /// attempts ended: their records count as finished, and the samples of unfinished points are copied with
+    /// their origin. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -116,29 +118,29 @@ impl Results {
         Ok(results)
     }
 
-    /// What was there when it was opened.
+    /// Returns the contents of the folder when it was opened.
     pub fn past(&self) -> &Past {
         &self.past
     }
 
-    /// What its devices can do at most, where that was measured.
+    /// Returns the devices' peak rates, if they were measured.
     pub fn peak(&self) -> &[Peak] {
         &self.peak
     }
 
-    /// Keeps what devices can do at most.
+    /// Stores the devices' peak rates.
     pub fn keep_peak(&mut self, peak: Vec<Peak>) -> Result<()> {
         Peak::write(&peak, &self.folder.join(peak::FILE))?;
         self.peak = peak;
         Ok(())
     }
 
-    /// Keeps a record.
+    /// Stores a record.
     pub fn record(&mut self, record: &Record) -> Result<()> {
         self.records.append(record)
     }
 
-    /// Keeps a record of a point that was measured to compare its block with others.
+    /// Stores a record of a control point, which is only measured for comparison with other blocks.
     pub fn control(&mut self, record: &Record) -> Result<()> {
         if self.controls.is_none() {
             self.controls = Some(JsonLines::append_to(&self.folder.join(CONTROLS))?);
@@ -146,38 +148,38 @@ impl Results {
         self.controls.as_mut().map_or(Ok(()), |controls| controls.append(record))
     }
 
-    /// The machine's name, where an experiment is measured on several.
+    /// Returns the machine's name, if an experiment is measured on several.
     pub fn host(&self) -> Option<&str> {
         self.host.as_deref()
     }
 
-    /// The number of a launch that begins: no other of the folder has it.
+    /// Returns the number of a new launch, which is unique in the folder.
     pub fn next_launch(&mut self) -> u32 {
         self.past.next_launch += 1;
         self.past.next_launch - 1
     }
 
-    /// Keeps a sample.
+    /// Stores a sample.
     pub fn sample(&mut self, sample: &Sample) -> Result<()> {
         self.samples.append(sample)
     }
 
-    /// Keeps what else the machine did while rounds were timed.
+    /// Stores what other processes took while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.rounds.append(load)
     }
 
-    /// Keeps what the anchor took.
+    /// Stores a time of the anchor.
     pub fn anchor(&mut self, sample: &AnchorSample) -> Result<()> {
         self.anchors.append(sample)
     }
 
-    /// Says which points are the current run's.
+    /// Stores which points belong to the current run.
     pub fn plan(&mut self, plan: &CurrentPlan) -> Result<()> {
         plan.write(&self.folder)
     }
 
-    /// Writes the summaries of what the folder shows by its plan, and returns that.
+    /// Writes the summaries of the points in the folder's plan, and returns these points.
     pub fn summarise(&self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
         shown.summarise(question, expectation)?;
@@ -208,7 +210,7 @@ impl Past {
             };
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
             let taken = past.samples.entry(sample.key).or_default();
-            // Files of earlier versions tell the round only.
+            // Samples of earlier versions have no time, only a round.
             let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
             taken.push(Taken { launch: sample.launch, at_ms, times });
         }
@@ -216,7 +218,7 @@ impl Past {
     }
 }
 
-/// Writes the environment; that of the run before keeps a name of its own.
+/// Writes the environment; the previous run's is renamed and kept.
 fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     let path = folder.join("environment.json");
     if path.exists() {
@@ -227,7 +229,7 @@ fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     environment.write(&path)
 }
 
-/// Removes what a killed run was writing. What cannot be removed does no harm.
+/// Removes temporary files of a run that was killed. Files that cannot be removed do no harm.
 fn remove_left_overs(folder: &Path) {
     for folder in [folder.to_owned(), folder.join("images")] {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {

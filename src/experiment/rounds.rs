@@ -1,21 +1,22 @@
-//! Timing points in interleaved rounds: every round takes one sample of each point, in a seeded random order, so that a
-//! drift of the machine is not read as a difference between points. All points stop together.
+//! Times points in interleaved rounds. Every round takes one sample of each point, in a seeded random order,
+//! so that drift of the machine does not look like a difference between points. All points stop together.
 
 use crate::error::Result;
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, StoppingRule, round_order};
 
-/// Times points while [`measure`] decides in which order and how often.
+/// Times points; [`measure`] decides the order and the number of rounds.
 pub trait Rounds {
-    /// Casts one frame of a point; none when the point failed, which is then not cast again, or its process was lost.
+    /// Casts one frame of a point. Returns `None` if the point failed, which is then not cast again, or if
+    /// its process was lost.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// A sample was taken.
+    /// Called after each sample.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()>;
-    /// Every point that did not fail has its sample of a round.
+    /// Called when every point that did not fail has its sample of a round.
     fn ended(&mut self, _round: u32) -> Result<()> {
         Ok(())
     }
-    /// Whether what was sampled cannot count: its process was lost.
+    /// Returns whether the samples cannot be used because the process was lost.
     fn is_broken(&self) -> bool {
         false
     }
@@ -24,15 +25,15 @@ pub trait Rounds {
 /// How the rounds of a launch ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// Every point that did not fail has been sampled enough.
+    /// Every point that did not fail has enough samples.
     Enough(StopReason),
     /// Every point failed.
     AllFailed,
-    /// The process was lost: the launch is to be repeated.
+    /// The process was lost; the launch must be repeated.
     Broken,
 }
 
-/// Takes rounds of `points` points until there are enough.
+/// Measures rounds of `points` points until there are enough samples.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
     let mut samples_ms: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points];
     let mut elapsed_ms = 0.0;
@@ -68,7 +69,7 @@ pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl 
 mod tests {
     use super::*;
 
-    /// Points whose frames take as long as their number; one fails at its third frame.
+    /// Points whose frames take as many milliseconds as their number; one fails at its third frame.
     #[derive(Default)]
     struct Fake {
         order: Vec<usize>,

@@ -1,4 +1,4 @@
-//! A run: what is measured, on which devices, with which kernels.
+//! A run: an experiment, devices and kernels.
 
 use super::ahead::Ahead;
 use super::asleep;
@@ -16,39 +16,40 @@ use crate::shard::Block;
 use std::path::Path;
 use std::time::Duration;
 
-/// What a run needs besides its observer.
+/// The inputs of a run, except its observer.
 pub struct Run<'a> {
-    /// What is measured.
+    /// The experiment.
     pub experiment: &'a Experiment,
-    /// The values that were laid over its config.
+    /// The overrides of its config.
     pub overrides: &'a [(String, String)],
-    /// On which devices.
+    /// The devices.
     pub devices: &'a [&'a DeviceInfo],
     /// Where kernels come from.
     pub sources: &'a Sources,
-    /// Kernels that are compared with those, in the same rounds.
+    /// Kernels to compare with `sources`, in the same rounds.
     pub other_sources: Option<&'a Sources>,
-    /// The longest that one step of a point may take: a build with its first image, or a frame.
+    /// The time limit for one step of a point: a build with its first image, or a frame.
     pub limit: Duration,
-    /// Whether failed points of an earlier run are tried again.
+    /// Whether failed points of an earlier run are measured again.
     pub retry_failed: bool,
-    /// The locks of devices: a group of points is timed while nobody else measures on its device.
+    /// The locks of devices. While a group of points is timed, no other process measures on its device.
     pub locks: &'a Locks,
-    /// Whether points are spread over the devices, which are alike, instead of each being measured on all.
+    /// Whether the points are distributed over several devices of the same kind. Otherwise, each device
+    /// measures all points.
     pub spread: bool,
-    /// What is measured of the plan, where it is cut into blocks: those of a shard, or all that are spread over the devices.
+    /// The blocks to measure, if the plan is cut into blocks: those of a shard, or all blocks for `--spread`.
     pub blocks: Option<&'a [Block]>,
-    /// Where programs are built before their points are checked; none builds each where it is checked.
+    /// Builds programs before their points are checked; with `None`, each is built during the check.
     pub ahead: Option<&'a Ahead>,
 }
 
 impl Run<'_> {
-    /// The plan.
+    /// Makes the plan.
     pub fn plan(&self) -> Plan {
         Plan::new(self.experiment, self.planned_devices())
     }
 
-    /// What of the plan is measured together.
+    /// Returns the parts of the plan that are measured together.
     pub(super) fn pieces(&self, plan: &Plan) -> Vec<Piece> {
         match self.blocks {
             Some(blocks) => plan.of_blocks(blocks),
@@ -61,17 +62,18 @@ impl Run<'_> {
         if self.spread { self.devices.len().min(1) } else { self.devices.len() }
     }
 
-    /// The experiment's scenes, in its order.
+    /// Loads the experiment's scenes, in its order.
     pub fn load_scenes(&self) -> Result<Vec<Loaded>> {
         self.experiment.scenes.iter().map(SceneChoice::load).collect()
     }
 
-    /// The jobs of its workers, one per device; without devices one for the host. Of other kernels likewise, behind them.
+    /// Returns the jobs of its workers, one per device, or one for the host without devices. The jobs for the
+    /// other kernels follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }
 
-    /// Its kernels, and behind them those that they are compared with.
+    /// Returns its kernels, followed by those that they are compared with.
     pub(super) fn all_sources(&self) -> impl Iterator<Item = &Sources> {
         std::iter::once(self.sources).chain(self.other_sources)
     }
@@ -98,7 +100,7 @@ impl Run<'_> {
         }
     }
 
-    /// When a launch has enough samples.
+    /// Returns the rule that decides when a launch has enough samples.
     pub fn stopping_rule(&self) -> StoppingRule {
         let timing = &self.experiment.timing;
         let rule = StoppingRule {

@@ -1,4 +1,5 @@
-//! A run on several devices of one kind: each block of points on whichever is free, one worker per device.
+//! Runs an experiment on several devices of one kind. Each block of points is measured on a device that is
+//! free, with one worker per device.
 
 use super::Run;
 use super::complete::Taken;
@@ -11,8 +12,9 @@ use crate::record::{AnchorSample, Record, RoundLoad};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Measures groups on all devices at once, `spawners[i]` starting the workers of device `i`; each group stays on the device
-/// that it began on. Groups on the host go first and alone. The first error ends the run once the groups under way have ended.
+/// Measures groups on all devices at once; `spawners[i]` starts the workers of device `i`. Each group stays
+/// on the device where it began. Groups on the host are measured first, alone. After an error, the run ends
+/// when the current groups have ended.
 pub fn measure_spread(
     run: &Run<'_>,
     groups: Vec<OpenGroup>,
@@ -42,7 +44,7 @@ pub fn measure_spread(
             Ok(end) => end,
             Err(panic) => std::panic::resume_unwind(panic),
         });
-        // All are waited for, whichever failed.
+        // Waits for all devices, even if one failed.
         ended.collect::<Vec<Result<()>>>().into_iter().collect()
     })
 }
@@ -51,7 +53,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A sink that several devices hand their findings to.
+/// A sink that receives the results of several devices.
 struct Shared<'m, 'r, 'k>(&'m Mutex<&'r mut FolderSink<'k>>);
 
 impl ResultSink for Shared<'_, '_, '_> {

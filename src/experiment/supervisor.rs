@@ -1,5 +1,5 @@
-//! Keeps a run going whatever becomes of its workers: one that dies or hangs costs at most the point it was
-//! at, and the next request goes to a fresh one.
+//! Keeps a run going when workers fail. A worker that dies or hangs costs at most its current point, and the
+//! next request goes to a new worker.
 
 use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
@@ -10,46 +10,47 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often a wait looks up, to see whether the user wants an end.
+/// How often a waiting run checks whether the user has interrupted it.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Workers that a point may kill before it is given up. The first may have been somebody else's doing.
+/// Number of workers that a point may kill before it is given up. The first one may have died from an outside
+/// cause.
 const ATTEMPTS: u32 = 2;
-/// Points given up after which no other is tried twice.
+/// After this many points were given up, no other point is tried twice.
 const PATIENCE: usize = 3;
 
 /// Starts workers.
 pub trait Spawner {
-    /// A worker for the device numbered `device`; its first reply is [`Reply::Started`].
+    /// Starts a worker for the device numbered `device`; its first reply is [`Reply::Started`].
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>>;
 }
 
-/// Answers requests one after another, until it dies. Dropping it ends it.
+/// Serves requests one after another until it dies. Dropping it ends it.
 pub trait Worker {
-    /// Sends a request. A worker that is dead says so when it is waited for.
+    /// Sends a request. If the worker is dead, `wait` reports that.
     fn send(&mut self, request: &Request);
     /// Waits for the reply.
     fn wait(&mut self, limit: Duration) -> Wait;
-    /// Says that nothing more will be asked, so that it can end while others do.
+    /// Tells the worker that no request will follow, so that it can end while others do.
     fn dismiss(&mut self) {}
 }
 
-/// What a wait brought.
+/// The result of waiting.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wait {
     /// The reply.
     Reply(Reply),
-    /// Nothing yet.
+    /// No reply yet.
     Silence,
-    /// There will be none.
+    /// The worker is dead and will not reply.
     Dead(Death),
 }
 
 /// How a worker died.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Death {
-    /// "was killed by SIGSEGV", "ended with exit status: 1".
+    /// For example "was killed by SIGSEGV", "ended with exit status: 1".
     pub cause: String,
-    /// The end of what it wrote to standard error.
+    /// The end of its standard error.
     pub last_words: String,
 }
 
@@ -59,14 +60,14 @@ enum Loss {
     HungFor(Duration),
 }
 
-/// A point, as requests name it.
+/// A point, as used in requests.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
-    /// Its place in the plan.
+    /// Its index in the plan.
     pub point: usize,
     /// The device whose worker runs it.
     pub device: usize,
-    /// Its scene: a worker holds one at a time.
+    /// The number of its scene; a worker holds one scene at a time.
     pub scene: usize,
     /// Its key.
     pub key: &'a str,
@@ -75,13 +76,13 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Which worker it is for.
+    /// Returns the key of its worker: device and scene.
     fn post(&self) -> (usize, usize) {
         (self.device, self.scene)
     }
 }
 
-/// A living worker, and the points it can cast.
+/// A running worker, and the points that it can cast.
 struct Post {
     worker: Box<dyn Worker>,
     ready: HashSet<usize>,
@@ -90,11 +91,11 @@ struct Post {
 /// What a check found; with `false` the record says why the point cannot be cast.
 pub type Checked = (Box<Record>, bool);
 
-/// Asks workers, and replaces those that are lost.
+/// Sends requests to workers, and replaces workers that are lost.
 pub struct Supervisor<'a> {
     spawner: &'a mut dyn Spawner,
     interrupted: &'a AtomicBool,
-    /// The longest that one step of a point may take.
+    /// The time limit for one step of a point.
     limit: Duration,
     /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
@@ -105,12 +106,12 @@ pub struct Supervisor<'a> {
     deaths: HashMap<usize, u32>,
     given_up: usize,
     losses: usize,
-    /// Devices that do not run the anchor.
+    /// Devices on which the anchor failed.
     without_anchor: HashSet<usize>,
 }
 
 impl<'a> Supervisor<'a> {
-    /// A supervisor without workers yet.
+    /// Makes a supervisor without workers.
     pub fn new(spawner: &'a mut dyn Spawner, interrupted: &'a AtomicBool, limit: Duration) -> Self {
         Self {
             spawner,
@@ -126,12 +127,12 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Set when the user wants an end.
+    /// Returns the flag that is set when the user interrupts the run.
     pub fn interrupted(&self) -> &'a AtomicBool {
         self.interrupted
     }
 
-    /// Lets the workers go: what comes next is done by fresh ones.
+    /// Ends all workers, so that the next requests go to new ones.
     pub fn retire(&mut self) {
         let mut workers: Vec<_> = self.posts.drain().map(|(_, post)| post.worker).collect();
         workers.extend(self.starting.drain().map(|(_, worker)| worker));
@@ -168,7 +169,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    /// How many workers were lost so far.
+    /// Returns how many workers were lost so far.
     pub fn losses(&self) -> usize {
         self.losses
     }
@@ -195,8 +196,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Casts one frame of a point that passed its check. None where its worker was lost and the point may be tried again: what a
-    /// fresh one casts is another launch's.
+    /// Casts one frame of a point that passed its check. Returns `None` if its worker was lost and the point
+    /// may be tried again; a new worker's frames belong to another launch.
     pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {
@@ -216,7 +217,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Runs the anchor of the device that a point was cast on. None where it cannot be run: from then on nobody asks again.
+    /// Runs the anchor of the device on which a point was cast. Returns `None` if that fails; the anchor is
+    /// then not run again.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<FrameTimes>> {
         if self.without_anchor.contains(&task.device) || !self.posts.contains_key(&task.post()) {
             return Ok(None);
@@ -224,12 +226,13 @@ impl<'a> Supervisor<'a> {
         if let Ok(Reply::Sample(times)) = self.ask(task, &Request::Anchor)? {
             return Ok(Some(times));
         }
-        // A worker that it took down is missed by the point that is cast next.
+        // If it has ended its worker, that is noticed at the next cast.
         self.without_anchor.insert(task.device);
         Ok(None)
     }
 
-    /// Asks a point's worker, starting it if need be. A worker that gave no reply is gone.
+    /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is
+    /// dropped.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {
@@ -237,7 +240,7 @@ impl<'a> Supervisor<'a> {
             None => self.start(task.post())?,
         };
         post.worker.send(request);
-        // A sample is worth waiting for; a check is done again.
+        // A sample is worth waiting for after an interruption; a check can be repeated.
         let patient = matches!(request, Request::Cast { .. } | Request::Anchor);
         let answer = self.wait(post.worker.as_mut(), patient)?;
         if answer.is_ok() {
@@ -246,8 +249,8 @@ impl<'a> Supervisor<'a> {
         Ok(answer)
     }
 
-    /// A worker that has opened its device. One that cannot ends the run: its points are not lost, they are yet
-    /// to be measured.
+    /// Starts a worker and waits until its device is open. An error ends the run; its points are not failed,
+    /// but still to be measured.
     fn start(&mut self, post: (usize, usize)) -> Result<Post> {
         if let Some(mut worker) = self.starting.remove(&post)
             && self.opens(worker.as_mut())?.is_ok()
@@ -261,8 +264,9 @@ impl<'a> Supervisor<'a> {
             Err(Loss::HungFor(limit)) => format!("did not open its device in {} s", limit.as_secs()),
         };
         let error = Error::run(format!("a worker process could not start: it {why}"));
-        Err(error
-            .with_help("`raycl devices` says whether the device still answers; what is measured is kept"))
+        Err(error.with_help(
+            "`raycl devices` shows whether the device still answers; finished measurements are kept",
+        ))
     }
 
     /// Waits until a worker has opened its device.
@@ -294,7 +298,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// What a loss means for the point: none to try again.
+    /// Returns the failure of a point whose worker was lost; `None` if it is to be tried again.
     fn refusal(&mut self, point: usize, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
         let death = match loss {
@@ -317,7 +321,7 @@ impl<'a> Supervisor<'a> {
     }
 }
 
-/// Lets workers end beside each other; each is waited for.
+/// Ends workers at the same time. Dropping them waits for each.
 fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
     workers.iter_mut().for_each(|worker| worker.dismiss());
 }
@@ -331,10 +335,10 @@ impl Death {
     }
 }
 
-/// A reply that is no answer to its request: the worker's own failure, as a rule.
+/// Returns the error for a reply that does not match its request, which is usually the worker's own error.
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),
-        _ => Error::fault("a worker answered what it was not asked"),
+        _ => Error::fault("a worker's reply does not match its request"),
     }
 }

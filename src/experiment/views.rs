@@ -1,5 +1,5 @@
-//! The pictures a run keeps of each image: what was cast, what it ought to be, where that is certain, where they
-//! differ, and what each pixel costs.
+//! The pictures that a run saves for each image: the image, the reference, its certain pixels, the
+//! differences, and the cost of each pixel.
 
 use super::Pictures;
 use crate::error::Result;
@@ -11,12 +11,12 @@ use crate::strategy::Culling;
 use ::image::{Rgb, RgbImage};
 use std::cell::LazyCell;
 
-/// What marks uncertain pixels: a colour that shows on any grey, for any eye.
+/// The colour of uncertain pixels, which stands out from any grey, also for colour-blind readers.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Larger images have no pictures of costs: they would tell no more, and take the host minutes.
+/// Larger images get no pictures of costs, which would show nothing more and take minutes on the host.
 const COST_PIXELS: u64 = 4_000_000;
 
-/// Saves an image's pictures, unless an equal one has them already, and names them in its record.
+/// Saves an image's pictures, unless an identical image has them already, and adds their names to its record.
 pub fn keep(
     pictures: &mut Pictures,
     record: &mut Record,
@@ -43,7 +43,7 @@ pub fn keep(
     Ok(())
 }
 
-/// The reference in grey with its uncertain pixels marked.
+/// Returns the reference in grey with its uncertain pixels marked.
 fn certainty(expected: &Reference, display: Display) -> RgbImage {
     let mut picture = to_rgb8(&expected.radiance, display);
     for (pixel, certain) in picture.pixels_mut().zip(&expected.certain) {
@@ -54,8 +54,8 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// What each pixel's rays cost by the strategy's way of finding triangles: every one, or those a tree leads to. A
-/// rasteriser has no primary rays and so no such cost.
+/// Saves pictures of what each pixel's rays cost: the number of triangles tested, which is all of them or
+/// those found by a tree. A rasteriser casts no primary rays and has no such picture.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,
@@ -64,7 +64,7 @@ fn keep_costs(
     [place, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
-    // They are drawn once, for counting takes long: another scene of the same name has a picture of its own.
+    // They are drawn once, since counting takes long. Another scene of the same name has its own pictures.
     let content = record
         .scene_hash
         .as_deref()
@@ -78,8 +78,8 @@ fn keep_costs(
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
-        // Counted once for two pictures, and not at all where both are there. A scene too large for a tree has no
-        // point that walks one.
+        // Counted once for both pictures, and not at all if both exist. If a scene is too large for a tree,
+        // no point uses one.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&format!("{place}-tests-tree{sides}"), tests)?);

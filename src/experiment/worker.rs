@@ -1,5 +1,5 @@
-//! A worker: the process that one device's points run in, so that a driver which aborts, faults or hangs takes
-//! down this process and not the run. Requests come in on standard input, replies go out on standard output.
+//! A worker: the process in which the points of one device run. A driver that aborts, crashes or hangs then
+//! ends this process and not the run. Requests arrive on standard input, replies go to standard output.
 
 use super::asleep::Asleep;
 use super::check::Checker;
@@ -30,7 +30,7 @@ pub fn serve() -> Result<()> {
     }
 }
 
-/// Opens the job's device and answers requests.
+/// Opens the job's device and serves requests.
 fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     let sources = Sources::of(job.cl_dir.clone())?;
     let experiment = config::parse(&job.config, job.text.clone(), &job.overrides)?;
@@ -46,7 +46,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
     answer(job, lines, |request| handler.answer(request))
 }
 
-/// Answers requests until there are no more.
+/// Serves requests until there are no more.
 fn answer(
     job: &Job,
     lines: &Receiver<String>,
@@ -63,15 +63,15 @@ fn answer(
     Ok(())
 }
 
-/// Ctrl-C in a terminal goes to every process; it is the run that decides what becomes of its workers.
+/// Ignores SIGINT. Ctrl-C in a terminal reaches every process, but the run decides when its workers end.
 fn ignore_interrupts() -> Result<()> {
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::new(AtomicBool::new(false)))
         .map(|_| ())
         .map_err(|error| Error::fault(format!("cannot ignore SIGINT: {error}")))
 }
 
-/// Standard input by lines. When it ends the run is gone, and a worker that hangs in a driver would stay
-/// for ever: the process ends at once, whatever it does.
+/// Reads standard input by lines. When it ends, the run has ended; the process then ends at once, since a
+/// worker that hangs in a driver would otherwise stay forever.
 fn input_lines() -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
@@ -88,17 +88,18 @@ fn input_lines() -> Receiver<String> {
 fn find(identity: &str, sources: &Sources) -> Result<Device> {
     let gone = || {
         Error::run("the device is gone: its driver no longer lists it")
-            .with_help("`raycl devices` lists those that are there; what is measured is kept")
+            .with_help("`raycl devices` lists the available ones; finished measurements are kept")
     };
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
     pick_one(&Cache::of_user(), sources, place)?.ok_or_else(gone)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
-    serde_json::from_str(line).map_err(|error| Error::fault(format!("no request for a worker: {error}")))
+    serde_json::from_str(line)
+        .map_err(|error| Error::fault(format!("a worker received an invalid request: {error}")))
 }
 
-/// Writes a reply on a line of its own, whatever a driver has left on the line before.
+/// Writes a reply on a new line, since a driver may have left an unfinished one.
 fn reply(reply: &Reply) -> Result<()> {
     let unwritable =
         |error: &dyn std::fmt::Display| Error::fault(format!("a reply could not be sent: {error}"));

@@ -1,4 +1,5 @@
-//! What a file is, by its first bytes: what raycl does not read is named, not read as something else.
+//! Recognises files by their first bytes. For a file in a format that raycl does not read, the message names
+//! that format.
 
 mod opened;
 mod signatures;
@@ -15,25 +16,25 @@ pub use opened::{Opened, STANDARD_INPUT};
 use crate::error::Error;
 use std::path::{Path, PathBuf};
 
-/// What a file of materials is called: only meshes name such files.
+/// The name of material files in messages; only meshes refer to such files.
 pub const MTL: &str = "an MTL material file";
 
-/// What a file is.
+/// The type of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileType {
-    /// A mesh, or several.
+    /// A file of one or more meshes.
     Mesh(MeshFormat),
     /// TOML: a scene or an experiment.
     Toml,
-    /// Empty, or text that says neither: who reads it says what is wrong with it.
+    /// Empty, or text that matches nothing; the reader of the file reports what is wrong.
     Unclear,
-    /// Text that no reader here takes.
+    /// UTF-16 text, which no reader here supports.
     Utf16,
     /// A format that raycl does not read.
     Foreign(Foreign),
 }
 
-/// A format of meshes that raycl reads.
+/// A mesh format that raycl reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
     /// Wavefront OBJ.
@@ -49,7 +50,7 @@ pub enum MeshFormat {
 }
 
 impl MeshFormat {
-    /// Each with the ending that its files usually have, and its name with an article.
+    /// Each format with its usual file extension, and its name with an article.
     const ALL: [(Self, &'static str, &'static str); 5] = [
         (Self::Obj, "obj", "an OBJ mesh"),
         (Self::Ply, "ply", "a PLY mesh"),
@@ -58,19 +59,19 @@ impl MeshFormat {
         (Self::Glb, "glb", "a binary glTF scene (GLB)"),
     ];
 
-    /// With its article: `an OBJ mesh`.
+    /// Returns the name with its article: `an OBJ mesh`.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(format, ..)| *format == self).map_or("a mesh", |(.., name)| name)
     }
 
-    /// The format whose files end like this one, `.gz` aside.
+    /// Returns the format that a file's extension stands for, ignoring `.gz`.
     pub fn from_ending(path: &Path) -> Option<Self> {
         let ending = unpacked_name(path).extension()?.to_ascii_lowercase();
         Self::ALL.iter().find(|(_, usual, _)| ending == *usual).map(|(format, ..)| *format)
     }
 }
 
-/// A path without a last `.gz`.
+/// Returns the path without a final `.gz`.
 pub fn unpacked_name(path: &Path) -> PathBuf {
     let packed = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"));
     if packed { path.with_extension("") } else { path.to_owned() }
@@ -79,25 +80,25 @@ pub fn unpacked_name(path: &Path) -> PathBuf {
 /// A format that raycl does not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Foreign {
-    /// With its article: `an STL mesh (ASCII)`.
+    /// The name with its article: `an STL mesh (ASCII)`.
     pub name: &'static str,
-    /// What to do with such a file; may be empty.
+    /// What the user can do with such a file; may be empty.
     pub remedy: &'static str,
 }
 
-/// What a file is wanted for.
+/// The purpose that a file was named for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// To be rendered: a scene or a bare mesh.
+    /// To be rendered: a scene or a single mesh.
     Scene,
     /// An object of a scene.
     Mesh,
-    /// To be run.
+    /// To be run as an experiment.
     Experiment,
 }
 
 impl Wanted {
-    /// What is read there.
+    /// Returns which formats are read for this purpose.
     pub fn read(self) -> &'static str {
         match self {
             Self::Scene => "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
@@ -108,19 +109,20 @@ impl Wanted {
 }
 
 impl FileType {
-    /// What a file of `length` bytes that begins with `head` is.
+    /// Recognises a file of `length` bytes that begins with `head`.
     pub fn of(head: &[u8], length: u64) -> Self {
         let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
         signatures::recognise(head, length).unwrap_or_else(|| text::recognise(head))
     }
 
-    /// Why the file called `name` cannot be read as what is wanted, if it cannot: two short lines, and none of the file.
+    /// Returns why the file `name` cannot be read for this purpose; `None` if it can. The message has two
+    /// short lines and quotes nothing from the file.
     pub fn refusal(self, name: &str, wanted: Wanted) -> Option<Error> {
         let refused =
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));
         match (self, wanted) {
             (Self::Foreign(Foreign { name, remedy }), _) => {
-                // No export of a mesh is an experiment.
+                // A mesh cannot be exported as an experiment.
                 let none = remedy.is_empty() || wanted == Wanted::Experiment && remedy == signatures::EXPORT;
                 let help = if none { String::new() } else { format!("; {remedy}") };
                 refused(&format!("{name}, which raycl does not read"), &format!("{}{help}", wanted.read()))

@@ -1,4 +1,4 @@
-//! A file that is open: what it is, and its bytes, unpacked where it is packed.
+//! A file that was opened and recognised. A packed file is unpacked.
 
 use super::FileType;
 use crate::memory::Available;
@@ -8,30 +8,30 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// How much of a file is looked at.
+/// Number of bytes that are read to recognise a file.
 const HEAD_BYTES: usize = 1 << 16;
-/// What a gzip file begins with.
+/// The first bytes of a gzip file.
 const GZIP: &[u8] = b"\x1f\x8b";
-/// The name that stands for standard input.
+/// The path that stands for standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// A file of which only the first bytes have been read yet; of one that is packed, or no file, all of them.
+/// An open file. Only its first bytes have been read, or all if it is packed or standard input.
 #[derive(Debug)]
 pub struct Opened {
-    /// What is still to be read.
+    /// The part that has not been read yet.
     rest: Option<File>,
     head: Vec<u8>,
-    /// Bytes of the whole, unpacked.
+    /// Length in bytes, after unpacking.
     pub length: u64,
-    /// What it is.
+    /// The type of the file.
     pub filetype: FileType,
 }
 
 impl Opened {
-    /// Opens an ordinary file, or standard input for `-`, and looks what it is.
+    /// Opens an ordinary file, or standard input for `-`, and recognises its type.
     ///
-    /// # Errors
-    /// What the system says, that it is no ordinary file, or that it is packed and damaged or too large.
+    /// # Errors The system's error; or that it is not an ordinary file; or that it is packed and damaged or
+    /// too large.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let head = within_memory(io::stdin().lock())?;
@@ -48,17 +48,16 @@ impl Opened {
         Ok(Self { rest: Some(file), head, length, filetype })
     }
 
-    /// Bytes that are all there is.
+    /// Makes a file of bytes that were read completely.
     fn held(bytes: Vec<u8>) -> Self {
         let length = bytes.len() as u64;
         let filetype = FileType::of(&bytes[..bytes.len().min(HEAD_BYTES)], length);
         Self { rest: None, head: bytes, length, filetype }
     }
 
-    /// The whole file, within the limit of its kind.
+    /// Reads the whole file, up to the limit of its kind.
     ///
-    /// # Errors
-    /// As [`reader::rest`].
+    /// # Errors As [`reader::rest`].
     pub fn bytes(self, kind: Kind) -> io::Result<Vec<u8>> {
         match self.rest {
             Some(file) => reader::rest(file, self.head, kind),
@@ -66,10 +65,9 @@ impl Opened {
         }
     }
 
-    /// The same as text.
+    /// Reads the whole file as text.
     ///
-    /// # Errors
-    /// What the system says, that it is too large, or that it is not UTF-8.
+    /// # Errors The system's error; or that it is too large; or that it is not UTF-8.
     pub fn text(self, kind: Kind) -> io::Result<String> {
         reader::utf8(self.bytes(kind)?)
     }
@@ -79,13 +77,13 @@ fn unpacked(packed: impl Read) -> io::Result<Opened> {
     within_memory(MultiGzDecoder::new(packed)).map(Opened::held)
 }
 
-/// All of a stream whose length nobody tells: no more of it than half of what memory there is.
+/// Reads all of a stream of unknown length, up to half of the free memory.
 fn within_memory(stream: impl Read) -> io::Result<Vec<u8>> {
     let most = Available::read().bytes / 2;
     let mut bytes = Vec::new();
     stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most {
-        let message = format!("it holds more than the {most} bytes that this machine has room for");
+        let message = format!("it is larger than {most} bytes, the limit on this machine");
         return Err(io::Error::new(io::ErrorKind::OutOfMemory, message));
     }
     Ok(bytes)

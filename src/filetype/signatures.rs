@@ -1,12 +1,12 @@
-//! Formats that begin with bytes of their own.
+//! Formats that are recognised by a signature in their first bytes.
 
 use super::{FileType, Foreign, MeshFormat};
 
-/// For what holds a mesh.
+/// The advice for files that contain a mesh.
 pub(super) const EXPORT: &str = "export it as glTF or OBJ, with Blender for example";
 const UNPACK: &str = "unpack it first";
 
-/// Where a format's signature lies, its bytes, its name, and what to do with such a file.
+/// A signature's offset and bytes, the format's name, and advice for the user.
 type Signature = (usize, &'static [u8], &'static str, &'static str);
 
 pub(super) const SIGNATURES: &[Signature] = &[
@@ -55,7 +55,7 @@ pub(super) const SIGNATURES: &[Signature] = &[
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself", "`git lfs pull` gets the file"),
 ];
 
-/// The format of a file whose first bytes give it away.
+/// Returns the format of a file that has a known signature.
 pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     if is_utf16(head) {
         return Some(FileType::Utf16);
@@ -77,7 +77,7 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     SIGNATURES.iter().find(begins).and_then(|&(_, _, name, remedy)| foreign(name, remedy))
 }
 
-/// With a byte order mark, or Latin text without one.
+/// Recognises UTF-16 by its byte order mark, or by zero bytes in Latin text.
 fn is_utf16(head: &[u8]) -> bool {
     let every_second_is_zero =
         |text: &[u8]| text.len() >= 8 && text.chunks_exact(2).all(|pair| matches!(pair, [b'\t'..=b'~', 0]));
@@ -88,7 +88,7 @@ fn is_utf16(head: &[u8]) -> bool {
 
 const ZIP: &str = "a zip archive";
 
-/// What a zip file is, by the names of its first entries.
+/// Returns the type of a zip file, by the names of its first entries.
 fn archive(head: &[u8]) -> &'static str {
     if contains(head, b"3D/3dmodel.model") || contains(head, b"3dmanufacturing") {
         "a 3MF model"
@@ -99,20 +99,22 @@ fn archive(head: &[u8]) -> &'static str {
     }
 }
 
-/// An outermost chunk as long as the file, or one with a version or an editor inside.
+/// Recognises a 3DS file: an outermost chunk as long as the file, or one that contains a version or an editor
+/// chunk.
 fn is_3ds(head: &[u8], length: u64) -> bool {
     let Some(&[b'M', b'M', a, b, c, d, low, high]) = head.get(..8) else { return false };
     let size = u64::from(u32::from_le_bytes([a, b, c, d]));
     size == length || matches!(u16::from_le_bytes([low, high]), 0x0002 | 0x3d3d)
 }
 
-/// 80 bytes of anything, a count, and 50 bytes per triangle: only the file's length tells.
+/// Recognises a binary STL file: 80 arbitrary bytes, a count, and 50 bytes per triangle. Only the file's
+/// length is decisive.
 fn is_binary_stl(head: &[u8], length: u64) -> bool {
     let Some(&[a, b, c, d]) = head.get(80..84) else { return false };
     84 + 50 * u64::from(u32::from_le_bytes([a, b, c, d])) == length
 }
 
-/// Whether `text` has `part` anywhere.
+/// Returns whether `text` contains `part`.
 pub(super) fn contains(text: &[u8], part: &[u8]) -> bool {
     text.windows(part.len()).any(|window| window == part)
 }

@@ -1,4 +1,4 @@
-//! A scene given as an experiment, and the other way round.
+//! Recognises a scene that was given as an experiment, and the reverse.
 
 use crate::error::Error;
 use std::path::Path;
@@ -10,7 +10,7 @@ const SCENE_KEYS: [&str; 4] = ["object", "light", "camera", "display"];
 const EXPERIMENT_KEYS: [&str; 7] =
     ["question", "expectation", "image_sizes", "local_sizes", "strategies", "strategy", "scenes"];
 
-/// For an experiment that could not be read: what to do if it is a scene.
+/// Returns the error for an experiment that could not be read, if the file is a scene.
 pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     let (name, file) = (path.display(), path.file_name().unwrap_or_default().display());
     has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
@@ -20,7 +20,7 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     })
 }
 
-/// For a scene that could not be read: what to do if it is an experiment.
+/// Returns the error for a scene that could not be read, if the file is an experiment.
 pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
     let name = path.display();
     has_only(text, &EXPERIMENT_KEYS, &SCENE_KEYS).then(|| {
@@ -29,7 +29,7 @@ pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
     })
 }
 
-/// Whether TOML has one of these keys and none of the others.
+/// Returns whether the TOML text has one of these keys and none of the others.
 fn has_only(text: &str, these: &[&str], others: &[&str]) -> bool {
     let Ok(table) = DeTable::parse(text) else { return false };
     let has = |keys: &[&str]| keys.iter().any(|key| table.get_ref().contains_key(*key));

@@ -1,8 +1,8 @@
-//! One small file of each format, made here.
+//! Tests with one small file of each format, made here.
 
 use super::*;
 
-/// What a file of these bytes is called, or how it is read.
+/// Returns the name of the format of a file with these bytes, or how it is read.
 fn called(bytes: &[u8]) -> &'static str {
     match FileType::of(bytes, bytes.len() as u64) {
         FileType::Foreign(Foreign { name, .. }) => name,
@@ -13,21 +13,21 @@ fn called(bytes: &[u8]) -> &'static str {
     }
 }
 
-/// Bytes with zeros after them up to a length.
+/// Returns bytes padded with zeros to a length.
 fn padded(bytes: &[u8], length: usize) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     bytes.resize(length, 0);
     bytes
 }
 
-/// An STL of one triangle, whose header says what headers of ASCII files say.
+/// Returns a binary STL file of one triangle whose header begins like an ASCII file's.
 fn binary_stl() -> Vec<u8> {
     let mut bytes = padded(b"solid made by a program", 80);
     bytes.extend(1_u32.to_le_bytes());
     padded(&bytes, 84 + 50)
 }
 
-/// The outermost chunk and the version's.
+/// Returns the outermost chunk and the version chunk of a 3DS file.
 fn scene_3ds() -> Vec<u8> {
     padded(b"MM\x10\0\0\0\x02\0\x0a\0\0\0\x03\0\0\0", 16)
 }

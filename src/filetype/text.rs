@@ -3,7 +3,7 @@
 use super::signatures::{EXPORT, contains};
 use super::{FileType, Foreign, MTL, MeshFormat};
 
-/// The first words of OBJ statements, and those of which some files consist for long.
+/// The first words of OBJ statements, including those that may fill the beginning of a file.
 const OBJ_WORDS: &[&str] = &[
     "v",
     "vn",
@@ -31,7 +31,7 @@ const OBJ_WORDS: &[&str] = &[
     "trace_obj",
 ];
 
-/// What pbrt scenes begin with.
+/// The words that pbrt scenes begin with.
 const PBRT_WORDS: &[&str] = &[
     "LookAt",
     "Camera",
@@ -58,7 +58,7 @@ const PBRT_WORDS: &[&str] = &[
     "Renderer",
 ];
 
-/// What XML is, by the name of its root element.
+/// Types of XML files, by the name of the root element.
 const XML_ROOTS: &[(&str, &str)] = &[
     ("COLLADA", "a COLLADA scene"),
     ("X3D", "an X3D scene"),
@@ -68,7 +68,7 @@ const XML_ROOTS: &[(&str, &str)] = &[
     ("amf", "an AMF model"),
 ];
 
-/// What a file without a signature is.
+/// Recognises a file that has no signature.
 pub(super) fn recognise(head: &[u8]) -> FileType {
     let Some(line) = first_statement(head) else { return FileType::Unclear };
     let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
@@ -98,13 +98,13 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
     }
 }
 
-/// The first line that is neither empty nor a comment.
+/// Returns the first line that is neither empty nor a comment.
 fn first_statement(head: &[u8]) -> Option<&[u8]> {
     let lines = head.split(|&byte| byte == b'\n' || byte == b'\r').map(<[u8]>::trim_ascii);
     lines.into_iter().find(|line| !line.is_empty() && !line.starts_with(b"#"))
 }
 
-/// `[table]`, `[[table]]` or `key = ...`.
+/// Returns whether a line is `[table]`, `[[table]]` or `key = ...`.
 fn is_toml(line: &[u8]) -> bool {
     let of_key = |byte: &u8| byte.is_ascii_alphanumeric() || b"_-.\"'".contains(byte);
     let key = |text: &[u8]| !text.trim_ascii().is_empty() && text.trim_ascii().iter().all(of_key);
@@ -135,7 +135,7 @@ fn xml(head: &[u8]) -> Option<(&'static str, &'static str)> {
     }
 }
 
-/// The name in the first tag that is no declaration and in no comment.
+/// Returns the name of the first tag that is neither a declaration nor in a comment.
 fn root_element(head: &[u8]) -> String {
     let text = String::from_utf8_lossy(head);
     let mut rest = text.as_ref();
@@ -150,7 +150,7 @@ fn root_element(head: &[u8]) -> String {
     String::new()
 }
 
-/// Text has no zero bytes, and few other control characters.
+/// Returns whether the bytes are binary: text has no zero bytes and few control characters.
 fn is_binary(head: &[u8]) -> bool {
     let controls = head.iter().filter(|&&byte| byte < b' ' && !b"\t\n\r\x0c\x1b".contains(&byte)).count();
     head.contains(&0) || controls * 10 > head.len()

@@ -1,10 +1,10 @@
-//! False colours for differences, and the scale that says what they mean.
+//! False colours for differences, and the colour scale.
 
 use image::{Rgb, RgbImage};
 
-/// What is not a number: a colour that the map does not have.
+/// The colour of values that are not numbers; it does not occur in the colour map.
 pub const WRONG: [u8; 3] = [255, 0, 0];
-/// Rows the scale takes below a picture.
+/// Height in pixels of the scale below a picture.
 pub const SCALE_HEIGHT: u32 = 18;
 
 /// Nine evenly spaced colours of viridis (S. van der Walt, N. Smith, E. Firing; CC0), whose
@@ -20,10 +20,11 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [170, 220, 50],
     [253, 231, 37],
 ];
-/// Decades the map spans, up to a relative difference of 1.
+/// Number of decades that the map covers, up to a relative difference of 1.
 const DECADES: u32 = 6;
 
-/// The colour of a relative difference: black for none, then a decade of the map for each factor of ten.
+/// Returns the colour of a relative difference: black for 0, otherwise one decade of the map per factor of
+/// ten.
 pub fn of_difference(relative: f64) -> Rgb<u8> {
     let place = 1.0 + relative.log10() / f64::from(DECADES);
     match relative {
@@ -33,7 +34,7 @@ pub fn of_difference(relative: f64) -> Rgb<u8> {
     }
 }
 
-/// The map at `place` in 0..=1: dark to light.
+/// Returns the map's colour at `place` in 0..=1, from dark to light.
 pub fn viridis(place: f64) -> [u8; 3] {
     let along = place * (VIRIDIS.len() - 1) as f64;
     let below = (along as usize).min(VIRIDIS.len() - 2);
@@ -44,8 +45,8 @@ pub fn viridis(place: f64) -> [u8; 3] {
     })
 }
 
-/// Draws the map from `top` down, with a tick at each decade and the decade's power of ten
-/// (`-6` to `0`, where there is room) under it.
+/// Draws the map from the row `top` down, with a tick at each decade. Below each tick stands the power of ten
+/// (`-6` to `0`) if there is room.
 pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
@@ -62,10 +63,10 @@ pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     }
 }
 
-/// Rows that [`draw_count_scale`] takes.
+/// Height in pixels of the scale that [`draw_count_scale`] draws.
 pub const COUNT_SCALE_HEIGHT: u32 = SCALE_HEIGHT;
 
-/// Draws the map from `top` down with 0 under its left end and `most` under its right.
+/// Draws the map from the row `top` down, with 0 below its left end and `most` below its right end.
 pub fn draw_count_scale(picture: &mut RgbImage, top: u32, most: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
@@ -86,7 +87,7 @@ fn draw_text(picture: &mut RgbImage, left: u32, top: u32, text: &str) {
     }
 }
 
-/// A character's five rows of three dots.
+/// Returns a character's five rows of three dots.
 fn glyph(character: char) -> [u8; 5] {
     match character {
         '-' => [0, 0, 7, 0, 0],

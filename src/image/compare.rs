@@ -1,15 +1,15 @@
-//! How much two pictures differ, as a number and as a picture.
+//! Computes how much two pictures differ, as a number and as a picture.
 
 use super::{Radiance, colour};
 use crate::scene::Display;
 use image::{Rgb, RgbImage};
 
-/// Two radiances are equal when they differ by less than this, relative.
+/// Two radiances count as equal if their relative difference is below this.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
-/// The radiance below which a pixel's differences are measured against this instead of its own
-/// brightness: a thousandth of the brightest that can be told apart, which is the image's
-/// brightest channel or, if that is less, what the display shows as white.
+/// Returns the radiance of a pixel below which its differences are divided by this value instead of its own
+/// radiance. It is a thousandth of the image's brightest channel, or of the radiance that is displayed as
+/// white if that is less.
 pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
     let white = 1.0 / f64::from(display.exposure);
     let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };
@@ -24,8 +24,8 @@ fn brightest(image: &Radiance) -> f64 {
     image.pixels.iter().map(|pixel| brightness(*pixel)).fold(0.0, f64::max)
 }
 
-/// The largest difference of a channel, relative to the expected pixel's brightest channel or to
-/// `floor` where that is darker. Infinite when a value is not a number.
+/// Returns the largest difference of a channel, divided by the expected pixel's brightest channel or by
+/// `floor` if that is greater. The result is infinite if a value is not a number.
 pub fn relative_difference(found: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
     let apart = |channel: usize| (f64::from(found[channel]) - f64::from(expected[channel])).abs();
     let largest = [0, 1, 2].map(apart).into_iter().fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a });
@@ -36,7 +36,8 @@ fn brightness(pixel: [f32; 3]) -> f64 {
     pixel.into_iter().map(|channel| f64::from(channel.abs())).fold(0.0, f64::max)
 }
 
-/// The peak signal-to-noise ratio in decibels: infinite for equal pictures, NaN for pictures of different sizes.
+/// Returns the peak signal-to-noise ratio in decibels: infinite for equal pictures, NaN for pictures of
+/// different sizes.
 pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     if a.dimensions() != b.dimensions() {
         return f64::NAN;
@@ -49,9 +50,9 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / total).log10()
 }
 
-/// Where `found` differs from `expected`, in false colour on black with the scale in a strip below:
-/// a colour a decade of [`relative_difference`], from 1e-6 (dark) over 1e-3 (the limit) to 1 (bright).
-/// What is not a number, or outside the other picture, is red.
+/// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below.
+/// Each decade of [`relative_difference`] has its colour, from 1e-6 (dark) over 1e-3 (the limit) to 1
+/// (bright); equal pixels are black. Pixels that are not a number, or outside the other picture, are red.
 pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));

@@ -1,12 +1,12 @@
-//! From radiance to what a screen shows.
+//! The display transform, from radiance to 8-bit pictures.
 
 use super::Radiance;
 use crate::scene::Display;
 use image::RgbImage;
 use rayon::prelude::*;
 
-/// The 8-bit picture: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))` of each channel, evaluated
-/// in double precision; NaN becomes 0.
+/// Returns the 8-bit picture: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))` of each channel, evaluated
+/// in double precision. NaN becomes 0.
 pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     let shown = Shown::new(display);
     let mut picture = RgbImage::new(image.width, image.height);
@@ -21,52 +21,53 @@ pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
     picture
 }
 
-/// Pixels that a thread shows at a time.
+/// Number of pixels that a thread transforms at a time.
 pub const TOGETHER: usize = 1024;
 
-/// How pixels are shown.
+/// The display transform, as tables.
 pub struct Shown(Thresholds);
 
 impl Shown {
-    /// Values of a channel.
+    /// Number of values of a channel.
     pub const VALUES: usize = 256;
-    /// Bits of a radiance that its place in the second of the tables leaves out.
+    /// Number of low bits of a radiance that are ignored when the second table is read.
     pub const PLACE_SHIFT: u32 = 16;
 
-    /// As the scene says.
+    /// Makes the tables for a scene's display settings.
     pub fn new(display: Display) -> Self {
         Self(Thresholds::new(display))
     }
 
-    /// What a device looks values up in: at each value the smallest radiance that is shown as a brighter one, and, by its upper bits,
-    /// what a radiance is shown as at least.
+    /// Returns the two tables for devices. The first has, for each value, the smallest radiance that is shown
+    /// brighter; the second has, for the upper bits of a radiance, a lower bound of its value.
     pub fn tables(&self) -> (&[f32], &[u8]) {
         (&self.0.smallest, &self.0.at_least)
     }
 
-    /// A pixel's 8-bit channels.
+    /// Returns a pixel's 8-bit channels.
     pub fn pixel(&self, radiance: [f32; 3]) -> [u8; 3] {
         radiance.map(|channel| self.0.value(channel))
     }
 }
 
-/// The transform itself, a channel at a time.
+/// Computes the transform of one channel.
 fn transform(radiance: f32, display: Display) -> u8 {
     let exposed = (f64::from(display.exposure) * f64::from(radiance)).clamp(0.0, 1.0);
     (255.0 * exposed.powf(1.0 / f64::from(display.gamma))) as u8 // truncates; NaN is 0
 }
 
-/// The transform as tables, since a power or a search for every channel would take longer than writing the file.
+/// The transform as tables. A power or a binary search for every channel would take longer than writing the
+/// file.
 struct Thresholds {
-    /// The smallest radiance that is shown as 1, 2, ... 255, and one that none reaches.
+    /// The smallest radiance that is shown as 1, 2, ... 255, and an upper bound that none reaches.
     smallest: [f32; Shown::VALUES],
-    /// What a radiance whose upper 16 bits are the place is shown as at least: one or two steps short at most.
+    /// A lower bound of the value, by the upper 16 bits of the radiance. It is at most one or two too low.
     at_least: Vec<u8>,
 }
 
 impl Thresholds {
     fn new(display: Display) -> Self {
-        let mut thresholds = [f32::NAN; Shown::VALUES]; // no comparison with NaN holds
+        let mut thresholds = [f32::NAN; Shown::VALUES]; // comparisons with NaN are false
         for (value, threshold) in (1..=255).zip(&mut thresholds) {
             *threshold = smallest(value, display);
         }
@@ -78,7 +79,7 @@ impl Thresholds {
     }
 
     fn value(&self, radiance: f32) -> u8 {
-        // What is not positive is black, NaN too.
+        // Radiance that is not positive, or NaN, is black.
         if radiance.is_nan() || radiance <= 0.0 {
             return 0;
         }
@@ -90,8 +91,8 @@ impl Thresholds {
     }
 }
 
-/// The smallest radiance shown as `value` or brighter. Positive floats are ordered as their bits
-/// are, and the transform never falls, so the bits can be halved until it is found.
+/// Returns the smallest radiance shown as `value` or brighter. The bits of positive floats are ordered like
+/// the floats, and the transform is monotonic, so a binary search over the bits finds it.
 fn smallest(value: u8, display: Display) -> f32 {
     let (mut below, mut reached) = (0, f32::INFINITY.to_bits());
     while reached - below > 1 {

@@ -1,4 +1,4 @@
-//! Pictures as bytes of a file, each with a place for raycl's [mark].
+//! Encodes pictures; every format has room for raycl's [mark].
 
 use super::{Radiance, jpeg};
 use crate::output::mark::{self, Insert};
@@ -9,19 +9,19 @@ use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error, Result, Write as _};
 
-/// The paper's, for its figures.
+/// The quality that the paper uses for its figures.
 pub const JPEG_QUALITY: u8 = 95;
-/// A JPEG's first two segments, its begin and JFIF's header; a comment comes after them.
+/// Length of a JPEG's first two segments, the start and JFIF's header. A comment follows them.
 const JPEG_BEGIN_BYTES: usize = 20;
-/// An HDR's first line.
+/// The first line of an HDR file.
 const HDR_SIGNATURE: &str = "#?RADIANCE\n";
 
-/// Fast settings, since saving counts in a render's time: 4 ms for 1920 x 1080 pixels.
+/// Writes a PNG with fast settings, since saving is part of a render's time: 4 ms for 1920 x 1080 pixels.
 pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
     png_with(picture, mark::png(), file)
 }
 
-/// The same with a key beside the mark.
+/// Writes a PNG with a key next to the mark.
 pub fn keyed_png(picture: &RgbImage, key: &str, file: &mut File) -> Result<()> {
     png_with(picture, mark::keyed_png(key), file)
 }
@@ -37,7 +37,7 @@ pub fn jpeg(picture: &RgbImage, file: &mut File) -> Result<()> {
     jpeg_of(&jpeg::encode(picture, JPEG_QUALITY).map_err(Error::other)?, file)
 }
 
-/// A JPEG that is encoded already.
+/// Writes a JPEG that is already encoded.
 pub fn jpeg_of(encoded: &[u8], file: &mut File) -> Result<()> {
     let text = mark::blank();
     let length = (text.len() as u16 + 2).to_be_bytes();
@@ -53,7 +53,7 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
     })
 }
 
-/// EXR says where its parts lie in the file: nothing can be inserted afterwards.
+/// Writes an EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards.
 pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let width = image.width as usize;
     let pixel = |Vec2(x, y)| <(f32, f32, f32)>::from(image.pixels[y * width + x]);
@@ -66,7 +66,7 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     writer.flush()
 }
 
-/// Writes the output of `write`, with `piece` inserted after this number of bytes.
+/// Writes the output of `write`, with `piece` inserted at this offset.
 fn encode(
     file: &mut File,
     piece: (usize, Vec<u8>),

@@ -1,4 +1,4 @@
-//! Pictures as files, whole or not at all.
+//! Reads and writes picture files; a file is written completely or not at all.
 
 use super::encode::{exr, hdr, jpeg, keyed_png, png};
 use super::{Radiance, to_rgb8};
@@ -9,7 +9,7 @@ use crate::scene::Display;
 use image::RgbImage;
 use std::path::Path;
 
-/// A file format, known by its extension.
+/// A file format, recognised by its extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Png,
@@ -18,7 +18,7 @@ enum Format {
     Hdr,
 }
 
-/// Every extension, in any case.
+/// All extensions; upper and lower case are equal.
 const EXTENSIONS: [(&str, Format); 5] = [
     ("png", Format::Png),
     ("jpg", Format::Jpeg),
@@ -33,8 +33,8 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 /// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
 /// EXR and HDR as linear radiance. The file is written whole or not at all, and a file that raycl did not make stays.
 ///
-/// An extension that is none of these, or a folder that is not there, is the user's mistake; a file
-/// that cannot be written is a failed run.
+/// Another extension or a missing folder is a mistake of the user; a file that cannot be written is a failed
+/// run.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
@@ -59,14 +59,14 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     target.check()
 }
 
-/// The format, from the file's ending. Standard output has no ending, and gets PNG.
+/// Returns the format that a file's extension stands for. Standard output has no extension and gets PNG.
 fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
 
-/// Reads a picture: 8-bit formats as parts of white (0 to 1, as displayed), EXR and HDR as linear radiance.
+/// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance.
 ///
-/// A file that is not there or is no picture is the user's mistake.
+/// A missing file, or one that is not a picture, is a mistake of the user.
 pub fn read_picture(path: &Path) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
@@ -83,38 +83,39 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     Ok(Radiance { width, height, pixels: picture.pixels().map(|pixel| pixel.0).collect() })
 }
 
-/// Writes one frame of several as PNG, with a key that says what it is of.
+/// Writes one frame of several as PNG, with a key that identifies the frame.
 pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target) -> Result<()> {
     target.write(|file| keyed_png(&to_rgb8(image, display), key, file))
 }
 
-/// The key of a frame that raycl wrote and nobody changed since; none of any other file.
+/// Returns the key of a frame that raycl wrote and that was not changed since; `None` for any other file.
 pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
 
-/// The same for [`save_rgb8`], which writes PNG only.
+/// Does the same for [`save_rgb8`], which writes PNG only.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
-        let error = Error::input(format!("cannot write '{name}': a picture of differences is a .png"));
+        let error = Error::input(format!("cannot write '{name}': a picture of differences must be a .png"));
         return Err(error.with_help(format!("name it '{}'", target.path().with_extension("png").display())));
     }
     target.check()
 }
 
-/// Writes an 8-bit picture as PNG or, where the file's extension says so, as JPEG; whole or not at all.
+/// Writes an 8-bit picture as PNG, or as JPEG if the file's extension says so. The file is written completely
+/// or not at all.
 pub fn save_rgb8(picture: &RgbImage, target: &Target) -> Result<()> {
     let format = format(target.path())?;
     target.write(|file| if format == Format::Jpeg { jpeg(picture, file) } else { png(picture, file) })
 }
 
-/// Whether a file of this name has 8 bits a channel, so that [`save_rgb8`] can write it.
+/// Returns whether a file of this name has 8 bits per channel, so that [`save_rgb8`] can write it.
 pub fn shows_8_bits(path: &Path) -> bool {
     format(path).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
 }
 
-/// Whether a file of this name is a JPEG.
+/// Returns whether a file of this name is a JPEG.
 pub fn is_jpeg(path: &Path) -> bool {
     format(path).is_ok_and(|format| format == Format::Jpeg)
 }
@@ -266,14 +267,14 @@ mod tests {
         }
     }
 
-    /// A picture as raycl makes it with the first bytes, and so the mark, of another.
+    /// Returns a picture that has the first bytes, and so the mark, of another one.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };
             let (_folder, path) = saved(name, &image);
             std::fs::read(path).unwrap()
         });
-        // As far as a mark reaches in every format; these pictures differ in what comes after.
+        // All marks end before this offset; the two pictures differ after it.
         let mark = |bytes: &[u8]| {
             let label = b"blake3 of the rest: ";
             bytes.windows(label.len()).position(|found| found == label).unwrap() + label.len() + 64

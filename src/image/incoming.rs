@@ -1,4 +1,4 @@
-//! An 8-bit picture whose rows come one after another, from the top.
+//! An 8-bit picture that is received row by row from the top.
 
 use super::encode::{JPEG_QUALITY, jpeg_of};
 use super::file::{is_jpeg, save_rgb8};
@@ -9,19 +9,19 @@ use image::RgbImage;
 use rayon::prelude::*;
 use std::io::Error;
 
-/// Bytes that a thread copies at a time.
+/// Number of bytes that a thread copies at a time.
 const COPIED_TOGETHER: usize = 1 << 18;
 
-/// A picture in the making.
+/// A picture of which some rows are still missing.
 pub enum Incoming {
-    /// Kept until all rows are there, and how many of its bytes are.
+    /// The picture is stored until all rows have arrived. The number counts the bytes that have.
     Whole(RgbImage, usize),
-    /// Encoded band by band as they come.
+    /// The picture is encoded in bands of rows as they arrive.
     Jpeg(Encoding),
 }
 
 impl Incoming {
-    /// Of pixels across and down, for a file of this name.
+    /// Makes an empty picture for a file of this name.
     pub fn new(target: &Target, size: [u32; 2]) -> Self {
         match is_jpeg(target.path()) {
             true => Self::Jpeg(Encoding::new(size, JPEG_QUALITY)),
@@ -29,7 +29,7 @@ impl Incoming {
         }
     }
 
-    /// Rows that are to come together, or any multiple of them.
+    /// Returns the number of rows to pass at a time; multiples of it are allowed.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,
@@ -37,13 +37,13 @@ impl Incoming {
         }
     }
 
-    /// Takes the next rows: red, green and blue of each pixel.
+    /// Adds the next rows: red, green and blue of each pixel.
     pub fn take(&mut self, rows: &[u8]) {
         match self {
             Self::Whole(picture, there) => {
                 let bytes: &mut [u8] = picture;
                 let place = &mut bytes[*there..*there + rows.len()];
-                // On all cores, as memory is touched for the first time.
+                // On all cores, since the memory is touched for the first time, which is slow.
                 let pairs = place.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
                 pairs.for_each(|(to, from)| to.copy_from_slice(from));
                 *there += rows.len();
@@ -52,7 +52,7 @@ impl Incoming {
         }
     }
 
-    /// Writes the picture when all of it is there; whole or not at all.
+    /// Writes the picture after all rows have arrived; the file is written completely or not at all.
     pub fn save(self, target: &Target) -> Result<()> {
         match self {
             Self::Whole(picture, _) => save_rgb8(&picture, target),

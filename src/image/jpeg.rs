@@ -1,16 +1,16 @@
-//! JPEG by bands of rows, each encoded by itself on a core of its own and joined by restart markers, which is what the format has
-//! them for. The pixels are those of a picture that is encoded as a whole.
+//! Encodes JPEG in bands of rows on several cores. The bands are joined by restart markers, which the format
+//! provides for this purpose. The decoded pixels equal those of a picture that is encoded in one piece.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
 use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Pixels of a block across and down; the encoder samples all channels alike.
+/// Width and height of a block in pixels; the encoder does not subsample any channel.
 const BLOCK: usize = 8;
-/// The most blocks between two restart markers: a number of 16 bits.
+/// The largest number of blocks between two restart markers, which is stored in 16 bits.
 const MOST_BLOCKS: usize = u16::MAX as usize;
-/// Rows of blocks of a band: enough to be worth a task.
+/// Number of block rows in a band: enough to be worth a task.
 const BAND_ROWS: usize = 16;
 const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;
@@ -20,7 +20,7 @@ const START_OF_SCAN: u8 = 0xda;
 const END_OF_IMAGE: [u8; 2] = [MARKER, 0xd9];
 const RESTART_INTERVAL: u8 = 0xdd;
 
-/// The bytes of a file.
+/// Returns the bytes of the file.
 pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
     let cut = Cut::of(picture.width());
     let encode = |rows: &[u8]| band(rows, picture.width(), quality);
@@ -29,7 +29,7 @@ pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
     cut.joined(bands, picture.height())
 }
 
-/// A file whose bands are encoded while later ones are still to come.
+/// A picture whose first bands are encoded while later ones have not arrived.
 pub struct Encoding {
     cut: Cut,
     height: u32,
@@ -38,32 +38,32 @@ pub struct Encoding {
     done: (Sender<Numbered>, Receiver<Numbered>),
 }
 
-/// A band's number from the top, and its file.
+/// A band's number from the top, and its encoded file.
 type Numbered = (usize, ImageResult<Vec<u8>>);
 
 impl Encoding {
-    /// Of pixels across and down.
+    /// Starts a picture of this size in pixels.
     pub fn new([width, height]: [u32; 2], quality: u8) -> Self {
         Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
     }
 
-    /// Rows that are to come together, or any multiple of them.
+    /// Returns the number of rows to pass at a time; multiples of it are allowed.
     pub fn rows_together(&self) -> usize {
         self.cut.rows()
     }
 
-    /// Takes rows from the top, and encodes them on other cores.
+    /// Adds the next rows, and encodes them on other cores.
     pub fn take(&mut self, rows: &[u8]) {
         for rows in rows.chunks(self.cut.band_bytes()) {
             let (rows, sender) = (rows.to_vec(), self.done.0.clone());
             let (number, width, quality) = (self.begun, self.cut.width, self.quality);
             self.begun += 1;
-            // A receiver that is gone needs no band.
+            // If the receiver is gone, the band is not needed any more.
             rayon::spawn(move || drop(sender.send((number, band(&rows, width, quality)))));
         }
     }
 
-    /// The bytes of the file, when all its bands are done.
+    /// Returns the bytes of the file after all bands are encoded.
     pub fn finish(self) -> ImageResult<Vec<u8>> {
         let (sender, receiver) = self.done;
         drop(sender);
@@ -74,12 +74,12 @@ impl Encoding {
     }
 }
 
-/// How a picture is cut into bands.
+/// How a picture is divided into bands.
 #[derive(Clone, Copy)]
 struct Cut {
     width: u32,
     blocks_across: usize,
-    /// Rows of blocks of a band.
+    /// Number of block rows in a band.
     block_rows: usize,
 }
 
@@ -97,13 +97,13 @@ impl Cut {
         (3 * self.width as usize * self.rows()).max(1)
     }
 
-    /// One file of the bands' files.
+    /// Joins the bands' files to one.
     fn joined(self, mut bands: Vec<Vec<u8>>, height: u32) -> ImageResult<Vec<u8>> {
         if bands.len() == 1 {
             return Ok(bands.remove(0));
         }
         join(&bands, height, self.blocks_across * self.block_rows).ok_or_else(|| {
-            ImageError::IoError(std::io::Error::other("the encoder of JPEG wrote something else"))
+            ImageError::IoError(std::io::Error::other("the JPEG encoder wrote bands of an unexpected form"))
         })
     }
 }
@@ -115,12 +115,13 @@ fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
     Ok(file)
 }
 
-/// The head of the first band, for a picture of all rows, and what was scanned of each, with a marker between.
+/// Joins the first band's header, changed to the full height, and the scan data of all bands, with a marker
+/// between bands.
 fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;
     let mut file = first[..scan].to_vec();
-    // Its length, a byte of precision, then the height.
+    // Skips the segment's length and a byte of precision; the height follows.
     let of_height = segment(first, START_OF_FRAME)? + 5;
     file.get_mut(of_height..of_height + 2)?.copy_from_slice(&u16::try_from(height).ok()?.to_be_bytes());
     let [high, low] = u16::try_from(blocks).ok()?.to_be_bytes();
@@ -138,7 +139,7 @@ fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     Some(file)
 }
 
-/// Where a segment of the head begins.
+/// Returns the offset of a segment in the header.
 fn segment(file: &[u8], wanted: u8) -> Option<usize> {
     let mut at = 2;
     loop {
@@ -173,7 +174,8 @@ mod tests {
 
     #[test]
     fn bands_show_what_the_whole_shows() {
-        // One band, a band and a row, whole bands, more bands than there are restart markers, a width that is no multiple of 8.
+        // The cases: one band, a band and a row, whole bands, more bands than restart markers, a width that
+        // is not a multiple of 8.
         for (width, height) in [(40, 30), (40, 129), (64, 256), (33, 128 * 11 + 5), (9, 1)] {
             let picture = picture(width, height);
             let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());

@@ -1,4 +1,4 @@
-//! Layers as files: all of them with the picture in one EXR, or each as a PNG to be looked at.
+//! Layers as files: all of them and the picture in one EXR, or a PNG for each.
 
 use super::{COUNT_SCALE_HEIGHT, Radiance, draw_count_scale, save_rgb8, viridis};
 use crate::error::{Error, Result};
@@ -12,10 +12,10 @@ use std::fs::File;
 use std::io::{BufWriter, Error as IoError, Result as IoResult, Write as _};
 use std::path::{Path, PathBuf};
 
-/// The PNGs' names after the layers' own.
+/// Suffixes of the PNG files' names, one per layer.
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
-/// The files that layers are written to under a target's name, or why they cannot be.
+/// Returns the files that layers are written to, derived from a target's name, or why they cannot be written.
 pub fn layer_targets(target: &Target) -> Result<Vec<Target>> {
     let path = target.path();
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -24,7 +24,7 @@ pub fn layer_targets(target: &Target) -> Result<Vec<Target>> {
     } else if ending == "png" {
         NAMES.map(|name| target.renamed(named(path, name))).to_vec()
     } else {
-        let message = format!("'{}' is no name for layers", path.display());
+        let message = format!("'{}' is not a valid name for layers", path.display());
         return Err(Error::input(message)
             .with_help("NAME.exr holds all of them, NAME.png stands for NAME-depth.png and so on"));
     };
@@ -36,7 +36,7 @@ fn named(path: &Path, layer: &str) -> PathBuf {
     path.with_file_name(format!("{}-{layer}.png", path.file_stem().unwrap_or_default().to_string_lossy()))
 }
 
-/// Writes layers and, in an EXR, the picture with them.
+/// Writes the layers and, in an EXR, the picture too.
 pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Result<()> {
     if let [all] = targets {
         return all.write(|file| exr(image, layers, file));
@@ -52,7 +52,7 @@ pub fn save_layers(image: &Radiance, layers: &Layers, targets: &[Target]) -> Res
     targets.iter().zip(&pictures).try_for_each(|(target, picture)| save_rgb8(picture, target))
 }
 
-/// One EXR, compressed without loss in blocks of 16 lines (ZIP).
+/// Writes one EXR, compressed without loss in blocks of 16 lines (ZIP).
 fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
     let floats = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let words = |name: &str, values: &[u32]| AnyChannel::new(name, FlatSamples::U32(values.to_vec()));
@@ -85,7 +85,7 @@ fn picture(layers: &Layers, colour: impl Fn(usize) -> [u8; 3]) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| Rgb(colour((y * width + x) as usize)))
 }
 
-/// Depth from white, nearest, to dark grey, farthest; black where nothing is.
+/// Shows depth from white (nearest) to dark grey (farthest); black where there is no hit.
 fn grey(layers: &Layers) -> RgbImage {
     let seen = || layers.depth.iter().copied().filter(|depth| depth.is_finite());
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
@@ -96,7 +96,7 @@ fn grey(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Normals: each component from -1 to 1 as a channel from 0 to 255.
+/// Shows normals: each component from -1 to 1 becomes a channel from 0 to 255.
 fn directions(layers: &Layers) -> RgbImage {
     picture(layers, |pixel| match layers.normal[pixel] {
         [0.0, 0.0, 0.0] => [0; 3],
@@ -104,7 +104,7 @@ fn directions(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Numbers as colours that differ from one to the next; black where nothing is.
+/// Shows numbers as colours that differ between consecutive numbers; black where there is no hit.
 fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
     picture(layers, |pixel| match numbers[pixel] {
         NOTHING => [0; 3],
@@ -116,7 +116,7 @@ fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
     })
 }
 
-/// A number a pixel in false colour, dark for none, over a scale.
+/// Shows one number per pixel in false colour, dark for 0, above a scale.
 pub fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clone) -> RgbImage {
     let most = counts.clone().max().unwrap_or(0).max(1);
     let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);

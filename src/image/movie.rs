@@ -7,7 +7,7 @@ use crate::scene::Display;
 use image::RgbImage;
 use std::io::{BufWriter, Error, ErrorKind, Result as IoResult, Write};
 
-/// One file or stream of frames.
+/// A file or stream of frames.
 #[derive(Debug)]
 pub struct Movie {
     target: Target,
@@ -19,24 +19,24 @@ pub struct Movie {
 
 #[derive(Clone, Copy, Debug)]
 enum Format {
-    /// An animated PNG with this number of frames.
+    /// An animated PNG, with its number of frames.
     Apng(u32),
     /// YUV4MPEG2: BT.709, limited range, 4:2:0.
     Y4m,
 }
 
 impl Movie {
-    /// An animated PNG, which repeats.
+    /// Makes an animated PNG that repeats.
     pub fn apng(target: Target, size: [u32; 2], rate: u16, frames: u32) -> Self {
         Self { target, size, rate, format: Format::Apng(frames) }
     }
 
-    /// A stream for an encoder, on standard output.
+    /// Makes a stream for an encoder on standard output.
     pub fn y4m(target: Target, size: [u32; 2], rate: u16) -> Self {
         Self { target, size, rate, format: Format::Y4m }
     }
 
-    /// Its name in messages.
+    /// Returns its name for messages.
     pub fn name(&self) -> String {
         match self.format {
             Format::Apng(_) => self.target.path().display().to_string(),
@@ -44,7 +44,7 @@ impl Movie {
         }
     }
 
-    /// Writes frames as they come.
+    /// Writes frames as they arrive.
     pub fn write(&self, frames: impl Iterator<Item = Radiance>, display: Display) -> Result<()> {
         let frames = frames.map(|frame| to_rgb8(&frame, display));
         match self.format {
@@ -52,7 +52,7 @@ impl Movie {
             Format::Y4m => {
                 let mut out = BufWriter::new(std::io::stdout().lock());
                 match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
-                    // An encoder that has what it wanted.
+                    // The encoder has closed its input because it needs no more frames.
                     Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
                     other => other.map_err(|error| {
                         crate::Error::run(format!("standard output could not be written: {error}"))
@@ -84,7 +84,7 @@ impl Movie {
     }
 }
 
-/// Frames as YUV4MPEG2, with one chroma sample for two by two pixels, in their middle.
+/// Writes frames as YUV4MPEG2, with one chroma sample in the middle of each block of 2 x 2 pixels.
 fn write_y4m(
     out: &mut impl Write,
     frames: impl Iterator<Item = RgbImage>,
@@ -99,10 +99,10 @@ fn write_y4m(
     Ok(())
 }
 
-/// ITU-R BT.709-6, 3.2 to 3.4: weights of red, green and blue in luma.
+/// Weights of red, green and blue in luma: ITU-R BT.709-6, 3.2 to 3.4.
 const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// The planes of a frame in 8 bits, limited range.
+/// Returns the planes of a frame in 8 bits, limited range.
 fn yuv(frame: &RgbImage) -> Vec<u8> {
     let (width, height) = frame.dimensions();
     let luma = |rgb: [f32; 3]| WEIGHTS.iter().zip(rgb).map(|(weight, value)| weight * value).sum::<f32>();

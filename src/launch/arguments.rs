@@ -1,4 +1,4 @@
-//! Arguments of kernels, bound by the names that the manifest's parameters have.
+//! The arguments of kernels, bound by the parameters' names in the manifest.
 
 use super::LaunchError;
 use crate::manifest::{self, Fact};
@@ -7,7 +7,7 @@ use ocl::builders::KernelBuilder;
 use ocl::prm::{Float4, Int2, Uint2};
 use ocl::{Buffer, Kernel};
 
-/// What is handed to a kernel.
+/// A value that can be passed to a kernel.
 #[derive(Clone, Copy)]
 pub(super) enum Argument<'a> {
     Floats(&'a Buffer<f32>),
@@ -49,7 +49,7 @@ argument_from! {
 }
 
 impl<'a> Argument<'a> {
-    /// Whether it can be bound to a parameter of this type in OpenCL C.
+    /// Returns whether the value can be bound to a parameter of this OpenCL C type.
     fn fits(&self, of_type: &str) -> bool {
         const QUALIFIERS: [&str; 5] = ["const", "volatile", "restrict", "__global", "SOURCE_SPACE"];
         let mut words = of_type.split([' ', '*']).filter(|word| !word.is_empty());
@@ -57,9 +57,9 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // An allocator's counter is filled as an integer.
+            // The allocator's counter is set as an integer.
             Self::Ints(_) => (true, &["int", "uint"]),
-            // A tree's nodes are words of both kinds.
+            // A tree's nodes contain both floats and integers.
             Self::Words(_) => (true, &["uint", "float", "Index"]),
             Self::Shorts(_) => (true, &["Index"]),
             Self::Pairs(_) => (true, &["uint2"]),
@@ -73,7 +73,8 @@ impl<'a> Argument<'a> {
         points == of_type.contains('*') && elements.contains(&element)
     }
 
-    /// Binds the next parameter; what a camera or a sample decides can be bound again, by its name.
+    /// Binds the next parameter. Parameters that depend on the camera or the sample can be bound again, by
+    /// their names.
     fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
@@ -92,24 +93,24 @@ impl<'a> Argument<'a> {
     }
 }
 
-/// An argument that a scene with textures has.
+/// The argument that scenes with textures have in addition.
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
-/// An argument of a scene whose soft lights or sky are sampled.
+/// The argument that scenes with sampled soft lights or a sky have in addition.
 pub(super) const SOFT: &str = "soft";
 
-/// Arguments by their parameters' names. Kernels take those they have a parameter for.
+/// Arguments by the names of their parameters. A kernel uses those that it has a parameter for.
 #[derive(Clone, Default)]
 pub(super) struct Arguments<'a>(Vec<(&'static str, Argument<'a>)>);
 
 impl<'a> Arguments<'a> {
-    /// One more, which hides an earlier one of its name.
+    /// Adds an argument; it replaces an earlier one of the same name.
     #[must_use]
     pub fn with(mut self, name: &'static str, value: impl Into<Argument<'a>>) -> Self {
         self.0.push((name, value.into()));
         self
     }
 
-    /// Binds what a kernel of a strategy takes, in the manifest's order.
+    /// Binds the arguments of a strategy's kernel, in the manifest's order.
     pub fn bind(
         &self,
         kernel: &'static manifest::Kernel,
@@ -135,7 +136,7 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Binds those again that a kernel has a parameter for and that a camera or a sample decides.
+    /// Binds again the arguments that depend on the camera or the sample, if the kernel has them.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {

@@ -1,4 +1,5 @@
-//! What a device's compiler has of its own, asked by a kernel: OpenCL tells its extensions, not its macros.
+//! Queries which macros and built-ins a device's compiler defines, by running a kernel: OpenCL reports only
+//! extensions.
 
 use super::Queue;
 use crate::error::{Error, Result};
@@ -7,14 +8,15 @@ use crate::program::{BuiltProgram, Kept, ProgramSpec};
 use ocl::{Buffer, Kernel, MemFlags};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What an absent macro is answered with.
+/// The answer for an undefined macro.
 const ABSENT: i64 = i64::MIN;
 
-/// Preprocesses a program as the device's compiler does: whatever its conditions ask of the compiler, the compiler is asked.
+/// Preprocesses a program as the device's compiler would. Conditions on the compiler's own macros are
+/// answered by running a kernel.
 pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
     let (mut given, mut absent) = (BTreeMap::new(), BTreeSet::new());
     loop {
-        // An answer may open a branch that asks more.
+        // An answer may enable a branch that asks for more macros.
         let text = preprocess(&spec.source, &spec.options, &given)?;
         let asked: Vec<&String> = text.asked.iter().filter(|name| !absent.contains(*name)).collect();
         if asked.is_empty() {
@@ -22,7 +24,7 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
         }
         let answers = ask(queue, &spec.options, &asked).map_err(|message| {
             Error::run(format!("the device's compiler could not be asked for its macros: {message}"))
-                .with_help("without --device they count as absent")
+                .with_help("without --device, raycl takes the macros as undefined")
         })?;
         for (name, answer) in asked.into_iter().zip(answers) {
             match answer {
@@ -33,7 +35,7 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
     }
 }
 
-/// The values of macros, and whether there are built-ins.
+/// Returns the values of macros, and whether built-ins exist.
 fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<Vec<i64>, String> {
     let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
     let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");
@@ -51,7 +53,7 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
         let mut kernel = Kernel::builder();
         let kernel = kernel.program(&program.program).name("ask").queue(commands);
         let kernel = kernel.global_work_size(1).arg(&answer).build()?;
-        // SAFETY: the kernel has the one argument its source declares, with an entry for each question.
+        // SAFETY: the kernel has the one argument that its source declares, with an entry for each query.
         unsafe { kernel.enq()? };
         let mut values = vec![ABSENT; names.len()];
         answer.read(&mut values).enq()?;
@@ -60,7 +62,7 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
     run().map_err(|error| error.to_string())
 }
 
-/// Lines that answer for one name; an empty macro counts as 0.
+/// Returns the source lines that answer one query; an empty macro counts as 0.
 fn question(at: usize, name: &str) -> String {
     if name.starts_with("__has_builtin(") {
         return format!("#ifdef __has_builtin\n#if {name}\nanswer[{at}] = 1;\n#endif\n#endif\n");

@@ -1,24 +1,24 @@
-//! Bands of a frame: whole rows of work-groups, so that several devices can cast one frame between them.
+//! Bands of a frame: whole rows of work-groups. Several devices cast one frame by casting one band each.
 
 use std::ops::Range;
 
-/// Rows of work-groups from the top.
+/// Rows of work-groups, counted from the top.
 pub type Band = Range<usize>;
 
-/// Halvings after which a time is as exact as a float is.
+/// Number of bisections after which a time is as exact as a float.
 const HALVINGS: usize = 60;
 
-/// What a frame takes on a device, and where.
+/// The time that a device takes for a frame, and its distribution over the frame.
 #[derive(Clone, Debug)]
 pub struct Cost {
-    /// The whole frame.
+    /// Time for the whole frame.
     pub whole_ms: f64,
-    /// Parts of equal height from top to bottom, in any unit; none where nothing is known.
+    /// Relative costs of parts of equal height, from top to bottom, in any unit; empty if unknown.
     pub parts: Vec<f64>,
 }
 
 impl Cost {
-    /// Parts that add up to the whole; one where nothing useful is known.
+    /// Returns the times of the parts, which add up to the whole; a single part if the costs are unknown.
     fn parts_ms(&self) -> Vec<f64> {
         let sum: f64 = self.parts.iter().sum();
         if !(sum > 0.0 && sum.is_finite()) {
@@ -27,7 +27,7 @@ impl Cost {
         self.parts.iter().map(|part| part / sum * self.whole_ms).collect()
     }
 
-    /// How far down, 0 to 1, a device comes in some time that begins at a height.
+    /// Returns how far down the frame, 0 to 1, a device gets in `ms` if it begins at `from`.
     fn reach(parts_ms: &[f64], from: f64, mut ms: f64) -> f64 {
         let count = parts_ms.len() as f64;
         let mut at = from * count;
@@ -45,7 +45,8 @@ impl Cost {
     }
 }
 
-/// Where each device's part of a frame ends, 0 to 1 from the top, so that all take equally long, and how long that is.
+/// Returns where each device's part of a frame ends, 0 to 1 from the top, so that all parts take equally
+/// long, and that time.
 pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     let parts: Vec<Vec<f64>> = costs.iter().map(Cost::parts_ms).collect();
     let ends = |ms: f64| -> Vec<f64> {
@@ -56,7 +57,7 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // In the time of the fastest alone all of the frame is cast for sure.
+    // In the time that the fastest device needs alone, the whole frame is certainly cast.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
         let middle = (short + enough) / 2.0;
@@ -70,8 +71,9 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     (ends, enough)
 }
 
-/// The rows of pixels of each device's part: the first, and the one after the last. A part begins with a whole row of its device's
-/// work-groups, of so many rows of pixels each; it may be empty.
+/// Returns the pixel rows of each device's part: the first row, and the one after the last. A part begins
+/// with a whole row of its device's work-groups, whose height in pixels is in `group_heights`. A part may be
+/// empty.
 pub fn rows(ends: &[f64], height: u32, group_heights: &[u32]) -> Vec<[u32; 2]> {
     let mut starts = vec![0_u32];
     for (end, group) in ends.iter().zip(&group_heights[1..]) {
@@ -105,11 +107,12 @@ mod tests {
 
     #[test]
     fn costly_rows_and_slow_devices_make_smaller_parts() {
-        // The lower half costs three times as much: 2 of 8 parts of cost lie above, 6 below.
+        // The lower half costs three times as much as the upper: of 8 units of cost, 2 lie above and 6 below.
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
-        // Each device has costs of its own: what is above costs the second nothing, and it casts what is below.
+        // Each device has its own costs: the upper half costs the second device nothing, yet it casts the
+        // lower half.
         let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
         assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }
@@ -118,7 +121,7 @@ mod tests {
     fn a_part_begins_where_its_devices_work_groups_do() {
         let ends = balance(&vec![cost(1.0, &[]); 3]).0;
         assert_eq!(rows(&ends, 100, &[8, 16, 1]), [[0, 32], [32, 67], [67, 100]]);
-        // A device whose work-groups are higher than its part has none.
+        // A device whose work-groups are higher than its part gets no part.
         assert_eq!(rows(&ends, 10, &[1, 64, 1]), [[0, 0], [0, 7], [7, 10]]);
         assert_eq!(rows(&ends, 10, &[1, 1, 64]), [[0, 3], [3, 10], [10, 10]]);
     }

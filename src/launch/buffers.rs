@@ -1,15 +1,15 @@
-//! Buffers, which OpenCL does not allow to be empty, and how their values come and go: in place where the device shares the host's
-//! memory, through pinned memory where it does not and there are many.
+//! Buffers, which OpenCL does not allow to be empty, and transfers to and from them. If the device shares the
+//! host's memory, values are accessed in place; otherwise large transfers use pinned memory.
 
 use super::Queue;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Bytes that a thread copies at a time.
+/// Number of bytes that a thread copies at a time.
 const COPIED_TOGETHER: usize = 1 << 18;
 
-/// A buffer the kernels only read, holding `values`.
+/// Makes a read-only buffer that contains `values`.
 pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> {
     if queue.pins(size_of_val(values)) {
         return upload_rows(queue, [values.len(), 1], |places, piece| copy(&values[places], piece));
@@ -24,9 +24,9 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
         .build()
 }
 
-/// A buffer of `rows` rows of `row` values the kernels only read. `fill` writes the rows it is asked for: where the buffer is if the
-/// device shares the host's memory, since touching memory for the first time costs more than what is written into it, or where
-/// the device fetches them.
+/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly
+/// into the buffer if the device shares the host's memory, otherwise into pinned memory. Filling in place
+/// avoids touching new memory twice, which would cost more than computing the values.
 pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
     [rows, row]: [usize; 2],
@@ -51,8 +51,8 @@ pub fn upload_rows<T: OclPrm>(
     Ok(buffer)
 }
 
-/// Hands some of a buffer's rows of `row` values to `take`: all at once, in place, where the device shares the host's memory, or
-/// piece by piece, each while the next is on its way.
+/// Passes a buffer's rows of `row` values to `take`: all at once and in place if the device shares the host's
+/// memory, otherwise piece by piece, each while the next is being transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,
@@ -87,12 +87,12 @@ pub fn copy<T: OclPrm>(from: &[T], to: &mut [T]) {
 }
 
 fn map<T: OclPrm>(buffer: &Buffer<T>, flags: MapFlags) -> ocl::Result<MemMap<T>> {
-    // SAFETY: the queue is in order and the call waits, so no command writes the buffer while it is mapped; it is
-    // unmapped before anything else is enqueued.
+    // SAFETY: the queue is in order and the call waits, so no command writes the buffer while it is mapped.
+    // It is unmapped before anything else is enqueued.
     unsafe { buffer.map().flags(flags).enq() }
 }
 
-/// A buffer of `len` values that kernels read and write.
+/// Makes a buffer of `len` values that kernels read and write.
 pub fn allocate<T: OclPrm>(queue: &Queue, len: usize) -> ocl::Result<Buffer<T>> {
     Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_WRITE).len(len.max(1)).build()
 }

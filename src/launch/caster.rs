@@ -1,4 +1,4 @@
-//! Everything one point needs to cast a frame again and again.
+//! A caster: everything that is needed to cast frames of one point repeatedly.
 
 use super::arguments::Arguments;
 use super::band::Band;
@@ -34,8 +34,8 @@ pub struct Caster {
 }
 
 impl Caster {
-    /// Makes buffers and kernels for a frame of `workload.image_size`, or for some rows of work-groups only. Buffers are the
-    /// whole frame's; what is prepared or rasterised before pixels are cast is so for all of it.
+    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of it. Even for a band,
+    /// buffers have the size of the whole frame, and preparation and rasterisation cover all of it.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let Setup { queue, program, strategy, workload, uploaded, tree, .. } = setup;
         let size = workload.image_size;
@@ -69,12 +69,13 @@ impl Caster {
         Ok(Self { queue: queue.clone(), steps, image, working, size, records_ms, _bytes: bytes })
     }
 
-    /// Device time of preparing records of triangles, where there are any: once, and part of no frame.
+    /// Returns the device time for preparing the records of triangles, if the strategy uses them. It is spent
+    /// once and is not part of a frame.
     pub fn records_ms(&self) -> Option<f64> {
         self.records_ms
     }
 
-    /// Pixels across and down.
+    /// Returns the image size in pixels: across, down.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
@@ -84,7 +85,7 @@ impl Caster {
         self.cast_batch(1)
     }
 
-    /// Casts the frame `frames` times, waits for the last, and gives the mean times of one.
+    /// Casts the frame `frames` times, waits for the last one, and returns the mean times of one.
     pub fn cast_batch(&self, frames: u32) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
@@ -97,14 +98,14 @@ impl Caster {
         Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3, frames)?)
     }
 
-    /// Looks from another camera from the next frame on.
+    /// Changes the camera, starting with the next frame.
     pub fn look_from(&self, camera: &Camera) -> Result<(), LaunchError> {
         let arguments = camera_arguments(Arguments::default(), camera, self.size);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts one frame for each sample of a pixel and gives their mean, how many pixels hit something in the last of them,
-    /// and the times of all together.
+    /// Casts one frame for each sample of a pixel. Returns their mean, the number of pixels that hit
+    /// something in the last of them, and the total times.
     pub fn cast_samples(
         &self,
         camera: &Camera,
@@ -129,17 +130,17 @@ impl Caster {
         self.cast()
     }
 
-    /// The kernels of a frame, in their order.
+    /// Returns the kernels of a frame in their order.
     pub fn kernels(&self) -> impl Iterator<Item = &Kernel> {
         self.steps.iter().filter_map(|(_, step)| step.kernel())
     }
 
-    /// Reads the image of the last frame, and how many of its pixels hit something.
+    /// Reads the image of the last frame, and the number of pixels that hit something.
     pub fn read(&self) -> Result<(Radiance, usize), LaunchError> {
         self.read_rows([0, self.size[1]])
     }
 
-    /// Reads the image's rows from the first up to, without, the last; they may be none.
+    /// Reads the image's rows from `first` up to but not including `end`; the range may be empty.
     pub fn read_rows(&self, [first, end]: [u32; 2]) -> Result<(Radiance, usize), LaunchError> {
         self.check_heap()?;
         let mut image = Radiance::new(self.size[0], end - first);
@@ -156,8 +157,9 @@ impl Caster {
         Ok((image, hits))
     }
 
-    /// Reads the image of the last frame as it is shown, in place where the device shares the host's memory, and how many of its
-    /// pixels hit something; none where a pixel is not finite, which cannot be shown.
+    /// Reads the image of the last frame after the display transform, in place if the device shares the
+    /// host's memory, and the number of pixels that hit something. Returns `None` if a pixel is not finite,
+    /// since it cannot be displayed.
     pub fn read_shown(&self, display: Display) -> Result<Option<(RgbImage, usize)>, LaunchError> {
         self.check_heap()?;
         let [width, height] = self.size;
@@ -182,8 +184,9 @@ impl Caster {
         Ok(hits.map(|hits| (picture, hits)))
     }
 
-    /// The same where the device has a memory of its own: it shows its image itself, and `take` gets its rows from the top as red,
-    /// green and blue, a multiple of `together` rows at a time but for the last.
+    /// Does the same for a device with separate memory, which applies the display transform itself. `take`
+    /// receives the rows from the top as red, green and blue, in multiples of `together` rows except for the
+    /// last call.
     pub fn show(
         &self,
         program: &ShowProgram,
@@ -195,7 +198,7 @@ impl Caster {
         program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
     }
 
-    /// Fails where the last kernel took more from the heap than there was.
+    /// Returns an error if the last kernel allocated more from the heap than it holds.
     fn check_heap(&self) -> Result<(), LaunchError> {
         let Working::Heap { top, size, .. } = &self.working else { return Ok(()) };
         let mut used = [0];
@@ -217,7 +220,7 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Room for each triangle's planes, for the eye and each light, or those of a round.
+/// Allocates memory for each triangle's planes, for the eye and each light, or for those of a round.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

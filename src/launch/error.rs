@@ -1,48 +1,48 @@
-//! What a device or its driver refuses.
+//! Errors of a device or its driver.
 
 use thiserror::Error;
 
-/// A launch the device or its driver refused, or whose result it did not vouch for.
+/// A launch that the device or its driver refused, or whose result is not valid.
 #[derive(Debug, Error)]
 pub enum LaunchError {
-    /// What OpenCL said.
+    /// OpenCL's own error.
     #[error("{0}")]
     OpenCl(String),
-    /// The built kernel holds fewer work-items than the local size has.
+    /// The local size has more work-items than the kernel supports.
     #[error("the built kernel {kernel}: {items} work-items of the local size > {most} that it can hold")]
     WorkGroup {
-        /// Its name.
+        /// The kernel's name.
         kernel: String,
-        /// Work-items it can hold.
+        /// Number of work-items that the kernel supports.
         most: usize,
-        /// Work-items of the local size.
+        /// Number of work-items in the local size.
         items: usize,
     },
-    /// Nothing fits a parameter that the manifest names: a mistake in the program.
+    /// No argument fits a parameter in the manifest: a bug in raycl.
     #[error("the kernel {kernel} has no argument for its parameter {parameter}")]
     Argument {
-        /// Its name.
+        /// The kernel's name.
         kernel: &'static str,
         /// The parameter, with its type.
         parameter: String,
     },
-    /// The program's family has no such kernel: a mistake in the program.
+    /// The program's family has no kernel for this role: a bug in raycl.
     #[error("the kernels of {family} have none for {role}")]
     Kernel {
-        /// The family.
+        /// The family's name.
         family: &'static str,
-        /// What it is for.
+        /// The kernel's role.
         role: String,
     },
-    /// The scene's tree could not be made.
+    /// The scene's tree could not be built.
     #[error("{0}")]
     Tree(String),
-    /// The in-kernel allocator asked for more than the pool holds.
-    #[error("the in-kernel heap ran out: {used} of {size} values were asked for")]
+    /// The allocator in the kernel ran out of memory.
+    #[error("the in-kernel heap is too small: {used} values requested, {size} available")]
     HeapExhausted {
-        /// Values taken.
+        /// Number of values requested.
         used: u64,
-        /// Values there are.
+        /// Number of values in the pool.
         size: u64,
     },
 }
@@ -54,7 +54,7 @@ impl From<ocl::core::Error> for LaunchError {
 }
 
 impl From<ocl::Error> for LaunchError {
-    /// Keeps the status and the function, and drops `ocl`'s decoration.
+    /// Keeps OpenCL's status and function, without the formatting of the `ocl` crate.
     fn from(error: ocl::Error) -> Self {
         let message = error.to_string();
         let lines: Vec<_> = message

@@ -5,16 +5,16 @@ use ocl::Event;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use serde::{Deserialize, Serialize};
 
-/// What a step of a frame is for.
+/// The purpose of a step of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Finding what primary rays hit, with its preparation.
+    /// Finding the hits of primary rays, including preparation.
     Primary,
-    /// Shadow rays, with shading where that is not apart.
+    /// Casting shadow rays, including shading if no kernel does that separately.
     Shadow,
-    /// Shading, where it has a kernel of its own.
+    /// Shading, if it has its own kernel.
     Shade,
-    /// Both in one kernel.
+    /// All of these in one kernel.
     Whole,
 }
 
@@ -22,24 +22,24 @@ pub enum Phase {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FrameTimes {
-    /// Device time: the sum over its commands of their end less their start.
+    /// Device time: the sum of the durations of its commands.
     pub frame_ms: f64,
-    /// The primary part, where the strategy separates it.
+    /// Time for primary rays, if the strategy separates them.
     pub primary_ms: Option<f64>,
-    /// The shadow part, where the strategy separates it.
+    /// Time for shadow rays, if the strategy separates them.
     pub shadow_ms: Option<f64>,
-    /// Shading, where it is apart from shadow rays; beside it, where tiles are shared and passes fused, shadow rays that were
-    /// left over are cast.
+    /// Time for shading, if it is separate from shadow rays. For shared tiles with fused passes it includes
+    /// the leftover shadow rays.
     pub shade_ms: Option<f64>,
-    /// The same frame by the host's clock, from enqueueing to completion.
+    /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
-    /// Frames of the batch that these times are the mean of; none for one frame alone.
+    /// Number of frames of which these times are the mean; `None` for a single frame.
     pub batch: Option<u32>,
-    /// What the device's sensors showed meanwhile.
+    /// Readings of the device's sensors during the frame.
     pub sensed: Option<SensorReading>,
 }
 
-/// How long a finished command ran, in milliseconds of the device's clock.
+/// Returns the duration of a finished command in milliseconds, on the device's clock.
 pub(crate) fn duration_ms(event: &Event) -> ocl::Result<f64> {
     let read = |info| match event.profiling_info(info)? {
         ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns) => Ok::<_, ocl::Error>(ns),
@@ -49,12 +49,12 @@ pub(crate) fn duration_ms(event: &Event) -> ocl::Result<f64> {
 }
 
 impl FrameTimes {
-    /// The times of a frame that is not made of passes.
+    /// Returns the times of a frame that has no passes.
     pub fn whole(frame_ms: f64, host_ms: f64) -> Self {
         Self { frame_ms, host_ms, ..Self::default() }
     }
 
-    /// The times of two frames together.
+    /// Returns the total times of two frames.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
         let both = |a: Option<f64>, b: Option<f64>| a.map(|a| a + b.unwrap_or(0.0)).or(b);
@@ -68,19 +68,19 @@ impl FrameTimes {
         }
     }
 
-    /// Milliseconds of the host's clock that the sample took, all frames of its batch together.
+    /// Returns the milliseconds on the host's clock that the sample took, for all frames of its batch.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }
 
-    /// Its shortest part: a pass where there are passes.
+    /// Returns the time of its shortest part: a pass if there are several.
     pub fn shortest_ms(&self) -> f64 {
         let passes = [self.primary_ms, self.shadow_ms, self.shade_ms];
         passes.into_iter().flatten().fold(self.frame_ms, f64::min)
     }
 
-    /// Sums the times of finished commands and divides by the `frames` that they are of. What lies between commands,
-    /// where some drivers compile a kernel that they launch for the first time, is in `host_ms` only.
+    /// Sums the durations of finished commands and divides by the number of `frames`. Time between commands,
+    /// in which some drivers compile a kernel at its first launch, is part of `host_ms` only.
     pub fn of(steps: &[(Phase, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());

@@ -1,4 +1,5 @@
-//! Bytes that a session's strategies hold on their device: what they share of the scene, and what each frame has alone.
+//! Counts the bytes that the strategies of a session hold on their device: shared parts of the scene, and the
+//! buffers of each frame.
 
 use super::shared_scene::Kind;
 use crate::strategy::{Requirements, Strategy, Workload};
@@ -6,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The bytes that one session holds.
+/// The bytes held by one session.
 #[derive(Default)]
 pub(super) struct Held {
     shared_bytes: HashMap<Kind, u64>,
@@ -14,32 +15,32 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// What others than `strategy` hold: what it shares with them is its own, too.
+    /// Returns the bytes held by others, which `strategy` does not share.
     pub fn beside(&self, strategy: &Strategy) -> u64 {
         let own = Kind::of(strategy);
         let others = self.shared_bytes.iter().filter(|(kind, _)| **kind != own).map(|(_, bytes)| bytes);
         self.frames.bytes.load(Ordering::Relaxed) + others.sum::<u64>()
     }
 
-    /// A strategy's scene and tree are on the device.
+    /// Counts a strategy's scene and tree, which are now on the device.
     pub fn share(&mut self, strategy: &Strategy, workload: &Workload) {
         self.shared_bytes.insert(Kind::of(strategy), Requirements::scene_bytes(strategy, workload));
     }
 
-    /// Where frames that are made later are counted.
+    /// Returns the counter for frames that are made later.
     pub fn frames(&self) -> Frames {
         self.frames.clone()
     }
 }
 
-/// The bytes of all frames there are.
+/// Counts the bytes of all existing frames.
 #[derive(Clone, Default)]
 pub(super) struct Frames {
     bytes: Arc<AtomicU64>,
 }
 
 impl Frames {
-    /// Counts one more for as long as what is returned lives.
+    /// Counts one more frame until the returned value is dropped.
     pub fn count(&self, strategy: &Strategy, workload: &Workload) -> FrameBytes {
         let needs = Requirements::of(strategy, workload);
         let own_bytes =
@@ -49,7 +50,7 @@ impl Frames {
     }
 }
 
-/// The bytes of one frame, which are free again when it is dropped.
+/// The bytes of one frame; dropping this subtracts them from the count.
 pub(super) struct FrameBytes {
     all: Frames,
     own_bytes: u64,

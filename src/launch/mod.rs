@@ -1,7 +1,7 @@
 //! Running programs: buffers, arguments, NDRanges, events.
 //!
-//! A [`Queue`] is a device ready for commands; a [`Session`] a scene on it, and the one way from a strategy to a [`Caster`]:
-//! everything one point needs to cast a frame again and again.
+//! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on that device; it turns a strategy
+//! into a [`Caster`], which can cast the frame of one point repeatedly.
 
 mod arguments;
 mod ask;

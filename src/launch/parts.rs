@@ -15,20 +15,20 @@ use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 
-/// Triangles that a work-group prepares.
+/// Number of triangles that a work-group prepares.
 const PREPARED_TOGETHER: usize = 64;
 
-/// A work-item per triangle and origin. The work-group is given: OpenCL would look for a divisor of the number of triangles,
-/// which may be one.
+/// Sets one work-item per triangle and origin. The work-group size is given, since OpenCL would choose a
+/// divisor of the number of triangles, which may be 1.
 pub(super) fn size_for_preparing(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
     kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
     kernel.local_work_size([PREPARED_TOGETHER, 1]);
 }
 
-/// What all kernels of a frame are made from.
+/// The inputs of all kernels of a frame.
 pub(super) struct Parts<'a> {
     pub setup: Setup<'a>,
-    /// What follows from the scene, the camera and where working vectors and planes lie.
+    /// Arguments that depend on the scene, the camera, and the buffers of working vectors and planes.
     pub arguments: Arguments<'a>,
     pub working: &'a Working,
     pub prepared: Option<&'a Buffer<f32>>,
@@ -36,14 +36,14 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// The kernel of the strategy's family for something.
+    /// Returns the family's kernel for a role.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.setup.strategy.family();
         let kernel = family.kernel(role);
         kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, role: format!("{role:?}") })
     }
 
-    /// A kernel with its arguments, to be given its size.
+    /// Returns a kernel with its arguments, without its size.
     pub fn builder(
         &self,
         kernel: &'static manifest::Kernel,
@@ -53,7 +53,7 @@ impl<'a> Parts<'a> {
         builder(queue, program, strategy, kernel, arguments)
     }
 
-    /// A kernel of one work-item per block of pixels, or of as many work-items as `items` says.
+    /// Returns a kernel with one work-item per block of pixels, or with as many work-items as `items` says.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -71,14 +71,14 @@ impl<'a> Parts<'a> {
         Ok(built)
     }
 
-    /// Its work-items across and down.
+    /// Returns the number of work-items across and down.
     pub fn pixel_items(&self) -> [usize; 2] {
         let [across, down] = self.setup.workload.global_size(self.setup.strategy);
         let rows = |band: &Band| band.len() * self.setup.workload.local_size[1] as usize;
         [across, self.band.as_ref().map_or(down, rows)]
     }
 
-    /// Asks the built kernel again whether it can hold the local size.
+    /// Checks that the built kernel supports the local size.
     fn check_work_group(&self, kernel: &Kernel, name: &str) -> Result<(), LaunchError> {
         let items = self.setup.workload.local_size.iter().product::<u32>() as usize;
         match kernel.wg_info(self.setup.queue.device, KernelWorkGroupInfo::WorkGroupSize)? {
@@ -89,7 +89,7 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// One kernel for a whole frame.
+    /// Returns the steps of a frame that one kernel casts.
     pub fn cast_fused(&self, image: &'a Buffer<Float4>) -> Result<Steps, LaunchError> {
         let mut steps: Steps = self.prepare_origins(Phase::Whole)?.into_iter().collect();
         steps.extend(self.reset_heap(Phase::Whole));
@@ -99,7 +99,7 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// The nearest hits first, then their shading.
+    /// Returns the steps of a frame with separate passes: nearest hits first, then their shading.
     pub fn cast_separate(
         &self,
         image: &'a Buffer<Float4>,
@@ -121,7 +121,7 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// The allocator starts afresh before each kernel.
+    /// Resets the allocator, before each kernel.
     fn reset_heap(&self, phase: Phase) -> Option<(Phase, Step)> {
         match self.working {
             Working::Heap { top, .. } => Some((phase, Step::Fill(top.clone(), 0))),
@@ -129,7 +129,8 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// One work-item per triangle and origin; nothing where no planes are wanted or there are no triangles.
+    /// Prepares planes with one work-item per triangle and origin; `None` if the strategy uses no planes or
+    /// there are no triangles.
     fn prepare_origins(&self, phase: Phase) -> Result<Option<(Phase, Step)>, LaunchError> {
         let uploaded = self.setup.uploaded;
         if self.prepared.is_none() || uploaded.triangle_count == 0 {
@@ -140,7 +141,7 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
-    /// Clears, resolves depth, then finds the triangle that has it.
+    /// Clears the buffers, finds the depth of each pixel, then the triangle at that depth.
     fn rasterise(&self, arguments: &Arguments<'a>, nearest: &Buffer<i32>) -> Result<Steps, LaunchError> {
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let Setup { queue, program, strategy, .. } = self.setup;
@@ -162,7 +163,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// A kernel with its arguments, to be given its size.
+/// Returns a kernel with its arguments, without its size.
 pub(super) fn builder<'b>(
     queue: &Queue,
     program: &'b BuiltProgram,
@@ -172,8 +173,9 @@ pub(super) fn builder<'b>(
 ) -> Result<KernelBuilder<'b>, LaunchError> {
     let mut builder = Kernel::builder();
     builder.program(&program.program).name(kernel.name).queue(queue.commands.clone());
-    // SAFETY: `bind` compares each argument with its parameter in the manifest, from which the kernels' parameter lists
-    // are made; `ocl` compares names of types, and refuses words for a tree's floats.
+    // SAFETY: `bind` compares each argument with its parameter in the manifest, from which the kernels'
+    // parameter lists are generated. The check by `ocl` compares names of types, and would refuse words as a
+    // tree's floats.
     unsafe { builder.disable_arg_type_check() };
     arguments.bind(kernel, strategy, &mut builder)?;
     Ok(builder)

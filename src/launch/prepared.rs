@@ -11,19 +11,19 @@ use crate::scene::{Light, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use std::sync::Arc;
 
-/// Its program is built, its scene uploaded; [`Session`](super::Session) makes it.
+/// A strategy with its program built and its scene uploaded, made by [`Session`](super::Session).
 pub struct Prepared {
-    /// At which sizes.
+    /// The sizes.
     pub workload: Workload,
-    /// Samples of each pixel.
+    /// Number of samples per pixel.
     pub samples: u32,
-    /// What was compiled.
+    /// The source that was compiled.
     pub spec: ProgramSpec,
-    /// What became of it.
+    /// The compiled program.
     pub program: BuiltProgram,
-    /// How long its build took after the scene was there.
+    /// How long building continued after the scene was loaded.
     pub build_wait_ms: f64,
-    /// The host's memory that it needs, at the worst moment.
+    /// The largest amount of memory on the host that it needs at any time.
     pub host_bytes: u64,
     pub(super) queue: Queue,
     pub(super) scene: Arc<Scene>,
@@ -35,12 +35,12 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// What casts the frame.
+    /// Makes a caster for the frame.
     pub fn caster(&self) -> Result<Caster, Refused> {
         self.caster_of(&self.workload, None)
     }
 
-    /// What casts some rows of work-groups of a frame of other sizes; all of them without a band.
+    /// Makes a caster for a frame of another size, or for a band of it.
     pub(super) fn caster_of(&self, workload: &Workload, band: Option<Band>) -> Result<Caster, Refused> {
         let bytes = self.frames.count(&self.strategy, workload);
         Caster::new(self.setup(workload), band, bytes).map_err(Refused::at("preparing the frame"))
@@ -58,12 +58,12 @@ impl Prepared {
         }
     }
 
-    /// Moves the scene's lights from the next frame on. Their number stays the same.
+    /// Moves the scene's lights, starting with the next frame. Their number stays the same.
     pub fn move_lights(&self, lights: &[Light]) -> Result<(), LaunchError> {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
 
-    /// What the compiler made of a frame's kernels, by its log and its binary (PTX, or empty).
+    /// Returns properties of a frame's compiled kernels, from the build log and the binary (PTX, or empty).
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let items = self.workload.local_size.iter().product();
         let made = |kernel| {
@@ -73,18 +73,18 @@ impl Prepared {
         caster.kernels().map(made).collect()
     }
 
-    /// The device's buffers.
+    /// Returns the total size of the device's buffers.
     pub fn device_bytes(&self) -> u64 {
         let needs = Requirements::of(&self.strategy, &self.workload);
         needs.global_bytes + needs.scratch_bytes
     }
 
-    /// Time to build the tree on the host; 0 without a tree.
+    /// Returns the time for building the tree on the host; 0 without a tree.
     pub fn tree_ms(&self) -> f64 {
         self.tree.as_ref().map_or(0.0, |tree| tree.build_ms)
     }
 
-    /// Bringing the scene and its tree to the device.
+    /// Returns the time for uploading the scene and its tree.
     pub fn upload_ms(&self) -> f64 {
         self.uploaded.upload_ms + self.tree.as_ref().map_or(0.0, |tree| tree.upload_ms)
     }

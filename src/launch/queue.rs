@@ -1,4 +1,4 @@
-//! A device ready for commands.
+//! An open device.
 
 use super::staging::Staging;
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ pub struct Queue {
     pub commands: ocl::Queue,
     /// The device.
     pub device: Device,
-    /// Whether the device works in the host's own memory, as a CPU does.
+    /// Whether the device uses the host's own memory, as a CPU does.
     pub shares_memory: bool,
     /// Pinned memory of the host, for transfers.
     pub(super) staging: Arc<Staging>,
@@ -37,14 +37,14 @@ impl Queue {
         })
     }
 
-    /// The same, used as a device with a memory of its own is, whose transfers are in pieces of so many bytes: so that any device can
-    /// stand for one in tests.
+    /// Returns a queue that treats its device as one with separate memory, with transfers in pieces of this
+    /// many bytes. Tests use this to imitate such a device.
     #[must_use]
     pub fn apart(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }
     }
 
-    /// Whether so many bytes are transferred through pinned memory.
+    /// Returns whether a transfer of this many bytes uses pinned memory.
     pub(super) fn pins(&self, bytes: usize) -> bool {
         !self.shares_memory && self.staging.pays(bytes)
     }

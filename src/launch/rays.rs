@@ -1,4 +1,4 @@
-//! Casting any rays, not only a camera's.
+//! Casts arbitrary rays, not only a camera's.
 
 use super::buffers::{allocate, upload};
 use super::parts::{builder, size_for_preparing};
@@ -13,22 +13,23 @@ use glam::Vec3;
 use ocl::Buffer;
 use ocl::prm::Float4;
 
-/// A ray that sees hits at `t > t_min` along a direction of unit length.
+/// A ray that finds hits at `t > t_min` along a direction of length 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it starts.
+    /// The origin.
     pub origin: Vec3,
-    /// Where it goes; of unit length.
+    /// The direction, of length 1.
     pub direction: Vec3,
-    /// Hits at or before it are not seen.
+    /// Hits at this distance or nearer are ignored.
     pub t_min: f32,
 }
 
 impl Prepared {
-    /// The nearest triangle that each ray hits.
+    /// Returns the nearest triangle that each ray hits.
     ///
-    /// With the common-origin intersector all rays must start at the first one's origin; pixel-linear casts a camera's rays
-    /// only. Working vectors must be private or local: their buffers are sized for images.
+    /// With the common-origin test all rays must start at the first one's origin; the pixel-linear test
+    /// supports a camera's rays only. Working vectors must be private or local: their buffers are sized for
+    /// images.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
         let Self { queue, program, strategy, uploaded: scene, .. } = self;
         let kernel = self.kernel_for_rays()?;
@@ -55,14 +56,14 @@ impl Prepared {
         let [across, down] = self.workload.local_size.map(|n| n as usize);
         kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
         let kernel = kernel.build()?;
-        // SAFETY: its arguments were checked; the kernel reads and writes no ray past their count.
+        // SAFETY: its arguments were checked; the kernel accesses no ray beyond their count.
         unsafe { kernel.cmd().queue(&queue.commands).enq()? };
         let mut triangles = vec![0; rays.len()];
         nearest.read(&mut triangles).enq()?;
         Ok(triangles.into_iter().map(|id| u32::try_from(id).ok().filter(|_| id != NO_HIT)).collect())
     }
 
-    /// The kernel that casts any rays, where the strategy can.
+    /// Returns the kernel that casts arbitrary rays, if the strategy supports them.
     fn kernel_for_rays(&self) -> Result<&'static manifest::Kernel, LaunchError> {
         if !matches!(self.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
             return Err(LaunchError::OpenCl(
@@ -84,7 +85,7 @@ fn pack(ray: &Ray) -> [Float4; 2] {
     [Float4::new(from.x, from.y, from.z, ray.t_min), Float4::new(to.x, to.y, to.z, 0.0)]
 }
 
-/// The planes of every triangle for the rays' origin, if the intersector needs them.
+/// Prepares the planes of every triangle for the rays' origin, if the test needs them.
 fn prepare(
     queue: &Queue,
     program: &BuiltProgram,
@@ -97,7 +98,7 @@ fn prepare(
         return Ok(None);
     }
     let prepared = allocate::<f32>(queue, ROW_FLOATS * scene.triangle_count)?;
-    let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // which has no part in it
+    let camera = Float4::new(0.0, 0.0, 0.0, 0.0); // not used here
     let arguments = scene_arguments(scene, None)
         .with("eye", Float4::new(origin.x, origin.y, origin.z, 0.0))
         .with("corner", camera)
@@ -107,7 +108,7 @@ fn prepare(
     let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
     size_for_preparing(&mut kernel, scene.triangle_count, 1);
     let kernel = kernel.build()?;
-    // SAFETY: as above; one row of `prepared` for each triangle.
+    // SAFETY: as above; `prepared` has one row per triangle.
     unsafe { kernel.cmd().queue(&queue.commands).enq()? };
     Ok(Some(prepared))
 }

@@ -1,4 +1,4 @@
-//! What the ray-triangle test reads of every triangle, where that is prepared once per scene.
+//! Records of triangles: data for the ray-triangle test that is computed once per scene.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -10,15 +10,15 @@ use crate::program::BuiltProgram;
 use crate::strategy::Strategy;
 use ocl::{Buffer, Event};
 
-/// A record per triangle, as long as the test's file says.
+/// One record per triangle; the test's file defines its length.
 pub(super) struct Records {
     pub buffer: Buffer<f32>,
-    /// Device time of their preparation.
+    /// Device time for preparing them.
     pub prepare_ms: f64,
 }
 
 impl Records {
-    /// Prepares them from a scene's arguments, and waits; none where the strategy wants none.
+    /// Prepares the records from a scene's arguments and waits for them; `None` if the strategy uses none.
     pub fn prepare(
         queue: &Queue,
         program: &BuiltProgram,
@@ -40,7 +40,8 @@ impl Records {
             let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
             size_for_preparing(&mut kernel, triangles, 1);
             let kernel = kernel.build()?;
-            // SAFETY: its arguments were checked; it writes a record for each triangle, for which there is room.
+            // SAFETY: its arguments were checked; it writes one record per triangle, and the buffer has room
+            // for them.
             unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
             queue.commands.finish()?;
         }

@@ -1,26 +1,26 @@
-//! Why a strategy cannot be cast on a device.
+//! The reasons why a strategy cannot be cast on a device.
 
 use super::LaunchError;
 use crate::error::Error;
 use crate::program::BuildError;
 use crate::strategy::Infeasible;
 
-/// What stands between a strategy and its first frame.
+/// What prevents a strategy from casting.
 #[derive(Debug)]
 pub enum Refused {
-    /// The strategy contradicts itself, or a kernel file is not as it must be: the user's mistake.
+    /// The strategy contradicts itself, or a kernel file has a mistake: a mistake of the user.
     Mistake(Error),
-    /// The device cannot hold it.
+    /// It needs more than the device has.
     Device(Infeasible),
-    /// The host cannot hold it.
+    /// It needs more memory than the host has.
     Host(Infeasible),
-    /// The compiler takes its program for wrong.
+    /// The compiler rejects its program.
     Build(BuildError),
     /// The driver refused a step.
     Launch {
-        /// The step: "uploading the scene".
+        /// The step, such as "uploading the scene".
         step: &'static str,
-        /// What it said.
+        /// The driver's error.
         error: LaunchError,
     },
 }
@@ -29,12 +29,12 @@ const SMALLER: &str =
     "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
 
 impl Refused {
-    /// Names the step in which a launch failed.
+    /// Adds the name of the step in which a launch failed.
     pub fn at(step: &'static str) -> impl Fn(LaunchError) -> Self {
         move |error| Self::Launch { step, error }
     }
 
-    /// Why, in a sentence.
+    /// Returns the reason in a sentence.
     pub fn reason(&self) -> String {
         match self {
             Self::Mistake(error) => error.to_string(),
@@ -44,7 +44,7 @@ impl Refused {
         }
     }
 
-    /// The error that ends a command for which there is nothing else to cast on `device`.
+    /// Returns the error that ends a command, for commands that have nothing else to cast on `device`.
     pub fn into_error(self, device: &str) -> Error {
         let reason = self.reason();
         let too_large =
@@ -57,7 +57,7 @@ impl Refused {
                 "`raycl kernel STRATEGY` shows the program; another --strategy or --device may build",
             ),
             Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}"))
-                .with_help("a smaller picture, another --strategy or another --device may do"),
+                .with_help("a smaller picture, another --strategy or another --device may work"),
         }
     }
 }

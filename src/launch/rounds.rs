@@ -1,4 +1,4 @@
-//! The kernels of a frame whose tiles are shared by groups of work-items: rounds of lights.
+//! The kernels of a frame whose tiles are shared by groups of work-items. Lights are processed in rounds.
 
 use super::frame::Phase;
 use super::parts::{Parts, size_for_preparing};
@@ -12,18 +12,18 @@ use ocl::Buffer;
 use ocl::prm::Float4;
 use std::ops::Range;
 
-/// Casts in tiles that groups share.
+/// Casts frames in tiles that groups share.
 pub(super) struct Rounds<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
-    /// Whether the first round's shadow rays follow in the kernel that casts primary rays, and what was left over is cast
-    /// beside shading.
+    /// Whether the kernel for primary rays also casts the first round's shadow rays, and leftover shadow rays
+    /// are cast by the kernel that shades.
     fused: bool,
 }
 
 impl<'p, 'a> Rounds<'p, 'a> {
-    /// What all rounds have.
+    /// Makes the buffers that all rounds share.
     pub fn new(
         parts: &'p Parts<'a>,
         image: &'a Buffer<Float4>,
@@ -37,8 +37,9 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Self { parts, shared, arguments, fused }
     }
 
-    /// For every so many lights ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)) there is a round: shadow
-    /// rays, those that were left over, a group to each, and shading.
+    /// Returns the steps of a frame. Each round has a fixed number of lights
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)): first shadow rays, then leftover
+    /// ones by a group each, then shading.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -68,12 +69,12 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Ok((Phase::Shade, Step::Run(kernel)))
     }
 
-    /// The shadow rays of a round's lights.
+    /// Casts the shadow rays of a round's lights.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
         let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
         let setup = &self.parts.setup;
-        // The sky, which is the last source, needs no planes.
+        // The sky is the last light source and needs no planes.
         let left = setup.uploaded.light_count.saturating_sub(first_light);
         let lights = left.min(setup.strategy.lights_of_round());
         let origins = if first { 0 } else { 1 }..1 + lights;
@@ -94,14 +95,15 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Ok(steps)
     }
 
-    /// Rows of work-groups, as wide as the image, that have room for the groups which cast what was left over.
+    /// Returns the number of work-group rows, as wide as the image, that contain enough groups for the
+    /// leftover shadow rays.
     fn queue_rows(&self) -> usize {
         let [across, down] = self.parts.setup.workload.local_size.map(|n| n as usize);
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
     }
 
-    /// Prepares the planes of a tree's triangles for origins of a round, of which the first is the eye and the second its
-    /// first light, and empties the queue; nothing where no planes are wanted.
+    /// Prepares the planes of a tree's triangles for the origins of a round (the first is the eye, the second
+    /// its first light) and empties the queue. Does nothing if the strategy uses no planes.
     fn prepare(
         &self,
         origins: Range<usize>,
@@ -121,7 +123,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
     }
 }
 
-/// The lights, and the sky.
+/// Returns the number of light sources, including the sky.
 fn sources(setup: &Setup<'_>) -> usize {
     setup.uploaded.light_count + usize::from(setup.workload.sky)
 }

@@ -1,4 +1,4 @@
-//! The scene in a device's memory, in one layout.
+//! A scene in a device's memory, in one layout.
 
 use super::arguments::{Argument, Arguments};
 use super::buffers::{upload, upload_rows};
@@ -11,7 +11,7 @@ use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Triangles as a layout has them.
+/// The buffers of triangles in a layout.
 #[derive(Debug)]
 pub(super) enum Geometry {
     Soup(Buffer<f32>),
@@ -19,7 +19,7 @@ pub(super) enum Geometry {
     Indexed32(Sets<u32>),
 }
 
-/// The OBJ's sets and a triangle's indices into them.
+/// The vertex sets of the OBJ file, and the triangles' indices into them.
 #[derive(Debug)]
 pub(super) struct Sets<I: ocl::OclPrm> {
     pub positions: Buffer<f32>,
@@ -31,7 +31,7 @@ pub(super) struct Sets<I: ocl::OclPrm> {
 }
 
 impl<I: ocl::OclPrm> Sets<I> {
-    /// Its buffers; `of` makes an argument of indices.
+    /// Returns its buffers as arguments; `of` makes an argument of an index buffer.
     pub fn arguments<'a>(&'a self, of: impl Fn(&'a Buffer<I>) -> Argument<'a>) -> Arguments<'a> {
         Arguments::default()
             .with("position_set", &self.positions)
@@ -49,16 +49,17 @@ pub(super) struct DeviceScene {
     pub(super) geometry: Geometry,
     pub(super) lights: Buffer<f32>,
     pub(super) light_count: usize,
-    /// The sky, then the lights' radii.
+    /// The sky, followed by the lights' radii.
     pub(super) soft: Buffer<f32>,
     pub(super) triangle_count: usize,
     pub(super) textures: Option<DeviceTextures>,
-    /// How long making and uploading the buffers took.
+    /// Time for making and uploading the buffers.
     pub upload_ms: f64,
 }
 
 impl DeviceScene {
-    /// Uploads what `strategy` reads of `scene`: not its triangles where all of them are in its tree's rows.
+    /// Uploads the parts of `scene` that `strategy` reads. Triangles are left out if the tree's rows contain
+    /// all of them.
     pub fn upload(queue: &Queue, scene: &Scene, strategy: &Strategy) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let mesh = &scene.mesh;
@@ -84,7 +85,7 @@ impl DeviceScene {
     }
 }
 
-/// Replaces lights on a device by others, of which those count that there is room for.
+/// Replaces the lights on a device, up to the number that the buffer holds.
 pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light]) -> Result<(), LaunchError> {
     let known = &lights[..lights.len().min(buffer.len() / LIGHT_FLOATS)];
     if !known.is_empty() {
@@ -93,12 +94,12 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
     Ok(())
 }
 
-/// A position and a power each.
+/// Returns the position and power of each light.
 fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
 }
 
-/// The sky as `cl/common/soft.cl` has it, dark where there is none, and the lights' radii.
+/// Returns the sky in the layout of `cl/common/soft.cl` (zeros if there is none), then the lights' radii.
 fn soft_floats(scene: &Scene) -> Vec<f32> {
     let mut floats = vec![0.0; SOFT_HEAD_FLOATS];
     if let Some(Sky { zenith, horizon, up, reach }) = &scene.sky {
@@ -111,7 +112,7 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
 }
 
 impl Task {
-    /// A scene in so many pixels across and down.
+    /// Describes the work of casting a scene at this image size.
     pub fn of(scene: &Scene, [width, height]: [u32; 2], watertight: bool) -> Self {
         let (triangles, pixels) = (scene.mesh.triangles.len(), width as usize * height as usize);
         Self { triangles, pixels, inside: scene.encloses_eye(), watertight }
@@ -119,7 +120,7 @@ impl Task {
 }
 
 impl Workload {
-    /// The sizes of `scene` at an image and a local size, with one sample per pixel.
+    /// Returns the sizes of `scene` at an image size and a local size, with one sample per pixel.
     pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
         Self {
             triangles: scene.mesh.triangles.len(),
@@ -136,7 +137,7 @@ impl Workload {
         }
     }
 
-    /// The same with several samples per pixel.
+    /// Returns the same with several samples per pixel.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
@@ -144,7 +145,7 @@ impl Workload {
     }
 }
 
-/// 104 bytes per triangle, nothing shared: the paper's data.
+/// Uploads triangles of 104 bytes each without shared vertices, like the paper's data.
 fn soup(queue: &Queue, mesh: &Mesh) -> ocl::Result<Buffer<f32>> {
     let write = |(row, triangle): (&mut [f32], &Triangle)| {
         let points = mesh.corners(triangle).into_iter().chain(mesh.corner_normals(triangle));

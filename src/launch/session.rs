@@ -1,4 +1,4 @@
-//! The one way from a strategy to something that casts.
+//! A session: a scene on an open device, from which strategies get casters.
 
 use super::held::Held;
 use super::prepared::Prepared;
@@ -14,8 +14,9 @@ use crate::scene::Scene;
 use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
-/// A scene on an open device. It takes a strategy and sizes; checks that they make sense, and that device and host can hold
-/// them; builds tree and program, uploads, and gives what hands out casters. Its strategies share the scene.
+/// A scene on an open device. For a strategy and sizes it checks that they are valid and fit into the memory
+/// of device and host, builds the tree and the program, uploads both, and returns a `Prepared`, which makes
+/// casters. Its strategies share the scene.
 pub struct Session {
     queue: Queue,
     scene: Arc<Scene>,
@@ -38,7 +39,7 @@ impl Session {
         Ok(Self::new(Queue::open(device.platform, device.device)?, &device.info, sources, scene))
     }
 
-    /// The same of a device that is open.
+    /// Makes a session on a device that is already open.
     pub fn new(queue: Queue, info: &DeviceInfo, sources: &Sources, scene: Arc<Scene>) -> Self {
         Self {
             queue,
@@ -57,59 +58,59 @@ impl Session {
         }
     }
 
-    /// With the limits of a smaller device.
+    /// Sets the limits of a smaller device.
     #[must_use]
     pub fn limited(self, limits: DeviceLimits) -> Self {
         Self { limits, ..self }
     }
 
-    /// With other built-ins than the device's.
+    /// Sets which built-ins kernels may use.
     #[must_use]
     pub fn with_builtins(self, builtins: Builtins) -> Self {
         Self { builtins, ..self }
     }
 
-    /// With compiled programs in another cache than the user's.
+    /// Sets another cache for compiled programs.
     #[must_use]
     pub fn keeping(self, kept: Kept) -> Self {
         Self { kept, ..self }
     }
 
-    /// With a program that was built before the scene was there: the next strategy may need it.
+    /// Adds a program that was built before the scene was loaded, for the next strategy that needs it.
     #[must_use]
     pub fn with_program(self, early: Option<(ProgramSpec, BuiltProgram)>) -> Self {
         Self { early, ..self }
     }
 
-    /// With a tree that was built before the device was open.
+    /// Adds a tree that was built before the device was open.
     #[must_use]
     pub fn with_tree(self, early_tree: Option<(Strategy, HostTree)>) -> Self {
         Self { early_tree, ..self }
     }
 
-    /// Whether images are compared with the reference, which takes memory of the host beside them.
+    /// Sets whether images are verified, which takes additional memory on the host.
     #[must_use]
     pub fn verifying(self, verifies: bool) -> Self {
         Self { verifies, ..self }
     }
 
-    /// With several samples per pixel, which decide whether lights with a radius are soft.
+    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows.
     #[must_use]
     pub fn sampling(self, samples: u32) -> Self {
         Self { samples, ..self }
     }
 
-    /// Whether it is of this scene.
+    /// Returns whether the session is of this scene.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.scene, scene)
     }
 
-    /// What kernels may use of what the compiler has.
+    /// Returns which of the compiler's built-ins kernels may use.
     pub fn builtins(&self) -> Builtins {
         self.builtins
     }
 
-    /// Everything up to a caster.
+    /// Does all steps up to a `Prepared`.
     pub fn prepare(
         &mut self,
         strategy: &Strategy,
@@ -121,7 +122,8 @@ impl Session {
         self.build(strategy, &workload, spec)
     }
 
-    /// The first step: the sizes, with how deep the strategy's tree is, which is built where it walks one.
+    /// The first step: determines the sizes, including the depth of the strategy's tree, which is built here
+    /// if needed.
     pub fn workload(
         &mut self,
         strategy: &Strategy,
@@ -141,12 +143,12 @@ impl Session {
         Ok(workload)
     }
 
-    /// The second step: what is compiled.
+    /// The second step: determines the source to be compiled.
     pub fn spec(&self, strategy: &Strategy, workload: &Workload) -> Result<ProgramSpec> {
         ProgramSpec::new(&self.sources, strategy, workload, self.builtins)
     }
 
-    /// The last step: compiles and uploads what fits.
+    /// The last step: compiles and uploads, after a check that everything fits.
     pub fn build(
         &mut self,
         strategy: &Strategy,
@@ -175,7 +177,7 @@ impl Session {
         })
     }
 
-    /// What was built early, or is built now, and how long that takes.
+    /// Returns the program that was built early, or builds it now, and how long that took.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));
@@ -186,18 +188,19 @@ impl Session {
         Ok((program, build_ms))
     }
 
-    /// The host's memory that a strategy needs.
+    /// Returns the memory that a strategy needs on the host.
     fn host_needs(&self, strategy: &Strategy, workload: &Workload) -> HostNeeds {
         HostNeeds::of(strategy, workload, self.queue.shares_memory, self.verifies)
     }
 
-    /// Refuses what the device or the host cannot hold beside what other strategies hold.
+    /// Refuses a strategy that does not fit into the memory of device or host in addition to what other
+    /// strategies hold.
     fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refused> {
         let held_bytes = self.held.beside(strategy);
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Global memory is the only memory of a device that several strategies share.
+            // Of a device's memories, strategies share only global memory.
             let shared = refused.reason.starts_with("global memory");
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;
@@ -209,10 +212,10 @@ impl Session {
     }
 }
 
-/// Says what others hold of a memory that is shared with them.
+/// Adds to the reason how much of a shared memory other strategies hold.
 fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;
     }
-    Infeasible { reason: format!("{}, beside {held_bytes} B of other points", refused.reason) }
+    Infeasible { reason: format!("{}, in addition to {held_bytes} B of other points", refused.reason) }
 }

@@ -1,4 +1,4 @@
-//! What a frame is cast with, and the arguments that follow from it.
+//! The inputs of a frame, and the kernel arguments derived from them.
 
 use super::arguments::{Arguments, SOFT, TEXTURE_ROWS};
 use super::scene::Geometry;
@@ -9,27 +9,27 @@ use crate::strategy::{Strategy, Workload};
 use ocl::Buffer;
 use ocl::prm::{Float4, Int2, Uint2};
 
-/// What a frame is cast with.
+/// The inputs of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct Setup<'a> {
     /// The device.
     pub queue: &'a Queue,
     /// The strategy's program.
     pub program: &'a BuiltProgram,
-    /// How.
+    /// The strategy.
     pub strategy: &'a Strategy,
-    /// At which sizes.
+    /// The sizes.
     pub workload: &'a Workload,
     /// The scene.
     pub scene: &'a Scene,
-    /// The same on the device.
+    /// The scene on the device.
     pub uploaded: &'a DeviceScene,
-    /// Its tree, where rays walk one.
+    /// Its tree, if the strategy uses one.
     pub tree: Option<&'a DeviceTree>,
 }
 
 impl<'a> Setup<'a> {
-    /// Arguments that follow from the scene and the camera.
+    /// Returns the arguments that depend on the scene and the camera.
     pub fn arguments(&self) -> Arguments<'a> {
         let [width, height] = self.workload.image_size;
         let [red, green, blue] = self.scene.background.to_array();
@@ -42,7 +42,7 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// Where a frame's working vectors live that need a buffer.
+/// The buffer for a frame's working vectors, if they need one.
 pub(super) enum Working {
     None,
     Scratch(Buffer<f32>),
@@ -50,7 +50,7 @@ pub(super) enum Working {
 }
 
 impl Working {
-    /// Adds the arguments of its buffers.
+    /// Adds the buffers' arguments.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         match self {
             Self::None => arguments,
@@ -62,7 +62,7 @@ impl Working {
     }
 }
 
-/// The scene's buffers and counts.
+/// Returns the scene's buffers and counts.
 pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a DeviceTree>) -> Arguments<'a> {
     let triangles = scene.triangle_count as i32;
     let arguments = match &scene.geometry {
@@ -88,7 +88,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("material_count", surfaces.material_count as i32)
 }
 
-/// The sky and the lights' radii, where they are sampled; the first sample is the only one.
+/// Returns the sky and the lights' radii, if they are sampled, for the first sample of one.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,
@@ -100,12 +100,12 @@ pub(super) fn soft_arguments<'a>(
     sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
 }
 
-/// Which sample of every pixel is cast.
+/// Sets which sample of every pixel is cast.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     arguments.with("sample", Uint2::new(sample.number, sample.count))
 }
 
-/// Where rays start and go.
+/// Sets the origin and directions of the rays.
 pub(super) fn camera_arguments<'a>(
     arguments: Arguments<'a>,
     camera: &Camera,

@@ -1,4 +1,4 @@
-//! What the kernels of tiles shared by groups hand on to each other.
+//! Buffers between the kernels of tiles that groups share.
 
 use super::Queue;
 use super::buffers::allocate;
@@ -6,24 +6,25 @@ use ocl::Buffer;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::prm::Uint2;
 
-/// Groups that cast what was left over, for each compute unit: with fewer, millions of small triangles take longer (16: 14%
-/// more at three million), with more all else does (64: 3 to 4% more on the bunny and the dragon; NVIDIA H200, 2026-11-20).
+/// Number of groups per compute unit that cast leftover shadow rays. With fewer, millions of small triangles
+/// take longer (16: 14% more at three million); with more, everything else does (64: 3 to 4% more on the
+/// bunny and the dragon; NVIDIA H200, 2026-11-20).
 const GROUPS_A_UNIT: usize = 32;
 
-/// Between the kernels of a round of lights.
+/// Buffers between the kernels of a round of lights.
 pub(super) struct Shared {
-    /// The lights that reach a pixel, a bit each.
+    /// The lights that reach a pixel, one bit per light.
     pub lit: Buffer<u32>,
-    /// Pixels with the lights whose shadow rays were left over, at most one entry a pixel.
+    /// Pixels with leftover shadow rays, and the lights of those rays; at most one entry per pixel.
     pub queue: Buffer<Uint2>,
-    /// How many entries the queue has.
+    /// Number of entries in the queue.
     pub queued: Buffer<i32>,
-    /// Groups that cast what is in the queue, any number of entries.
+    /// Number of groups that process the queue, whatever its length.
     pub groups: usize,
 }
 
 impl Shared {
-    /// Room for every pixel.
+    /// Allocates buffers for all pixels.
     pub fn allocate(queue: &Queue, pixels: usize) -> ocl::Result<Self> {
         let units = match queue.device.info(DeviceInfo::MaxComputeUnits)? {
             DeviceInfoResult::MaxComputeUnits(units) => units as usize,

@@ -1,4 +1,5 @@
-//! What the strategies of a session share of its scene: layouts and trees on the device, each made when first asked for.
+//! The parts of a scene that the strategies of a session share: layouts and trees on the device, each made
+//! when it is first needed.
 
 use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
 use crate::scene::Scene;
@@ -6,12 +7,12 @@ use crate::strategy::{Layout, LeafSize, NodeWidth, Strategy, Traversal};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What tells one upload of a scene from another: a layout, and whether the triangles are in it.
+/// Identifies an upload of a scene: its layout, and whether it includes the triangles.
 type LayoutKind = (Layout, bool);
-/// What tells one tree of a scene from another.
+/// Identifies a tree of a scene.
 type TreeKind = (Traversal, NodeWidth, LeafSize);
 
-/// What tells what one strategy shares with others from what another does.
+/// Identifies the parts of a scene that a strategy uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Kind {
     layout: LayoutKind,
@@ -19,14 +20,14 @@ pub(super) struct Kind {
 }
 
 impl Kind {
-    /// That of a strategy.
+    /// Returns the parts that a strategy uses.
     pub fn of(strategy: &Strategy) -> Self {
         let tree = (strategy.traversal, strategy.node_width, strategy.leaf_size);
         Self { layout: (strategy.layout, strategy.reads_mesh()), tree: strategy.needs_tree().then_some(tree) }
     }
 }
 
-/// A scene's layouts and trees that are there.
+/// The layouts and trees of a scene that are on the device.
 #[derive(Default)]
 pub(super) struct SharedScene {
     layouts: HashMap<LayoutKind, Arc<DeviceScene>>,
@@ -34,12 +35,12 @@ pub(super) struct SharedScene {
 }
 
 impl SharedScene {
-    /// The tree that a strategy walks, if it is there.
+    /// Returns the tree of a strategy if it is on the device.
     pub fn tree(&self, strategy: &Strategy) -> Option<Arc<DeviceTree>> {
         self.trees.get(&Kind::of(strategy).tree?).cloned()
     }
 
-    /// Uploads the tree that a strategy walks, where it walks one: the one that was built early, or one that is built now.
+    /// Uploads the tree of a strategy, if it uses one. The tree was built early or is built now.
     pub fn build_tree(
         &mut self,
         queue: &Queue,
@@ -58,7 +59,7 @@ impl SharedScene {
         Ok(())
     }
 
-    /// The scene as a strategy reads it.
+    /// Returns the scene in the layout of a strategy.
     pub fn layout(
         &mut self,
         queue: &Queue,

@@ -1,4 +1,5 @@
-//! The display transform on the device, for devices with a memory of their own: three bytes per pixel come back, not sixteen.
+//! The display transform on the device, for devices with separate memory: three bytes per pixel are
+//! transferred instead of sixteen.
 
 use super::buffers::{allocate, upload};
 use super::{LaunchError, Queue};
@@ -9,26 +10,26 @@ use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use std::ops::Range;
 
-/// The kernel's file.
+/// The kernel's source file.
 const FILE: &str = "display/show.cl";
-/// Pixels of a work-item, whose bytes fill whole words.
+/// Number of pixels per work-item; their bytes fill whole words.
 const ITEM_PIXELS: usize = 4;
-/// Work-items of a work-group.
+/// Work-items per work-group.
 const GROUP: usize = 64;
-/// Bytes of a pixel.
+/// Bytes per pixel.
 const BYTES: usize = 3;
 
-/// The program that shows radiance in 8 bits.
+/// The program of the display transform.
 #[derive(Debug)]
 pub struct ShowProgram {
     built: BuiltProgram,
 }
 
-/// Where a caster's image is, and its pixels across and down.
+/// A caster's image, and its size in pixels.
 pub(super) type Image<'a> = (&'a Buffer<Float4>, [u32; 2]);
 
 impl ShowProgram {
-    /// What is compiled.
+    /// Returns the source to be compiled.
     pub fn spec(sources: &Sources) -> Result<ProgramSpec> {
         let defines = format!(
             "-D SHOWN_VALUES={} -D PLACE_SHIFT={} -D ITEM_PIXELS={ITEM_PIXELS} -D GROUP={GROUP} -cl-std=CL1.2",
@@ -38,18 +39,19 @@ impl ShowProgram {
         Ok(ProgramSpec { source: sources.read(FILE)?, options: defines, files: vec![FILE.to_owned()] })
     }
 
-    /// Builds it for an open device, or takes what was kept of it.
+    /// Builds the program for an open device, or takes it from the cache.
     pub fn build(queue: &Queue, spec: &ProgramSpec, kept: &Kept) -> std::result::Result<Self, BuildError> {
         Ok(Self { built: BuiltProgram::build(&queue.context, queue.device, spec, kept)? })
     }
 
-    /// How long its build took.
+    /// Returns how long the build took.
     pub fn build_ms(&self) -> f64 {
         self.built.build_ms
     }
 
-    /// Shows an image's rows, which `take` gets from the top as red, green and blue, a multiple of `together` rows at a time but for
-    /// the last; gives how many pixels hit something, or none where a pixel is not finite, which cannot be shown.
+    /// Applies the display transform to an image's rows. `take` receives them from the top as red, green and
+    /// blue, in multiples of `together` rows except for the last call. Returns the number of pixels that hit
+    /// something, or `None` if a pixel is not finite, since it cannot be displayed.
     pub(super) fn read(
         &self,
         queue: &Queue,
@@ -61,7 +63,7 @@ impl ShowProgram {
         let (width, height) = (width as usize, height as usize);
         let pins = queue.pins(BYTES * width * height);
         let piece_rows = if pins { queue.staging.rows(BYTES * width, together).min(height) } else { height };
-        // Kernels and transfers take turns in one queue, so that one piece is enough.
+        // Kernels and transfers alternate in one queue, so a single buffer is enough.
         let items = (piece_rows * width).div_ceil(ITEM_PIXELS);
         let rows = allocate::<u8>(queue, BYTES * ITEM_PIXELS * items)?;
         let (smallest, at_least) = shown.tables();
@@ -85,7 +87,7 @@ impl ShowProgram {
         let show = |piece: Range<usize>| -> ocl::Result<(Buffer<u8>, usize)> {
             kernel.set_arg("first", (piece.start * width) as u64)?;
             kernel.set_arg("count", (piece.len() * width) as u32)?;
-            // SAFETY: `rows` holds as many pixels as a piece has; the image holds those from the first on.
+            // SAFETY: `rows` has as many pixels as a piece, and the image contains the piece's pixels.
             unsafe { kernel.enq()? };
             Ok((rows.clone(), 0))
         };
@@ -112,10 +114,10 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// Not a multiple of a work-item's pixels, and of no piece's rows.
+    /// A size that is neither a multiple of a work-item's pixels nor of a piece's rows.
     const SIZE: [u32; 2] = [37, 101];
 
-    /// A CPU used as a device with a memory of its own, with pieces of some rows.
+    /// Returns a queue on a CPU that is treated as a device with separate memory, with small pieces.
     fn queue() -> Queue {
         queue_of(2000)
     }
@@ -129,7 +131,7 @@ mod tests {
         Display { exposure, gamma }
     }
 
-    /// What is shown, and how often something was hit.
+    /// Returns the displayed bytes, and the number of pixels that hit something.
     fn show(
         queue: &Queue,
         spec: &ProgramSpec,
@@ -144,7 +146,7 @@ mod tests {
         (bytes, hits)
     }
 
-    /// Radiances of every size, and those at the ends.
+    /// Returns radiances of every magnitude, and special values.
     fn radiances() -> Vec<Float4> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let steps = Shown::new(Display::default());

@@ -1,4 +1,4 @@
-//! One frame on several devices: a band of its rows on each.
+//! Casts one frame on several devices, a band of rows on each.
 
 use super::band::{Band, Cost, balance, rows};
 use super::{Caster, FrameTimes, Prepared, Session};
@@ -11,84 +11,84 @@ use crate::strategy::{Strategy, Workload};
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Parts of the trial frame whose costs are measured.
+/// Number of parts of the trial frame whose costs are measured.
 const PARTS: usize = 32;
-/// Rows of pixels of the first trial frame; each later one has twice as many, until it takes long enough.
+/// Pixel rows of the first trial frame; each later one has twice as many, until it takes long enough.
 const TRIAL_ROWS: u32 = 256;
-/// A shorter frame does not fill a device, and does not show where the work lies.
+/// A shorter frame would not fill a device and would not show how the cost is distributed.
 const TRIAL_MS: f64 = 5.0;
-/// Casts of which the fastest, or the median, counts.
+/// Number of casts of which the fastest, or the median, is used.
 const CASTS: usize = 3;
-/// A device that takes more times as long as the fastest one could save a tenth of the frame at most, and costs more if its rows take
-/// a little longer than was measured.
+/// A device this many times slower than the fastest could save at most a tenth of the frame, and would cost
+/// time if its rows took slightly longer than measured.
 const SLOWEST: f64 = 10.0;
 
-/// What is cast.
+/// A frame to be cast by several devices.
 pub struct Split<'a> {
     /// The scene.
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Where kernels come from.
+    /// Where kernel files come from.
     pub sources: &'a Sources,
     /// How often the frame is cast.
     pub repeat: u32,
-    /// Whether the image is compared with the reference.
+    /// Whether the image is verified against the reference.
     pub verifies: bool,
-    /// Whether those devices cast, too, that slow the frame.
+    /// Whether devices that slow the frame down are used too.
     pub every_device: bool,
 }
 
-/// A device, and how it casts.
+/// A device, its strategy and its local size.
 #[derive(Clone, Debug)]
 pub struct Casting {
     /// The device.
     pub device: Device,
-    /// How.
+    /// The strategy.
     pub strategy: Strategy,
-    /// Work-items of a work-group across and down.
+    /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
 }
 
-/// A device's part of a frame.
+/// A device's part of a frame, with its times.
 #[derive(Clone, Debug)]
 pub struct Share {
     /// The device's label.
     pub device: String,
-    /// How it casts.
+    /// The strategy.
     pub strategy: Strategy,
-    /// Work-items of a work-group across and down.
+    /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
-    /// Its rows of pixels: the first, and the one after the last.
+    /// Its pixel rows: the first, and the one after the last.
     pub rows: [u32; 2],
-    /// Opening the device, building the tree and the program, and preparing records of triangles.
+    /// Time for opening the device, building the tree and the program, and preparing records of triangles.
     pub build_ms: f64,
-    /// Bringing the scene to the device.
+    /// Time for uploading the scene.
     pub upload_ms: f64,
     /// The times of each cast.
     pub frames: Vec<FrameTimes>,
-    /// Bringing its rows back.
+    /// Time for reading its rows back.
     pub read_ms: f64,
 }
 
-/// A device without a part.
+/// A device that casts no part.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct LeftOut {
     /// The device's label.
     pub device: String,
-    /// Why.
+    /// Why not.
     pub reason: String,
 }
 
-/// A frame that several devices cast.
+/// The result: a frame cast by several devices.
 pub struct Whole {
     /// Its image.
     pub image: Radiance,
-    /// Pixels that hit something.
+    /// Number of pixels that hit something.
     pub hits: usize,
-    /// What each device did.
+    /// Each device's part.
     pub shares: Vec<Share>,
-    /// Devices that would have slowed the frame.
+    /// Devices that were left out because they would have slowed the frame down.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -101,12 +101,13 @@ struct Ready {
 }
 
 impl Ready {
-    /// The workload of a frame of other sizes.
+    /// Returns the workload for a frame of another size.
     fn at(&self, image_size: [u32; 2]) -> Workload {
         Workload { image_size, ..self.prepared.workload }
     }
 
-    /// A caster of some rows of pixels of a frame of some size, and of what is left of their work-groups.
+    /// Makes a caster for the pixel rows from `first` to `end` of a frame. The rows are extended to whole
+    /// work-groups.
     fn caster(&self, image_size: [u32; 2], [first, end]: [u32; 2]) -> Result<Caster> {
         let group = self.group_height();
         let band: Band = (first / group) as usize..end.div_ceil(group) as usize;
@@ -114,17 +115,18 @@ impl Ready {
         caster.map_err(|refused| refused.into_error(&self.label))
     }
 
-    /// Rows of pixels of a work-group.
+    /// Returns the number of pixel rows in a work-group.
     fn group_height(&self) -> u32 {
         self.prepared.workload.group_height(&self.strategy)
     }
 
-    /// What a whole frame takes.
+    /// Measures the time for a whole frame.
     fn whole_ms(&self, image_size: [u32; 2]) -> Result<f64> {
         fastest_ms(&self.caster(image_size, [0, image_size[1]])?)
     }
 
-    /// What each part of a frame takes, from top to bottom; nothing where there are fewer rows of work-groups than parts.
+    /// Measures the time for each part of a frame, from top to bottom; empty if there are fewer rows of
+    /// work-groups than parts.
     fn parts(&self, image_size: [u32; 2]) -> Result<Vec<f64>> {
         let (group, height) = (self.group_height(), image_size[1]);
         let groups = height.div_ceil(group) as usize;
@@ -134,32 +136,32 @@ impl Ready {
         }
         let part_ms = |part: usize| {
             let rows = [end(part), end(part + 1)];
-            // Parts differ by a row of work-groups: their cost is that of a row.
+            // Parts may differ by a row of work-groups, so the cost is given per row.
             Ok(fastest_ms(&self.caster(image_size, rows)?)? / f64::from(rows[1] - rows[0]))
         };
         (0..PARTS).map(part_ms).collect()
     }
 }
 
-/// Devices that cast together, and what is known of each.
+/// The devices that cast together, and the cost on each.
 struct Team<'a> {
     ready: Vec<&'a Ready>,
     costs: Vec<Cost>,
 }
 
 impl Team<'_> {
-    /// Each device's rows of a frame.
+    /// Returns each device's rows of a frame.
     fn rows(&self, height: u32) -> Vec<[u32; 2]> {
         let groups: Vec<u32> = self.ready.iter().map(|ready| ready.group_height()).collect();
         rows(&balance(&self.costs).0, height, &groups)
     }
 
-    /// What the fastest takes for the frame alone.
+    /// Returns the time of the fastest device for the frame alone.
     fn alone_ms(&self) -> f64 {
         self.costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min)
     }
 
-    /// Takes out the slowest.
+    /// Removes the slowest device.
     fn without_slowest(&mut self, reason: impl Fn(f64) -> String) -> Option<LeftOut> {
         let whole_ms = |place: &usize| self.costs[*place].whole_ms;
         let slowest = (0..self.ready.len()).max_by(|a, b| whole_ms(a).total_cmp(&whole_ms(b)))?;
@@ -174,7 +176,7 @@ fn failed(error: impl std::fmt::Display) -> Error {
 }
 
 impl Split<'_> {
-    /// Casts the frame at once on all devices that make it faster.
+    /// Casts the frame on several devices at once; devices that would slow it down are left out.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
         let ready = at_once(castings, |casting| self.ready(casting))?;
         if ready.is_empty() {
@@ -210,7 +212,8 @@ impl Split<'_> {
         Ok(Ready { label, strategy: *strategy, prepared, build_ms })
     }
 
-    /// The devices that are to cast: all, or those that make the frame faster than the fastest alone casts it, as trials tell.
+    /// Returns the devices that cast: all of them, or those with which trial frames are faster than on the
+    /// fastest device alone.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -227,7 +230,7 @@ impl Split<'_> {
             }
             let reason = |_| {
                 format!(
-                    "with its rows a trial frame took {together_ms:.3} ms, the fastest device alone {alone_ms:.3} ms"
+                    "with it a trial frame took {together_ms:.3} ms, on the fastest device alone {alone_ms:.3} ms"
                 )
             };
             left_out.extend(team.without_slowest(reason));
@@ -235,8 +238,9 @@ impl Split<'_> {
         Ok((team, left_out))
     }
 
-    /// Pixels of a trial frame: as few as keep the fastest device busy for a while, or all. Measures what each device takes for it, and
-    /// leaves out those that are much slower: a larger frame would show that all the more.
+    /// Returns the size of a trial frame: the smallest that keeps the fastest device busy for a while, or the
+    /// full frame. It measures each device's time for it, and leaves out those that are much slower, since a
+    /// larger frame would only increase the difference.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let [width, height] = self.image_size;
         let mut rows = TRIAL_ROWS;
@@ -246,7 +250,7 @@ impl Split<'_> {
             if team.ready.len() == 1 {
                 return Ok(trial);
             }
-            // One after another: devices of one machine may share its cores.
+            // One after another, since devices of one machine may share its cores.
             for (ready, cost) in team.ready.iter().zip(&mut team.costs) {
                 cost.whole_ms = ready.whole_ms(trial)?;
             }
@@ -283,7 +287,7 @@ impl Split<'_> {
     }
 }
 
-/// What the longest device takes when all cast their rows of a frame at once.
+/// Returns the time of the slowest device when all cast their rows of a frame at once.
 fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let rows = team.rows(image_size[1]);
     let pairs: Vec<(&Ready, [u32; 2])> =
@@ -291,7 +295,7 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let all_there = Barrier::new(pairs.len());
     let times = at_once(&pairs, |(ready, rows)| {
         let caster = ready.caster(image_size, *rows).and_then(|caster| cast_first(&caster).map(|()| caster));
-        // One that failed is waited for, too.
+        // A device that failed must reach the barrier too.
         all_there.wait();
         let mut times = cast_times(&caster?)?;
         times.sort_unstable_by(f64::total_cmp);
@@ -300,27 +304,27 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// The first cast, which may compile: one device at a time. PoCL 3.1 counts a kernel's users wrongly where two devices of
-/// one process compile it at once, and aborts when they let go of it.
+/// Does the first cast, which may compile, for one device at a time. PoCL 3.1 miscounts the users of a kernel
+/// if two devices of one process compile it at once, and aborts when they release it.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
-    // The lock guards no data, only the order, so a panic of its holder does no harm.
+    // The lock guards no data, only the order, so a panic of its holder is harmless.
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     caster.cast().map(drop).map_err(failed)
 }
 
-/// The fastest of a few casts after one that may compile.
+/// Returns the fastest of a few casts; an earlier cast may compile.
 fn fastest_ms(caster: &Caster) -> Result<f64> {
     cast_first(caster)?;
     Ok(cast_times(caster)?.into_iter().fold(f64::INFINITY, f64::min).max(1e-6))
 }
 
-/// Device times of a few casts.
+/// Returns the device times of a few casts.
 fn cast_times(caster: &Caster) -> Result<Vec<f64>> {
     (0..CASTS).map(|_| caster.cast().map(|times| times.frame_ms).map_err(failed)).collect()
 }
 
-/// Does the same with each, each in a thread of its own.
+/// Calls `work` for each element, each in its own thread.
 fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -> Result<Vec<B>> {
     let work = &work;
     std::thread::scope(|scope| {

@@ -1,15 +1,17 @@
-//! Pinned memory of the host: what a device with a memory of its own transfers to and from without the driver's copying it. It is in
-//! two pieces, so that one is filled or emptied while the other is on its way.
+//! Pinned memory of the host, which a device with separate memory can access directly, without a copy by the
+//! driver. It consists of two pieces: one is filled or emptied while the other is transferred.
 
 use ocl::core::{enqueue_read_buffer, enqueue_write_buffer};
 use ocl::{Buffer, Event, MapFlags, MemFlags, MemMap, OclPrm, Queue};
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// Bytes of a piece: long enough that a transfer's start does not count, and that all cores are worth their while.
+/// Size of a piece in bytes: large enough that starting a transfer takes no noticeable time, and that all
+/// cores have work.
 const PIECE_BYTES: usize = 16 << 20;
 
-/// A queue's pinned memory, made when it is first needed: pinning takes longer than a short transfer.
+/// The pinned memory of a queue. It is allocated at first use, since pinning takes longer than a short
+/// transfer.
 #[derive(Debug)]
 pub(super) struct Staging {
     piece_bytes: usize,
@@ -23,23 +25,23 @@ impl Default for Staging {
 }
 
 impl Staging {
-    /// With pieces of so many bytes.
+    /// Makes pieces of this many bytes.
     pub fn of(piece_bytes: usize) -> Self {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
 
-    /// Whether so many bytes are worth it.
+    /// Returns whether a transfer of this many bytes is worth pinned memory.
     pub fn pays(&self, bytes: usize) -> bool {
         bytes > 2 * self.piece_bytes
     }
 
-    /// Rows of so many bytes that a piece holds: one at least, and a multiple of `together`.
+    /// Returns how many rows fit into a piece: at least one, and a multiple of `together`.
     pub fn rows(&self, row_bytes: usize, together: usize) -> usize {
         let unit = (row_bytes * together).max(1);
         (self.piece_bytes / unit).max(1) * together
     }
 
-    /// Writes a buffer's rows of `row` values, `fill`ed in piece by piece.
+    /// Writes a buffer's rows of `row` values; `fill` computes them piece by piece.
     pub fn write<T: OclPrm>(
         &self,
         commands: &Queue,
@@ -58,7 +60,7 @@ impl Staging {
                 let values = pieces.values(half, rows.len() * row);
                 fill(rows.clone(), values);
                 let mut event = Event::empty();
-                // SAFETY: the values stay where they are until the event, for which this or `with` waits.
+                // SAFETY: the values stay in place until the event; this function or `with` waits for it.
                 unsafe {
                     enqueue_write_buffer(
                         commands,
@@ -77,8 +79,8 @@ impl Staging {
         })
     }
 
-    /// Reads rows of `row` values piece by piece, a multiple of `together` rows each but the last: `enqueue` makes the rows, in a
-    /// buffer from the place that it gives on; `take` gets them.
+    /// Reads rows of `row` values piece by piece, in multiples of `together` rows except for the last piece.
+    /// `enqueue` returns the buffer that contains the rows, and their offset; `take` receives the rows.
     pub fn read<T: OclPrm>(
         &self,
         commands: &Queue,
@@ -93,7 +95,7 @@ impl Staging {
                 let (buffer, place) = enqueue(rows.clone())?;
                 let values: &mut [T] = pieces.values(number % 2, rows.len() * row);
                 let mut event = Event::empty();
-                // SAFETY: nobody looks at the values before the event; they stay where they are until then.
+                // SAFETY: nobody reads the values before the event, and they stay in place until then.
                 unsafe {
                     enqueue_read_buffer(
                         commands,
@@ -111,7 +113,7 @@ impl Staging {
             let mut coming = (cut.count() > 0).then(|| begin(0, pieces)).transpose()?;
             for number in 0..cut.count() {
                 let event = coming.take();
-                // The next one is under way while this one is taken.
+                // The next piece is transferred while this one is processed.
                 if number + 1 < cut.count() {
                     coming = Some(begin(number + 1, pieces)?);
                 }
@@ -123,14 +125,14 @@ impl Staging {
         })
     }
 
-    /// Works with pieces of as many bytes at least; nothing is under way afterwards.
+    /// Calls `work` with pieces of at least this many bytes, and waits for all transfers at the end.
     fn with(
         &self,
         commands: &Queue,
         bytes: usize,
         work: impl FnOnce(&mut Pieces) -> ocl::Result<()>,
     ) -> ocl::Result<()> {
-        // What a holder that panicked left is memory as good as any.
+        // If a holder panicked, the memory can still be used.
         let mut kept = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
         let pieces = match kept.take() {
             Some(pieces) if pieces.bytes() >= bytes => pieces,
@@ -143,10 +145,10 @@ impl Staging {
     }
 }
 
-/// No event that a command waits for: the queue is in order.
+/// An empty list of events to wait for: the queue is in order.
 const NO_EVENTS: Option<&Event> = None;
 
-/// Rows cut into pieces of as many, the last of fewer.
+/// Rows divided into pieces of equal size; the last may be smaller.
 struct Cut {
     rows: Range<usize>,
     piece: usize,
@@ -161,7 +163,7 @@ impl Cut {
         self.rows.len().div_ceil(self.piece)
     }
 
-    /// The most rows of a piece.
+    /// Returns the largest number of rows in a piece.
     fn most(&self) -> usize {
         self.piece.min(self.rows.len())
     }
@@ -172,7 +174,7 @@ impl Cut {
     }
 }
 
-/// The memory itself.
+/// The two pieces of memory.
 #[derive(Debug)]
 struct Pieces([MemMap<u8>; 2]);
 
@@ -182,7 +184,7 @@ impl Pieces {
             let flags = MemFlags::READ_WRITE | MemFlags::ALLOC_HOST_PTR;
             let buffer = Buffer::<u8>::builder().queue(commands.clone()).flags(flags).len(bytes).build()?;
             let flags = MapFlags::new().read().write();
-            // SAFETY: the buffer is mapped once, used by no command, and kept by its mapping.
+            // SAFETY: the buffer is mapped once, no command uses it, and its mapping keeps it alive.
             unsafe { buffer.map().flags(flags).enq() }
         };
         Ok(Self([piece()?, piece()?]))
@@ -192,10 +194,11 @@ impl Pieces {
         self.0[0].len()
     }
 
-    /// A piece's first values.
+    /// Returns the first values of a piece.
     fn values<T: OclPrm>(&mut self, half: usize, count: usize) -> &mut [T] {
         let bytes = &mut self.0[half][..count * size_of::<T>()];
-        // SAFETY: as many bytes were taken; mapped memory is aligned for every type of OpenCL, of which each is numbers of any bits.
+        // SAFETY: this many bytes were allocated. Mapped memory is aligned for every OpenCL type, and every
+        // bit pattern is a valid value of these types.
         unsafe { std::slice::from_raw_parts_mut(bytes.as_mut_ptr().cast(), count) }
     }
 }

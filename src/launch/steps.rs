@@ -1,4 +1,4 @@
-//! The commands a frame consists of.
+//! The commands that a frame consists of.
 
 use super::Queue;
 use super::frame::Phase;
@@ -13,7 +13,7 @@ pub(super) enum Step {
 }
 
 impl Step {
-    /// The kernel it runs.
+    /// Returns the kernel that the step runs, if any.
     pub fn kernel(&self) -> Option<&Kernel> {
         match self {
             Self::Fill(..) => None,
@@ -21,7 +21,7 @@ impl Step {
         }
     }
 
-    /// Puts the command into the queue.
+    /// Enqueues the command.
     pub fn enqueue(&self, queue: &Queue) -> ocl::Result<Event> {
         let mut event = Event::empty();
         match self {
@@ -29,8 +29,9 @@ impl Step {
                 buffer.cmd().queue(&queue.commands).fill(*value, None).enew(&mut event).enq()?;
             }
             Self::Run(kernel) => {
-                // SAFETY: the kernel was built with every argument its source declares, each buffer as long
-                // as the sizes passed beside it, and all of them outlive the queue's `finish` in `cast`.
+                // SAFETY: the kernel was built with every argument that its source declares, each buffer is
+                // as long as the sizes passed with it, and all of them outlive the queue's `finish` in
+                // `cast`.
                 unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
             }
         }
@@ -38,5 +39,5 @@ impl Step {
     }
 }
 
-/// A frame's commands in order, and what each is for.
+/// The commands of a frame in order, each with its purpose.
 pub(super) type Steps = Vec<(Phase, Step)>;

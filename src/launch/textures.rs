@@ -1,4 +1,5 @@
-//! All textures of a scene in a device's memory, in one buffer of words, as `cl/common/textures.cl` has them.
+//! All textures of a scene in a device's memory, in one buffer of words laid out as in
+//! `cl/common/textures.cl`.
 
 use super::Queue;
 use super::buffers::{upload, upload_rows};
@@ -7,16 +8,16 @@ use crate::scene::{Mapped, Textures, linear_values};
 use ocl::Buffer;
 use rayon::prelude::*;
 
-/// The pictures, and where triangles lie in them.
+/// The textures, and the triangles' texture coordinates.
 #[derive(Debug)]
 pub(super) struct DeviceTextures {
     pub words: Buffer<u32>,
-    /// In the mesh's order.
+    /// One row per triangle, in the mesh's order.
     pub rows: Buffer<f32>,
 }
 
 impl DeviceTextures {
-    /// Uploads them; none where there are none.
+    /// Uploads the textures; `None` if there are none.
     pub fn upload(queue: &Queue, textures: &Textures) -> ocl::Result<Option<Self>> {
         if textures.list.is_empty() {
             return Ok(None);
@@ -29,12 +30,12 @@ impl DeviceTextures {
     }
 }
 
-/// The words before the first texel.
+/// Returns the number of words before the first texel.
 fn head_words(textures: &Textures) -> usize {
     linear_values().len() + TEXTURE_HEAD_WORDS * textures.list.len()
 }
 
-/// Words of all textures; 0 where there are none.
+/// Returns the number of words of all textures; 0 if there are none.
 pub(super) fn word_count(textures: &Textures) -> usize {
     match textures.list.is_empty() {
         true => 0,

@@ -12,7 +12,7 @@ use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload};
 use ocl::Buffer;
 use std::time::Instant;
 
-/// Stacks are sized in steps of this many entries, so that scenes of like depth share a program.
+/// Stack sizes are multiples of this many entries, so that scenes of similar depth share a program.
 const STACK_STEP: usize = 32;
 
 /// The nodes of a tree, and its triangles in leaf order.
@@ -20,24 +20,24 @@ const STACK_STEP: usize = 32;
 pub(super) struct DeviceTree {
     pub(super) nodes: Buffer<u32>,
     pub(super) leaves: Buffer<f32>,
-    /// What tiles shade with.
+    /// The data that tiles need for shading.
     pub(super) surfaces: Option<Surfaces>,
-    /// Entries that a stack needs on the deepest way down, rounded up.
+    /// Number of stack entries for the deepest path, rounded up.
     pub stack_size: usize,
-    /// How long building the tree took, on the host.
+    /// Time for building the tree on the host.
     pub build_ms: f64,
-    /// How long uploading it took.
+    /// Time for uploading the tree.
     pub upload_ms: f64,
 }
 
-/// A tree on the host, and how long it took to build.
+/// A tree on the host, and the time that building it took.
 pub struct HostTree {
     wide: WideBvh,
     build_ms: f64,
 }
 
 impl HostTree {
-    /// A mesh's tree as `strategy` wants it; none where it wants none.
+    /// Builds a mesh's tree for `strategy`; `None` if the strategy uses none.
     pub(super) fn build(mesh: &Mesh, strategy: &Strategy) -> Result<Option<Self>, LaunchError> {
         if !strategy.needs_tree() {
             return Ok(None);
@@ -47,8 +47,8 @@ impl HostTree {
         Ok(Some(Self { wide, build_ms: start.elapsed().as_secs_f64() * 1e3 }))
     }
 
-    /// The same before a device is open, where host and device hold what the strategy needs; what stands in the way, and what is
-    /// wrong with the mesh, a session tells.
+    /// Builds the tree before a device is open, if the memory of host and device suffices. It returns no
+    /// errors: the session reports them later.
     pub fn ahead(
         mesh: &Mesh,
         strategy: &Strategy,
@@ -62,7 +62,7 @@ impl HostTree {
     }
 }
 
-/// Normals in leaf order, and the materials they name.
+/// Normals in leaf order, and the materials that they refer to.
 #[derive(Debug)]
 pub(super) struct Surfaces {
     pub normals: Buffer<f32>,
@@ -83,18 +83,18 @@ impl Surfaces {
     }
 }
 
-/// A mesh's tree as `strategy` wants it.
+/// Builds a mesh's tree for `strategy`.
 fn tree_of(mesh: &Mesh, strategy: &Strategy) -> Result<WideBvh, LaunchError> {
     WideBvh::of_mesh(mesh, strategy.node_width.children(), strategy.leaf_size.triangles())
         .map_err(|error| LaunchError::Tree(error.to_string()))
 }
 
-/// Entries that a stack needs on the deepest way down a tree, rounded up.
+/// Returns the number of stack entries for the deepest path of a tree, rounded up.
 fn stack_size_of(tree: &WideBvh) -> usize {
     tree.stack_size().next_multiple_of(STACK_STEP)
 }
 
-/// The same of a strategy's tree over a mesh, without a device; none where it wants no tree.
+/// Returns the same for a strategy's tree over a mesh, without a device; 0 if the strategy uses no tree.
 pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
     if !strategy.needs_tree() {
         return Ok(0);
@@ -114,7 +114,7 @@ impl DeviceTree {
         let nodes = upload(queue, &wide.nodes)?;
         let triangles = wide.order.len();
         let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |places, rows| {
-            // Rows past the last triangle become zero.
+            // Rows after the last triangle become zero.
             let order = &wide.order[places.start.min(triangles)..places.end.min(triangles)];
             write_triangle_rows(mesh, order, TriangleForm::Corners, rows);
         })?;

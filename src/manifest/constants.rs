@@ -1,23 +1,24 @@
-//! Numbers that host and kernels agree on. Kernels have them as defines.
+//! Constants that are shared by host and kernels. Kernels get them as defines.
 
 use crate::accel::TRIANGLE_WORDS;
 use crate::scene::Material;
 
-/// The triangle of a ray that hits nothing.
+/// The triangle number of a ray that hits nothing.
 pub const NO_HIT: i32 = i32::MAX;
-/// Floats of a row: a leaf's triangle, or what is prepared of a triangle for an origin.
+/// Number of floats in a row: a triangle of a leaf, or the planes prepared for a triangle and an origin.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
-/// Working vectors of a ray, of three floats each: the paper's arrays.
+/// Number of working vectors of a ray, with three floats each: the paper's arrays.
 pub const WORKING_VECTORS: usize = 9;
-/// Floats of a triangle of the soup: corners 9, normals 9, material 8.
+/// Number of floats of a triangle without shared vertices: corners 9, normals 9, material 8.
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
-/// Floats of a light: position and power.
+/// Number of floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
-/// Floats of the sky, before the lights' radii: its radiance at zenith and horizon, the direction up, its reach.
+/// Number of floats of the sky, which precede the lights' radii: its radiance at zenith and horizon, the
+/// upward direction, its reach.
 pub const SOFT_HEAD_FLOATS: usize = 10;
-/// Words that tell of a texture before its texels.
+/// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
-/// Work-items that share a tile.
+/// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;
-/// Triangles of a tile where triangles are streamed through `__local` memory.
+/// Number of triangles in a tile that is streamed through `__local` memory.
 pub const TILE_TRIANGLES: u64 = 256;

@@ -1,4 +1,4 @@
-//! The table.
+//! The table of kernel families.
 
 use super::Fact::{self, Always, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
 use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
@@ -6,7 +6,7 @@ use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
 
-/// Every family. Which of them a strategy belongs to says `Strategy::family`.
+/// All families. `Strategy::family` determines which one a strategy belongs to.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
 /// Rays that test every triangle.
@@ -20,7 +20,7 @@ pub static EXHAUSTIVE: Family = Family {
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
         only("tile", &["32x16"], NO_TILES),
-        rule("intersector", FilesIn("cast/intersect/", None), "casts no tiles, whose test that is"),
+        rule("intersector", FilesIn("cast/intersect/", None), "casts no tiles, and this test is for tiles"),
     ],
 };
 
@@ -43,7 +43,7 @@ pub static BVH: Family = Family {
     ],
 };
 
-/// Triangles that find their pixels; shadow rays test every triangle.
+/// Triangles are rasterised; shadow rays test every triangle.
 pub static RASTER: Family = Family {
     name: "raster",
     label: "traversal = raster",
@@ -205,7 +205,7 @@ pub static TILE_GPU: Family = Family {
     ],
 };
 
-/// The kernels of rays that are cast one by one or side by side.
+/// The kernels for rays that are cast one by one or side by side.
 const CAST_KERNELS: &[Kernel] = &[
     Kernel {
         name: "prepare_records",
@@ -269,7 +269,7 @@ const TEXTURE_DEFINES: Defines = &[
     (Textured, "WRAP_MIRROR"),
 ];
 const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
-/// For tests that need exact signs.
+/// Defines for tests that need exact signs.
 const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
 const CAST_DEFINES: Defines = &[
     (Always, "PAPER_EPSILONS"),
@@ -302,8 +302,8 @@ const GROUP_DEFINES: Defines = &[
     (Always, "LANE_OPERATIONS"),
 ];
 
-const NO_TREE: &str = "walks no tree, and keeps the value that stands for none";
-const NO_TILES: &str = "casts no tiles of rays, and keeps the value that stands for none";
+const NO_TREE: &str = "uses no tree, and keeps the value that means none";
+const NO_TILES: &str = "casts no tiles of rays, and keeps the value that means none";
 const LEAF_ORDER: &str = "reads triangles in the order of its tree";
 const SHADES_ONCE: &str = "shades a tile's rays once";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";

@@ -1,4 +1,5 @@
-//! No label without its code: what a file's change and a value's name decide, without a device.
+//! Tests that every label stands for its own code, without a device: which hashes change with a file, and
+//! that two values never give the same program.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};
@@ -11,7 +12,7 @@ use crate::strategy::{AXES, AxisInfo, PRESETS, Strategy};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// A folder that lays one file over the built-in ones, changed by a comment.
+/// Makes a folder that replaces one built-in file by a copy with an additional comment.
 fn with_a_comment_in(file: &str) -> (tempfile::TempDir, Sources) {
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     let text = Sources::Embedded.read(file).unwrap_or_else(|error| panic!("{error}"));
@@ -23,7 +24,7 @@ fn with_a_comment_in(file: &str) -> (tempfile::TempDir, Sources) {
     (folder, sources)
 }
 
-/// Each file in turn: exactly those presets' hashes change whose programs are made of it.
+/// For each file, checks that exactly those presets' hashes change whose programs include it.
 #[test]
 fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     let presets: Vec<_> = PRESETS.iter().map(|preset| (preset.name, preset.strategy)).collect();
@@ -41,7 +42,8 @@ fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     assert!(changes > 10 * PRESETS.len(), "only {changes}");
 }
 
-/// Everything that a value can decide without a scene: what the compiler sees, its options, and what is launched.
+/// Returns everything that a value can change without a scene: the preprocessed source, the options, and the
+/// launch.
 fn decided(strategy: &Strategy) -> String {
     let spec = spec(strategy);
     let text =
@@ -50,7 +52,7 @@ fn decided(strategy: &Strategy) -> String {
     format!("{options:?} {:?}\n{}", frame_kernels(strategy), canonical(&text.text()))
 }
 
-/// The trees of a scene that is large enough for every size of leaf and node to matter.
+/// Returns the tree of a scene that is large enough for every leaf size and node width to make a difference.
 fn tree(strategy: &Strategy) -> (Vec<u32>, usize) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/gourd.toml");
     let mesh = load_scene(&path).unwrap_or_else(|error| panic!("{error}")).scene.mesh;
@@ -59,7 +61,7 @@ fn tree(strategy: &Strategy) -> (Vec<u32>, usize) {
     (tree.nodes.clone(), tree.stack_size())
 }
 
-/// The values of an axis that a strategy's family takes with the rest of it as it is.
+/// Returns the values of an axis that a strategy's family accepts if the other axes stay the same.
 fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
     let changed = |value| {
         let mut strategy = *base;
@@ -71,7 +73,8 @@ fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
     values.filter(|(_, strategy)| strategy.contradiction().is_none() && own(strategy)).collect()
 }
 
-/// Every value of every axis under every family that takes it: no two that are called differently are the same.
+/// Checks every value of every axis in every family that accepts it: values with different names must give
+/// different programs or trees.
 #[test]
 fn values_of_another_name_are_another_program_or_another_tree() {
     let mut seen: HashMap<(&str, &str), usize> = HashMap::new();
@@ -80,7 +83,7 @@ fn values_of_another_name_are_another_program_or_another_tree() {
         for axis in AXES {
             let values = taken(&base, axis);
             let known = seen.entry((family, axis.name)).or_default();
-            // The base that takes the most values shows them all.
+            // The base strategy that accepts the most values covers all of them.
             if values.len() <= *known.max(&mut 1) {
                 continue;
             }

@@ -1,8 +1,9 @@
-//! The manifest of kernel families: one table of what the host knows of the kernels in `cl/`.
+//! The manifest: a table that describes the kernels in `cl/` for the host, by family.
 //!
-//! A [`Family`] is a way to cast a frame. Its row names the file that everything else is included from, its kernels with
-//! their parameters, the defines it is compiled with and the values of axes it takes. What is compiled and hashed, how
-//! arguments are bound, whose registers count and which strategies are legal all follow from it.
+//! A [`Family`] is a set of kernels that casts a frame. Its row has the file that includes all others, its
+//! kernels with their parameters, the defines it is compiled with and the values of axes that it supports.
+//! The row determines what is compiled and hashed, how arguments are bound, which kernel's registers are
+//! reported and which strategies are allowed.
 
 mod constants;
 mod families;
@@ -19,20 +20,20 @@ pub use constants::{
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
 
-/// What a parameter, a kernel or a define is there for: a fact of a strategy.
+/// A property of a strategy, or of a scene, on which a parameter, a kernel or a define depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fact {
     /// True of every strategy.
     Always,
-    /// Triangles are laid out as the soup.
+    /// Each triangle has its own copies of its vertices.
     Soup,
-    /// Triangles are laid out as the OBJ's sets with indices.
+    /// Triangles have indices into the vertex sets of the OBJ file.
     Indexed,
-    /// Triangles are streamed through `__local` memory.
+    /// Triangles are streamed through `__local` memory in tiles.
     Tiled,
     /// Rays walk a tree.
     Tree,
-    /// A row per triangle is prepared for the eye and each light.
+    /// Planes per triangle are prepared for the eye and each light.
     Planes,
     /// A record per triangle is prepared once per scene.
     Records,
@@ -40,32 +41,32 @@ pub enum Fact {
     Scratch,
     /// Working vectors lie in a pool with an allocator.
     Heap,
-    /// Triangles of the scene have textures: a fact of what is cast, not of the strategy.
+    /// The scene has textures: a property of the scene, not of the strategy.
     Textured,
-    /// Lights with a radius or a sky are sampled: a fact of what is cast, too.
+    /// The scene has sampled lights with a radius or a sky: a property of the scene, too.
     Soft,
 }
 
-/// What a kernel is for in a frame.
+/// The role of a kernel in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Prepares triangles for the eye and the lights.
     Prepare,
-    /// Casts primary rays and all, or as much as one kernel can, of what follows.
+    /// Casts primary rays, and does as much of the rest as one kernel can.
     Frame,
-    /// Finds the nearest hits of primary rays; of several kernels that do, the first.
+    /// Finds the nearest hits of primary rays; of several such kernels, the first.
     Primary,
-    /// Finishes what the primary kernel began.
+    /// Completes the result of the primary kernel.
     Resolve,
     /// Casts shadow rays.
     Shadow,
-    /// Casts those that were left over.
+    /// Casts leftover shadow rays.
     LeftOver,
-    /// Shades nearest hits; where no kernel is for shadow rays, it casts them.
+    /// Shades nearest hits; if no kernel has the role `Shadow`, it casts shadow rays too.
     Shade,
-    /// Casts any rays, and is no part of a frame.
+    /// Casts arbitrary rays; not part of a frame.
     Rays,
-    /// Prepares records of triangles, once per scene: no part of a frame either.
+    /// Prepares records of triangles once per scene; not part of a frame either.
     Records,
 }
 
@@ -74,45 +75,47 @@ pub enum Role {
 pub struct Kernel {
     /// Its name in the source.
     pub name: &'static str,
-    /// What it is for.
+    /// Its role.
     pub role: Role,
-    /// When there is such a kernel.
+    /// The condition under which the kernel exists.
     pub when: Fact,
-    /// Its parameters in order, in groups that kernels share.
+    /// Its parameters in order, in groups that several kernels use.
     pub parameters: &'static [&'static [Parameter]],
 }
 
 impl Kernel {
-    /// Whether its registers and its occupancy are those of the whole: it casts primary rays.
+    /// Returns whether its registers and occupancy are reported for the strategy, which is so for the kernel
+    /// that casts primary rays.
     pub fn is_main(&self) -> bool {
         matches!(self.role, Role::Frame | Role::Primary)
     }
 
-    /// Its parameters where these facts hold.
+    /// Returns its parameters under these conditions.
     pub fn parameters(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static Parameter> {
         self.parameters.iter().copied().flatten().filter(move |parameter| holds(parameter.when))
     }
 
-    /// Its parameter list in OpenCL C, as a macro that is called after it: the only one there is.
+    /// Returns its parameter list in OpenCL C as a macro named after the kernel. Kernels have no other
+    /// parameter list.
     pub fn parameter_macro(&self, holds: impl Fn(Fact) -> bool) -> String {
         parameter_macro(self.name, self.parameters(holds))
     }
 }
 
-/// The values of an axis that a family takes.
+/// The values of an axis that a family supports.
 #[derive(Clone, Copy, Debug)]
 pub enum Values {
     /// These.
     Only(&'static [&'static str]),
-    /// All but these.
+    /// All except these.
     AllBut(&'static [&'static str]),
-    /// The values that have a file in this folder. With a fact, only those of which the fact is false.
+    /// The values that have a file in this folder. With a fact, only the values for which it is false.
     FilesIn(&'static str, Option<Fact>),
 }
 
 impl Values {
-    /// Whether a value is among them: `has_file` says whether it has a file in a folder, `holds` what is true of a strategy
-    /// that has it.
+    /// Returns whether a value is supported. `has_file` returns whether the value has a file in a folder, and
+    /// `holds` whether a fact is true of a strategy with the value.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),
@@ -122,14 +125,14 @@ impl Values {
     }
 }
 
-/// An axis that a family does not take all values of.
+/// An axis of which a family supports only some values.
 #[derive(Debug)]
 pub struct Rule {
     /// The axis.
     pub axis: &'static str,
-    /// What is taken. An axis that the family ignores keeps one value, which stands for none.
+    /// The supported values. An axis that the family ignores has one value, which means none.
     pub takes: Values,
-    /// Why, after the family's label: "walks no tree".
+    /// The reason, to follow the family's label: "walks no tree".
     pub because: &'static str,
 }
 
@@ -138,42 +141,42 @@ pub struct Rule {
 pub struct Family {
     /// Its name.
     pub name: &'static str,
-    /// The strategies it is for, as messages tell them.
+    /// The family's strategies, as messages describe them.
     pub label: &'static str,
-    /// The file under `cl/` that everything else is included from.
+    /// The file under `cl/` that includes all others.
     pub entry: &'static str,
     /// Its kernels.
     pub kernels: &'static [Kernel],
-    /// The names of its defines, in groups that families share.
+    /// The names of its defines, in groups that several families use.
     pub defines: &'static [&'static [(Fact, &'static str)]],
-    /// The axes that it does not take all values of.
+    /// The axes of which it supports only some values.
     pub rules: &'static [Rule],
 }
 
 impl Family {
-    /// Its first kernel for something, if it has one.
+    /// Returns its first kernel with this role, if any.
     pub fn kernel(&self, role: Role) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.role == role)
     }
 
-    /// Whether it takes a scene of which this is true: textures, soft lights or a sky.
+    /// Returns whether it supports scenes with this property: textures, soft lights or a sky.
     pub fn takes(&self, fact: Fact) -> bool {
         let parameters = self.kernels.iter().flat_map(|kernel| kernel.parameters.iter().copied().flatten());
         parameters.into_iter().any(|parameter| parameter.when == fact)
     }
 
-    /// Its kernel of this name.
+    /// Returns its kernel of this name.
     pub fn kernel_named(&self, name: &str) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.name == name)
     }
 
-    /// Its defines where these facts hold.
+    /// Returns its defines under these conditions.
     pub fn defines(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static str> {
         self.defines.iter().copied().flatten().filter(move |(when, _)| holds(*when)).map(|(_, name)| *name)
     }
 }
 
-/// Whether a kernel of this name casts primary rays: of a frame's kernels its registers count.
+/// Returns whether the kernel of this name casts primary rays; its registers are reported.
 pub fn is_main(name: &str) -> bool {
     FAMILIES.iter().filter_map(|family| family.kernel_named(name)).any(Kernel::is_main)
 }

@@ -1,14 +1,14 @@
-//! The parameters of kernels, in the groups that kernels share.
+//! The parameters of kernels, in groups that several kernels use.
 
 use super::Fact;
 use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soft, Soup, Textured, Tree};
 
-/// A parameter of a kernel: an argument is bound to it by its name.
+/// A parameter of a kernel. The argument of the same name is bound to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
-    /// When there is such a parameter.
+    /// The condition under which the parameter exists.
     pub when: Fact,
-    /// Its type in OpenCL C; a word in capitals is a macro of a file of the strategy.
+    /// Its type in OpenCL C. A word in capitals is a macro defined by a file of the strategy.
     pub of_type: &'static str,
     /// Its name.
     pub name: &'static str,
@@ -24,7 +24,7 @@ const FLOATS: &str = "const __global float *restrict";
 const QUADS: &str = "const __global float4 *restrict";
 const INTS: &str = "const __global int *restrict";
 
-/// Triangles as a layout has them.
+/// Triangles in a layout.
 pub const GEOMETRY: &[Parameter] = &[
     p(Soup, SOURCE_FLOATS, "soup"),
     p(Indexed, SOURCE_FLOATS, "position_set"),
@@ -35,28 +35,28 @@ pub const GEOMETRY: &[Parameter] = &[
     p(Indexed, SOURCE_FLOATS, "material_set"),
     p(Always, "const int", "triangle_count"),
 ];
-/// The lights and how far from a surface their shadow rays start.
+/// The lights, and the distance from a surface at which shadow rays start.
 pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
-/// What is prepared for the eye and each light.
+/// The planes prepared for the eye and each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
-/// What is prepared of triangles once per scene.
+/// The records of triangles, prepared once per scene.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
 pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
 /// A tree.
 pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
-/// What tiles shade with.
+/// The data that tiles need for shading.
 pub const SURFACES: &[Parameter] =
     &[p(Always, QUADS, "surfaces"), p(Always, FLOATS, "materials"), p(Always, "const int", "material_count")];
-/// Where triangles' corners lie in textures, and all textures.
+/// The triangles' texture coordinates, and all textures.
 pub const TEXTURES: &[Parameter] =
     &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
-/// The sky and the lights' radii, and which of how many samples of each pixel is cast.
+/// The sky and the lights' radii, and which of how many samples per pixel is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// What is prepared for the eye and a round's lights, and the triangles of a row of it.
+/// The planes prepared for the eye and a round's lights, and the triangle of each row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
-/// The camera; functions of kernels take it, too.
+/// The camera; functions called by kernels have these parameters too.
 pub const CAMERA: &[Parameter] = &[
     p(Always, "const float4", "eye"),
     p(Always, "const float4", "corner"),
@@ -68,7 +68,7 @@ pub const IMAGE: &[Parameter] =
     &[p(Always, "const float4", "background"), p(Always, "__global float4 *restrict", "image")];
 pub const NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest_triangle")];
 pub const NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest_triangle")];
-/// Where working vectors lie that need a buffer.
+/// The buffer of the working vectors, if they need one.
 pub const WORKING: &[Parameter] = &[
     p(Scratch, "__global float *", "scratch"),
     p(Heap, "__global float *", "heap"),
@@ -113,10 +113,10 @@ pub const TILE_PREPARE: &[Parameter] = &[
     p(Always, "__global int *restrict", "queued"),
 ];
 
-/// Parameters of the probe of lane operations, a kernel that belongs to no family.
+/// Parameters of the kernel that tests lane operations; it belongs to no family.
 pub const PROBE_LANES: &[Parameter] = &[p(Always, "__global uint *", "answers")];
 
-/// A parameter list in OpenCL C, as a macro: `#define CAST_FRAME_PARAMETERS const float4 eye, ...`
+/// Returns a parameter list in OpenCL C as a macro: `#define CAST_FRAME_PARAMETERS const float4 eye, ...`
 pub fn parameter_macro<'a>(name: &str, parameters: impl Iterator<Item = &'a Parameter>) -> String {
     let list: Vec<_> =
         parameters.map(|Parameter { of_type, name, .. }| format!("{of_type} {name}")).collect();

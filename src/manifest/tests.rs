@@ -1,4 +1,4 @@
-//! The manifest against the files under `cl/`, without a device.
+//! Tests of the manifest against the files under `cl/`, without a device.
 
 use super::*;
 use crate::device::{Builtins, LaneOperations};
@@ -8,7 +8,8 @@ use crate::strategy::{AXES, PRESETS, Strategy, Workload};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign as _;
 
-/// Presets, and what is a value or two of other axes away from them: every file of every family is in one of them.
+/// Returns presets, and strategies that differ from a preset in one or two axes. Together they use every file
+/// of every family.
 pub(super) fn strategies() -> Vec<Strategy> {
     let mut all: Vec<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     for strategy in all.clone() {
@@ -38,7 +39,7 @@ const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
 /// A scene with soft lights and a sky.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, ..Workload::CUBE };
 
-/// The same for other scenes.
+/// Returns the program of a strategy for another scene.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
     let workload = Workload { local_size: [32, 1], ..workload };
     let builtins =
@@ -46,13 +47,13 @@ fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> Progr
     ProgramSpec::new(sources, strategy, &workload, builtins).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The words of a text without its comments.
+/// Returns the words of a text without its comments.
 fn words(text: &str) -> Vec<&str> {
     let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
 }
 
-/// Whether a text does more with a name than ask for it.
+/// Returns whether a text uses a name other than in a condition.
 fn uses_define(text: &str, name: &str) -> bool {
     let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
     let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();
@@ -112,7 +113,7 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // In programs of scenes with textures, and with soft lights.
+    // Used in programs of scenes with textures or soft lights.
     named.insert("common/textures.cl".to_owned());
     named.extend(SOFT_FILES.map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
@@ -125,7 +126,7 @@ fn a_program_holds_no_file_of_another_family() {
         let own = match strategy.family().name {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
-            // Vectors whose rays share no axis are cast as single rays are.
+            // Vectors whose rays have no common main axis are cast like single rays.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],
         };

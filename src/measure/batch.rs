@@ -1,13 +1,13 @@
-//! How many frames a sample needs so that the device's timer can tell their time.
+//! Computes how many frames a sample needs for the resolution of the device's timer.
 
-/// A time is read twice to the timer's step, so that one of this many steps is off by at most a few per cent; a batch
-/// is given at least as many.
+/// Start and end are each rounded to the timer's resolution, so the error of a time of this many steps is at
+/// most a few per cent. A batch takes at least this many steps.
 const STEPS: f64 = 50.0;
-/// The most frames of a batch: event objects and queues have their limits.
+/// The largest number of frames in a batch, since event objects and queues have limits.
 const MOST: u32 = 256;
 
-/// Frames to cast for one sample of a frame whose shortest part takes `shortest_ms`, by a timer that counts in steps of
-/// `resolution_ns`. 1 where a frame alone is long enough, or where nothing is known of the timer.
+/// Returns the number of frames per sample, for a frame whose shortest part takes `shortest_ms` and a timer
+/// with steps of `resolution_ns`. It is 1 if a single frame is long enough, or if the resolution is unknown.
 pub fn batch_size(shortest_ms: f64, resolution_ns: Option<u64>) -> u32 {
     let Some(resolution_ns) = resolution_ns else { return 1 };
     let wanted_ms = STEPS * resolution_ns as f64 * 1e-6;

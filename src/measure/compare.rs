@@ -1,21 +1,21 @@
-//! How a result stands to an earlier one.
+//! Compares a result with an earlier one.
 
 use super::Interval;
 
-/// How a result stands to an earlier one.
+/// The result of a comparison with an earlier result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
     /// Surely faster, by more than the threshold.
     Faster,
     /// Surely slower, by more than the threshold.
     Slower,
-    /// Surely no farther apart than the threshold.
+    /// Surely different by less than the threshold.
     Same,
-    /// The interval leaves it open.
+    /// The interval includes both equal and different times.
     Unclear,
-    /// There is nothing that it could be measured against.
+    /// There is no earlier result to compare with.
     CannotTell,
-    /// One of them has too few samples to say.
+    /// One of the results has too few samples.
     NotEnough,
 }
 
@@ -24,7 +24,7 @@ impl Verdict {
     pub const ALL: [Self; 6] =
         [Self::Faster, Self::Slower, Self::Same, Self::Unclear, Self::CannotTell, Self::NotEnough];
 
-    /// Its name in reports.
+    /// Returns the name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Faster => "faster",
@@ -36,7 +36,7 @@ impl Verdict {
         }
     }
 
-    /// Judges a ratio of times by its interval. Changes within `threshold` (0.02 is 2%) count as the same.
+    /// Returns the verdict for a ratio's interval. Changes within `threshold` (0.02 is 2%) count as equal.
     pub fn of(change: Interval, threshold: f64) -> Self {
         let (least, most) = (1.0 / (1.0 + threshold), 1.0 + threshold);
         if change.low > most {
@@ -76,7 +76,7 @@ mod tests {
         };
         assert_eq!(of(0.8, 1.25), Verdict::Same);
         assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));
-        // A quarter slower and a fifth faster are the same change, seen from either side.
+        // A quarter slower and a fifth faster are the same change, seen from either direction.
         assert_eq!((of(0.5, 0.79), of(0.78, 1.0)), (Verdict::Faster, Verdict::Unclear));
     }
 }

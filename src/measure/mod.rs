@@ -1,7 +1,7 @@
-//! Statistics of repeated measurements: when to stop, what was found, which
-//! points are the winners, and whether one result differs from another.
+//! Statistics of repeated measurements: when to stop, medians and intervals, which points are the winners,
+//! and whether two results differ.
 //!
-//! Nothing here touches a device or a clock: times come in as milliseconds.
+//! No code here uses a device or a clock: times are passed in as milliseconds.
 
 mod batch;
 mod compare;
@@ -24,7 +24,7 @@ pub use ranking::Ranking;
 pub use stopping::{StopReason, StoppingRule};
 pub use summary::Summary;
 
-/// Mean and sample standard deviation (n - 1); the deviation of fewer than two samples is 0.
+/// Returns the mean and the sample standard deviation (n - 1); the deviation of fewer than two samples is 0.
 fn mean_and_sigma(samples: &[f64]) -> (f64, f64) {
     let n = samples.len() as f64;
     let mean = samples.iter().sum::<f64>() / n;

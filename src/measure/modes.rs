@@ -1,29 +1,31 @@
-//! Whether some times lie around two values: a machine, or a launch, that has two speeds.
+//! Detects times that cluster around two values, as on a machine, or in a launch, that has two speeds.
 
-/// A sample of n has two modes where its dip, times the square root of n, exceeds [the one](LARGEST) less [the other](FEWER) over
-/// the square root of n. Of a uniform distribution, which is the worst case of one mode, 99.9% of samples of 10 to 200 lie
-/// below it (simulated; J. and P. Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985): one false
-/// alarm in a thousand points at most, and fewer of times, which thin out to both sides.
+/// A sample of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] less
+/// [`FEWER`] over the square root of n. For a uniform distribution, which is the worst case of a single mode,
+/// 99.9% of samples of 10 to 200 times stay below it (simulated; J. and P. Hartigan, *The Dip Test of
+/// Unimodality*, Annals of Statistics 13, 1985). So at most one point in a thousand is a false alarm; fewer
+/// in practice, since distributions of times have tails.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
-/// Fewer samples tell nothing.
+/// Samples with fewer times are not tested.
 const FEWEST: usize = 10;
-/// Modes nearer to each other than this part are called one: a timer's steps have as many modes as steps.
+/// Modes closer to each other than this relative distance count as one, since a timer's steps would otherwise
+/// be modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
-/// Two values that times lie around.
+/// Two values around which times cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Modes {
-    /// The median of the faster and of the slower ones.
+    /// The median of the faster and of the slower times.
     pub ms: [f64; 2],
-    /// How many samples are of each.
+    /// The number of times in each mode.
     pub samples: [usize; 2],
-    /// Where they are parted: the faster ones take no longer.
+    /// The boundary: the faster times are at most this long.
     pub parted_at_ms: f64,
 }
 
 impl Modes {
-    /// The two modes of some times; none where they may have one.
+    /// Returns the two modes of some times; `None` if they may have a single one.
     pub fn of(times_ms: &[f64]) -> Option<Self> {
         let mut sorted = times_ms.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -44,7 +46,8 @@ fn median(sorted: &[f64]) -> f64 {
     (at(sorted.len() / 2) + at(sorted.len().saturating_sub(1) / 2)) / 2.0
 }
 
-/// How many of some sorted values belong to the lower of two groups: those with the least sum of squares within them.
+/// Returns the size of the lower of two groups of sorted values, chosen so that the sum of squares within the
+/// groups is least.
 fn cut(sorted: &[f64]) -> usize {
     let total: f64 = sorted.iter().sum();
     let n = sorted.len() as f64;
@@ -53,7 +56,7 @@ fn cut(sorted: &[f64]) -> usize {
     for (place, value) in sorted.iter().enumerate().take(sorted.len() - 1) {
         lower += value;
         let below = (place + 1) as f64;
-        // The sum of squares between the groups, but for a constant.
+        // The sum of squares between the groups, up to a constant.
         let between = lower * lower / below + (total - lower) * (total - lower) / (n - below);
         if between > best.1 {
             best = (place + 1, between);
@@ -62,9 +65,10 @@ fn cut(sorted: &[f64]) -> usize {
     best.0
 }
 
-/// The dip: the largest distance of the sample's distribution function from the nearest one of one mode. The algorithm is that
-/// of P. Hartigan, *Computation of the Dip Statistic to Test for Unimodality*, Applied Statistics 34, 1985 (AS 217): a modal interval is narrowed
-/// until, within it, the greatest convex minorant and the least concave majorant are nearer to each other than the distance found outside.
+/// Returns the dip: the largest distance between the sample's distribution function and the nearest unimodal
+/// one. The algorithm is that of P. Hartigan, *Computation of the Dip Statistic to Test for Unimodality*,
+/// Applied Statistics 34, 1985 (AS 217). It narrows a modal interval until, within it, the distance between
+/// the greatest convex minorant and the least concave majorant is less than the distance found outside.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut found) = (0, n - 1, 1.0_f64);
@@ -88,22 +92,24 @@ fn dip(sorted: &[f64]) -> f64 {
     found / (2.0 * n as f64)
 }
 
-/// The places where the greatest convex minorant of the distribution function touches it, between two of them.
+/// Returns the indices between `low` and `high` at which the greatest convex minorant of the distribution
+/// function touches it.
 fn minorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left >= right)
 }
 
-/// The same of the least concave majorant.
+/// Returns the same for the least concave majorant.
 fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// A hull of the points (value, place); `bent` says of the slopes before and after a point whether it is not on it.
+/// Returns a hull of the points (value, index). `bent` takes the slopes before and after a point and returns
+/// whether the point is not on the hull.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
     for place in low..=high {
         while let [.., one, other] = hull[..] {
-            // Slopes compared without a division: values may be equal.
+            // Compares slopes without division, since values may be equal.
             let left = (other - one) as f64 * (sorted[place] - sorted[other]);
             let right = (place - other) as f64 * (sorted[other] - sorted[one]);
             if !bent(left, right) {
@@ -116,7 +122,8 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
     hull
 }
 
-/// The greatest distance between the two hulls at a point of one of them, and the modal interval that it leads to.
+/// Returns the greatest distance between the two hulls at a point of one of them, and the modal interval that
+/// it gives.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {
@@ -135,7 +142,7 @@ fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usiz
     best
 }
 
-/// The height of a hull at the value of a place.
+/// Returns the height of a hull at the value with this index.
 fn on_hull(sorted: &[f64], hull: &[usize], place: usize) -> f64 {
     let after = hull.partition_point(|touch| *touch < place);
     match (after.checked_sub(1).map(|before| hull[before]), hull.get(after)) {
@@ -145,13 +152,14 @@ fn on_hull(sorted: &[f64], hull: &[usize], place: usize) -> f64 {
     }
 }
 
-/// How much a straight line between two places has risen at a third.
+/// Returns the height of a straight line between two points at a third one.
 fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
     let across = sorted[other] - sorted[one];
     if across > 0.0 { (other - one) as f64 * (sorted[at] - sorted[one]) / across } else { (at - one) as f64 }
 }
 
-/// The greatest distance of the distribution function's steps from a hull's line between two of its points.
+/// Returns the greatest distance between the steps of the distribution function and a hull's line between two
+/// of its points.
 fn deviation(sorted: &[f64], ends: &[usize], distance: impl Fn(f64, f64) -> f64) -> f64 {
     let (one, other) = (ends[0], ends[1]);
     let at = |place: usize| distance((place - one) as f64, line(sorted, one, other, place));
@@ -202,7 +210,7 @@ mod tests {
     #[test]
     fn two_speeds_are_found_and_their_times_told() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
-        // Five slow samples of 15 are too few for a second mode.
+        // Five slow times of 15 are too few for a second mode.
         for n in [24, 30, 60] {
             let mut time = |place: usize| {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();

@@ -4,8 +4,8 @@ use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
-/// The order of `n` points in one round: shuffled, the same for the same round and seed. Rounds of
-/// different orders spread a machine's drift over all points, so that it is not read as a difference.
+/// Returns the order of `n` points in a round: shuffled, and the same for the same round and seed. Different
+/// orders spread a machine's drift over all points, so that it does not look like a difference between them.
 pub fn round_order(n: usize, round: u64, seed: u64) -> Vec<usize> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(round);

@@ -1,19 +1,20 @@
-//! Who wins: the one rule by which every view names winners.
+//! Ranks points; all views name winners by this one rule.
 
-/// Some points by their times, fastest first.
+/// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking<T> {
-    /// The fastest point that has enough samples, and every other that ties with it. More than one is a tie.
+    /// The fastest point with enough samples, and every other that ties with it. With more than one winner
+    /// there is a tie.
     pub winners: Vec<T>,
-    /// Every point that has enough samples, winners among them.
+    /// Every point with enough samples, including the winners.
     pub ranked: Vec<T>,
-    /// Points that have not: no verdict rests on them.
+    /// Points with too few samples; no verdict uses them.
     pub unranked: Vec<T>,
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points by their levels, less being better; without one a point has no rank. `ties` says whether the first of two
-    /// ties with the second, which is the best.
+    /// Ranks points by their levels; less is better, and a point without a level has no rank. `ties` takes a
+    /// point and the best one and returns whether they tie.
     pub(crate) fn by(
         points: impl IntoIterator<Item = (T, Option<f64>)>,
         ties: impl Fn(T, T) -> bool,
@@ -32,7 +33,7 @@ impl<T: Copy> Ranking<T> {
         Self { winners: ranked.iter().copied().filter(wins).collect(), ranked, unranked }
     }
 
-    /// All points: the ranked, then the others.
+    /// Returns all points: the ranked ones first.
     pub fn all(&self) -> Vec<T> {
         self.ranked.iter().chain(&self.unranked).copied().collect()
     }

@@ -1,40 +1,42 @@
-//! When a group of points has been sampled enough.
+//! Decides when a group of points has enough samples.
 
 use super::MIN_SAMPLES;
 
-/// Noise values that must have settled.
+/// Number of last noise values that must agree.
 const SETTLING: usize = 16;
-/// How much they may vary, relative to their mean.
+/// Largest relative variation of those values.
 const SETTLED: f64 = 0.05;
 
-/// When a group of points has been sampled enough in a launch. All its points stop together: each has a sample of every round.
+/// Decides when a group of points has enough samples in a launch. All its points stop together, so each has
+/// one sample of every round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoppingRule {
-    /// Rounds before precision is judged.
+    /// Smallest number of rounds.
     pub min_samples: usize,
-    /// Rounds never exceeded.
+    /// Largest number of rounds.
     pub max_samples: usize,
-    /// Precise is when sigma / mean is below this.
+    /// Samples are precise if the standard deviation divided by the mean is below this.
     pub relative_sigma: f64,
-    /// The time a point may take, in the mean of the group. It never cuts below [`MIN_SAMPLES`] rounds.
+    /// Time per point, averaged over the group. At least [`MIN_SAMPLES`] rounds are measured even if they
+    /// take longer.
     pub time_limit_ms: f64,
 }
 
-/// Why sampling stopped.
+/// The reason for stopping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StopReason {
-    /// The samples of each point agree: sigma / mean is small.
+    /// The samples of each point are precise: sigma / mean is small.
     Precise,
-    /// They do not, but more of them would not change by how much.
+    /// The samples are not precise, but more of them would not change sigma / mean.
     NoiseSettled,
     /// The group's time was up.
     TimeLimit,
-    /// The points have as many samples as they may.
+    /// The points have the largest number of samples.
     MaxSamples,
 }
 
 impl StopReason {
-    /// Its name in records.
+    /// Returns the name in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Precise => "precise",
@@ -46,8 +48,8 @@ impl StopReason {
 }
 
 impl StoppingRule {
-    /// The rule of one of `launches` launches that share samples and time. Each has the fewest samples that a verdict rests on,
-    /// unless there may not be as many in all.
+    /// Returns the rule for one of several launches that share samples and time. Each launch takes at least
+    /// as many samples as a verdict needs, unless the total allows fewer.
     pub fn shared_by(self, launches: usize) -> Self {
         let least = MIN_SAMPLES.min(self.max_samples);
         Self {
@@ -58,12 +60,13 @@ impl StoppingRule {
         }
     }
 
-    /// The fewest rounds of a launch that counts.
+    /// Returns the smallest number of rounds in a launch that counts.
     pub fn least(&self) -> usize {
         MIN_SAMPLES.min(self.max_samples)
     }
 
-    /// Why to stop after a round, by the samples of each point, which took `elapsed_ms` in all; none to go on.
+    /// Returns the reason to stop after a round, or `None` to continue. `points_ms` has the samples of each
+    /// point, which took `elapsed_ms` in total.
     pub fn stop(&self, points_ms: &[Vec<f64>], elapsed_ms: f64) -> Option<StopReason> {
         let rounds = points_ms.iter().map(Vec::len).min().unwrap_or(0);
         if rounds >= self.min_samples.max(2)
@@ -77,7 +80,7 @@ impl StoppingRule {
         (rounds >= self.max_samples).then_some(StopReason::MaxSamples)
     }
 
-    /// Whether more samples of any point would tell no more.
+    /// Returns the reason if more samples of any point would not improve the result.
     fn known(&self, points_ms: &[Vec<f64>]) -> Option<StopReason> {
         let noise: Vec<_> = points_ms.iter().map(|samples| running_noise(samples)).collect();
         let precise = |noise: &Vec<f64>| noise.last().is_some_and(|&last| last < self.relative_sigma);
@@ -88,7 +91,7 @@ impl StoppingRule {
     }
 }
 
-/// sigma / mean of the first 2, 3, ... samples (Welford 1962: one pass, no cancellation).
+/// Returns sigma / mean of the first 2, 3, ... samples (Welford 1962: one pass, no cancellation).
 fn running_noise(samples: &[f64]) -> Vec<f64> {
     let (mut mean, mut squares) = (0.0, 0.0);
     let mut noise = Vec::with_capacity(samples.len());
@@ -98,14 +101,14 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
         squares += distance * (sample - mean);
         if before > 0 {
             let sigma = (squares / before as f64).sqrt();
-            // Samples below the clock's resolution are all 0: they agree.
+            // Samples below the clock's resolution are all 0 and count as equal.
             noise.push(if sigma == 0.0 { 0.0 } else { sigma / mean });
         }
     }
     noise
 }
 
-/// Whether the last values of the noise vary little.
+/// Returns whether the last values of the noise agree.
 fn settled(noise: &[f64]) -> bool {
     noise.last_chunk::<SETTLING>().is_some_and(|last| {
         let (mean, sigma) = super::mean_and_sigma(last);

@@ -1,11 +1,11 @@
-//! How many standard errors an interval reaches when the error itself is known from few values.
+//! Quantiles of Student's t distribution.
 
 use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 
-/// Student's t has the normal distribution's quantiles from here on, to four decimals.
+/// From this number of degrees of freedom on, the quantiles equal the normal distribution's to four decimals.
 const MANY: f64 = 1e5;
 
-/// The value that Student's t stays below with the chance `p`. No degrees of freedom know nothing: infinity.
+/// Returns the value that Student's t stays below with probability `p`; infinite without degrees of freedom.
 pub(super) fn t_quantile(p: f64, degrees: f64) -> f64 {
     if degrees >= MANY {
         return Normal::standard().inverse_cdf(p);

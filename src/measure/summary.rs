@@ -1,13 +1,13 @@
-//! What a point's samples amount to.
+//! Summarises a point's samples.
 
 use serde::Serialize;
 
 use super::mean_and_sigma;
 
-/// What a point's samples amount to, in milliseconds.
+/// A summary of a point's samples, in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Samples.
+    /// Number of samples.
     pub n: usize,
     /// Median.
     pub median_ms: f64,
@@ -19,14 +19,14 @@ pub struct Summary {
     pub mean_ms: f64,
     /// Sample standard deviation; 0 for one sample.
     pub sigma_ms: f64,
-    /// Least.
+    /// Minimum.
     pub min_ms: f64,
-    /// Greatest.
+    /// Maximum.
     pub max_ms: f64,
 }
 
 impl Summary {
-    /// Summarises samples in any order; none of no samples, or if one is not finite.
+    /// Summarises samples in any order; `None` if there are none or one is not finite.
     pub fn of(samples_ms: &[f64]) -> Option<Self> {
         if samples_ms.is_empty() || !samples_ms.iter().all(|sample| sample.is_finite()) {
             return None;
@@ -47,15 +47,15 @@ impl Summary {
     }
 }
 
-/// The median of values in any order; none of no values.
+/// Returns the median of values in any order; `None` if there are none.
 pub(super) fn median_of(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     (!sorted.is_empty()).then(|| quantile(&sorted, 0.5))
 }
 
-/// The quantile `q` (0 to 1) of at least one sorted value, interpolated linearly
-/// (type 7 of Hyndman and Fan 1996, as R and NumPy have it).
+/// Returns the quantile `q` (0 to 1) of at least one sorted value, by linear interpolation (type 7 of Hyndman
+/// and Fan 1996, as in R and NumPy).
 pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
     let place = q * (sorted.len() - 1) as f64;
     let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);

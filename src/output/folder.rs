@@ -1,4 +1,4 @@
-//! A folder that a command writes several files into.
+//! A folder into which a command writes several files.
 
 use super::mark::Maker;
 use super::place::{Choice, permit, put};
@@ -9,21 +9,21 @@ use std::fs::File;
 use std::io::{Result as IoResult, Write as _};
 use std::path::{Path, PathBuf};
 
-/// The file that lists what raycl wrote into a folder, as `b3sum` does: a hash, two spaces, a name.
+/// The file that lists raycl's files in a folder in the format of `b3sum`: a hash, two spaces, a name.
 pub const LIST: &str = "raycl.b3sum";
 
-/// A folder and what raycl wrote into it before.
+/// A folder, and the list of files that raycl wrote into it.
 pub struct OutFolder {
     path: PathBuf,
     choice: Choice,
-    /// A folder of results has no list: all files with raycl's names are raycl's.
+    /// Whether this is a folder of results, which has no list: all files with raycl's names are raycl's.
     results: bool,
     /// Hash and name of every file that raycl wrote.
     made: BTreeSet<(String, String)>,
 }
 
 impl OutFolder {
-    /// Reads what raycl wrote into a folder, which need not be there.
+    /// Reads the list of a folder, which need not exist.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         let results = path.join("records.jsonl").is_file();
         let list = path.join(LIST);
@@ -37,22 +37,22 @@ impl OutFolder {
         }
     }
 
-    /// Its path.
+    /// Returns the path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What was asked for.
+    /// Returns what the user allowed.
     pub fn choice(&self) -> Choice {
         self.choice
     }
 
-    /// Whether raycl wrote into it before.
+    /// Returns whether raycl wrote into the folder before.
     pub fn is_known(&self) -> bool {
         self.results || !self.made.is_empty()
     }
 
-    /// Finds out before any work is done whether [`write`](Self::write) would refuse files of these names.
+    /// Checks before any work is done whether [`write`](Self::write) would refuse files of these names.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -63,7 +63,7 @@ impl OutFolder {
         })
     }
 
-    /// Writes files, names with their contents: all of them or, where one must stay, none.
+    /// Writes files, given as names and contents. If one of them may not be replaced, none is written.
     pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<()> {
         let new: BTreeSet<_> = files.iter().map(|(name, bytes)| (hash(bytes), name.clone())).collect();
         if !self.results {
@@ -76,7 +76,8 @@ impl OutFolder {
         if self.results {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
-        // Before the files, so that those of a command that is killed are known; afterwards without those replaced.
+        // The list is written before the files, so that it includes them even if the command is killed.
+        // Afterwards it is written again without the replaced ones.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;
@@ -85,8 +86,8 @@ impl OutFolder {
         self.write_list()
     }
 
-    /// Removes plots and exports that raycl wrote earlier, of scenes that are no longer shown. What somebody changed, and
-    /// what cannot be removed, stays.
+    /// Removes plots and exports of an earlier report that are no longer shown. Files that somebody changed,
+    /// and files that cannot be removed, stay.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
@@ -111,7 +112,7 @@ impl OutFolder {
         put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
     }
 
-    /// Whose a file is: raycl's, where the list has its hash, or where it is what would be written.
+    /// Returns who made a file. It is raycl's if the list has its hash, or if its content equals the new one.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
         let found = hasher.update_reader(file)?.finalize().to_hex().to_string();
@@ -125,7 +126,7 @@ impl OutFolder {
         })
     }
 
-    /// Makes the folder and those in it that files lie in; a link in their place is refused.
+    /// Makes the folder and its subfolders for files; a link in the place of one is refused.
     fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
         let failed = |folder: &Path, error: std::io::Error| {
             Error::run(format!("cannot make {}: {error}", folder.display()))
@@ -147,7 +148,7 @@ impl OutFolder {
     }
 }
 
-/// Whether a file belongs to a page, so that it goes with what the page shows.
+/// Returns whether a file belongs to a page and is removed together with it.
 fn is_companion(name: &str) -> bool {
     super::stale::FOLDERS.iter().any(|folder| Path::new(name).starts_with(folder))
 }
@@ -156,7 +157,7 @@ fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// The entries of a list; empty if there is no file, none if the file is not a list.
+/// Returns the entries of a list: empty if there is no file, `None` if the file is not a list.
 fn read_list(path: &Path) -> Option<BTreeSet<(String, String)>> {
     if path.symlink_metadata().is_err() {
         return Some(BTreeSet::new());
@@ -196,7 +197,7 @@ mod tests {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("plots/one.svg' was changed since"), "{error}");
         assert!(write(&out, KEEP, "three").is_err());
-        // All or none.
+        // Either all files are written or none.
         assert_eq!(std::fs::read(out.join("page.html")).unwrap(), b"two");
         write(&out, Choice { force: true, ..KEEP }, "four").unwrap();
         assert_eq!(std::fs::read(out.join("plots/one.svg")).unwrap(), b"four");
@@ -211,7 +212,7 @@ mod tests {
         let error = write(folder.path(), KEEP, "one").unwrap_err();
         assert!(error.to_string().contains("raycl did not make it"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        // What would be written anyway is no loss.
+        // A file with the content that would be written may be replaced.
         std::fs::write(folder.path().join("page.html"), "one").unwrap();
         write(folder.path(), KEEP, "one").unwrap();
         std::fs::write(folder.path().join(LIST), "my notes").unwrap();

@@ -1,46 +1,46 @@
-//! The mark by which raycl knows a file that it made: the BLAKE3 hash of all the file's other bytes, in hexadecimal digits
-//! near its beginning. A mark alone proves nothing: the hash must be that of the rest.
+//! The mark by which raycl recognises its own files: the BLAKE3 hash of all other bytes of the file, as
+//! hexadecimal digits near the beginning. A mark is only valid if its hash matches the file.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Seek as _, SeekFrom, Write};
 use std::ops::Range;
 
-/// What goes before the digits.
+/// Text before the digits.
 const LABEL: &str = "made by raycl, blake3 of the rest: ";
-/// What goes before the key of a frame, a hash too.
+/// Text before the key of a frame, which is also a hash.
 const KEY_LABEL: &str = "frame of raycl: ";
-/// As many as a hash has.
+/// Number of hexadecimal digits of a hash.
 const DIGITS: usize = 64;
-/// The mark lies within this number of bytes from the start of a file.
+/// The mark lies within this many bytes from the start of a file.
 const HEAD_BYTES: u64 = 4096;
-/// Where a PNG's second chunk begins: after the signature and IHDR.
+/// Offset of a PNG's second chunk, after the signature and IHDR.
 const PNG_CHUNK: usize = 33;
 const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Whose work a file is.
+/// Who made a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maker {
-    /// raycl made it as it is.
+    /// raycl made it, and it is unchanged.
     Raycl,
     /// raycl made it, and somebody changed it.
     Changed,
-    /// There is no sign of raycl.
+    /// It has no mark of raycl.
     Other,
 }
 
-/// A mark before the hash is known: text that a file's format carries somewhere, for [`seal`] to complete.
+/// Returns a mark without the hash: text that is written somewhere into a file, to be completed by [`seal`].
 pub fn blank() -> String {
     format!("{LABEL}{}", "0".repeat(DIGITS))
 }
 
-/// Where a PNG's blank mark goes, and the chunk that holds it.
+/// Returns the offset of a PNG's blank mark, and the chunk that contains it.
 pub fn png() -> (usize, Vec<u8>) {
     let text = [b"Comment\0", blank().as_bytes()].concat();
     let length = (text.len() as u32).to_be_bytes();
     (PNG_CHUNK, [&length[..], b"tEXt", &text, &[0; 4]].concat())
 }
 
-/// The same, followed by a chunk that says what the picture is of.
+/// Returns the same, followed by a chunk with the frame's key.
 pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
     let (place, chunk) = png();
     let text = [b"tEXtComment\0".as_slice(), KEY_LABEL.as_bytes(), key.as_bytes()].concat();
@@ -49,7 +49,7 @@ pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
     (place, [&chunk[..], &length, &text, &checksum].concat())
 }
 
-/// The key in a file that raycl made as it is.
+/// Returns the key in a file that raycl made and nobody changed.
 pub fn key(file: &mut File) -> Option<String> {
     let found = MarkInFile::read(file).ok()??;
     let unchanged = found.head[found.hole.clone()] == found.filled;
@@ -58,12 +58,12 @@ pub fn key(file: &mut File) -> Option<String> {
     unchanged.then(|| String::from_utf8_lossy(key).into_owned())
 }
 
-/// JSON text with a blank mark as the first field of its first object.
+/// Adds a blank mark to JSON text, as the first field of its first object.
 pub fn json(text: &str) -> String {
     text.replacen('{', &format!("{{\n\"mark\": \"{}\",", blank()), 1)
 }
 
-/// Writes the hash of a file with a blank mark into the mark.
+/// Completes the blank mark of a file with its hash.
 pub fn seal(file: &mut File) -> Result<()> {
     let found =
         MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
@@ -71,7 +71,7 @@ pub fn seal(file: &mut File) -> Result<()> {
     file.write_all(&found.filled)
 }
 
-/// Whose work a file is, by its mark.
+/// Returns who made a file, by its mark.
 pub fn maker(file: &mut File) -> Result<Maker> {
     Ok(match MarkInFile::read(file)? {
         None => Maker::Other,
@@ -80,7 +80,7 @@ pub fn maker(file: &mut File) -> Result<Maker> {
     })
 }
 
-/// A file's mark: where its hash lies, and what it has to be.
+/// The mark in a file: where its hash lies, and the expected hash.
 struct MarkInFile {
     head: Vec<u8>,
     hole: Range<usize>,
@@ -100,7 +100,8 @@ impl MarkInFile {
     }
 }
 
-/// The bytes that the hash is not of: its digits and, in a PNG, the checksum of their chunk.
+/// Returns the range of bytes that is excluded from the hash: its digits and, in a PNG, the checksum of their
+/// chunk.
 fn hole(head: &[u8]) -> Option<Range<usize>> {
     let label = head.windows(LABEL.len()).position(|bytes| bytes == LABEL.as_bytes())?;
     let start = label + LABEL.len();
@@ -108,10 +109,10 @@ fn hole(head: &[u8]) -> Option<Range<usize>> {
     (end <= head.len()).then_some(start..end)
 }
 
-/// What belongs into the hole.
+/// Returns the bytes for that range.
 fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     let mut bytes = hash.to_hex().as_bytes().to_vec();
-    // The checksum is of the chunk's type and contents.
+    // A PNG's checksum covers the chunk's type and contents.
     let chunk = head.get(PNG_CHUNK + 4..hole.start).filter(|_| head.starts_with(PNG_SIGNATURE));
     if let Some(chunk) = chunk {
         let mut checksum = crc32fast::Hasher::new();
@@ -122,7 +123,7 @@ fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     bytes
 }
 
-/// Writes what it is given, with `piece` after its first `left` bytes.
+/// Passes bytes on to a writer, and inserts `piece` after the first `left` bytes.
 pub struct Insert<W> {
     inner: W,
     left: usize,
@@ -130,7 +131,7 @@ pub struct Insert<W> {
 }
 
 impl<W: Write> Insert<W> {
-    /// Inserts `piece` after `at` bytes.
+    /// Makes a writer that inserts `piece` at the offset `at`.
     pub fn new(inner: W, (at, piece): (usize, Vec<u8>)) -> Self {
         Self { inner, left: at, piece }
     }

@@ -1,8 +1,9 @@
-//! What commands write where the user says. A file that raycl did not make, or that was changed since, is replaced only
-//! with `--force`.
+//! The files that commands write for the user. A file that raycl did not make, or that was changed since, is
+//! replaced only with `--force`.
 //!
-//! A file of its own ([`Target`]: a picture, JSON) holds a [mark]: the hash of the rest of it. A folder of several files
-//! ([`OutFolder`]) has a list of their hashes. A folder of results keeps rules of its own: nothing measured is replaced.
+//! A single file ([`Target`]: a picture, JSON) contains a [mark], which is a hash of the rest of the file. A
+//! folder of several files ([`OutFolder`]) has a list of their hashes. A folder of results has its own rules:
+//! no measurement is ever replaced.
 
 mod folder;
 pub mod mark;

@@ -1,4 +1,4 @@
-//! Putting a file where it belongs, or leaving what is there.
+//! Puts a new file into its place, or refuses to replace the existing one.
 
 use super::mark::Maker;
 use crate::error::{Error, Result};
@@ -8,12 +8,12 @@ use std::io::{ErrorKind, Result as IoResult};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// What a command was asked to do with files that raycl did not make.
+/// What the user allowed for files that raycl did not make.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
     /// Replace them.
     pub force: bool,
-    /// The command's option that names another place, such as `-o FILE`.
+    /// The command's option that sets another path, such as `-o FILE`.
     pub elsewhere: &'static str,
 }
 
@@ -23,16 +23,16 @@ impl Choice {
     }
 }
 
-/// Whether a name is free.
+/// Whether a file name is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Name {
     Free,
-    /// What has it may be replaced.
+    /// A file has this name and may be replaced.
     Replaceable,
 }
 
-/// Refuses what must stay: links, files that raycl did not make or that were changed since, except with `--force`;
-/// folders and devices always.
+/// Refuses to replace folders and devices, and, without `--force`, links and files that raycl did not make or
+/// that were changed since.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
@@ -43,32 +43,32 @@ pub(super) fn permit(
     let refuse = |why: String, help: String| Err(Error::input(why).with_help(help));
     let elsewhere = format!("`{}` writes elsewhere", choice.elsewhere);
     if there.is_dir() {
-        return refuse(format!("'{name}' is a folder, and a file is to be written"), elsewhere);
+        return refuse(format!("'{name}' is a folder; expected a file"), elsewhere);
     }
     if !there.is_file() && !there.is_symlink() {
-        return refuse(format!("'{name}' is no ordinary file, and is not written to"), elsewhere);
+        return refuse(format!("'{name}' is not an ordinary file, and is not replaced"), elsewhere);
     }
     if choice.force {
         return Ok(Name::Replaceable);
     }
     if there.is_symlink() {
-        let help = choice.help("replaces the link and leaves what it points to");
+        let help = choice.help("replaces the link and not its target");
         return refuse(format!("'{name}' is a link that raycl did not make"), help);
     }
-    // What cannot be read is somebody else's.
+    // A file that cannot be read was not made by raycl.
     match File::open(path).and_then(|mut file| maker(&mut file)).unwrap_or(Maker::Other) {
         Maker::Raycl => Ok(Name::Replaceable),
         Maker::Changed => {
             refuse(format!("'{name}' was changed since raycl made it"), choice.help("replaces it"))
         }
         Maker::Other => {
-            refuse(format!("'{name}' is there, and raycl did not make it"), choice.help("replaces it"))
+            refuse(format!("'{name}' exists, and raycl did not make it"), choice.help("replaces it"))
         }
     }
 }
 
-/// Puts a file that `write` writes in its place, whole or not at all, and looks again whether it may: somebody may have
-/// been there meanwhile.
+/// Writes a file by calling `write` and puts it into its place, completely or not at all. Just before, it
+/// checks once more whether it may, since another program may have made a file meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
@@ -77,7 +77,7 @@ pub(super) fn put(
 ) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot write '{}': {error}", path.display()))
-            .with_help(format!("make room, or write elsewhere with `{}`", choice.elsewhere))
+            .with_help(format!("free space on the disk, or write elsewhere with `{}`", choice.elsewhere))
     };
     let mut file = temporary_in(folder_of(path)?).map_err(failed)?;
     write(file.as_file_mut()).map_err(failed)?;
@@ -90,18 +90,18 @@ pub(super) fn put(
     }
 }
 
-/// Somebody made a file between the last look and the end.
+/// Returns the error for a file that another program made after the last check.
 fn appeared(path: &Path, choice: Choice) -> Error {
-    let message = format!("'{}' appeared meanwhile, and raycl did not make it", path.display());
+    let message = format!("another program made '{}' meanwhile", path.display());
     Error::input(message).with_help(choice.help("replaces it"))
 }
 
-/// Gives a file a name that nobody has.
+/// Renames a file to a name that must not exist.
 fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Not every file system can: the name is taken first, by an empty file.
+        // Some file systems do not support this. The name is then reserved by an empty file first.
         Err(error) => {
             File::create_new(path)?;
             replace(error.file, path).inspect_err(|_| {
@@ -116,7 +116,7 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
     file.persist(path).map(drop).map_err(|error| error.error)
 }
 
-/// The folder a file is to lie in, which must be there.
+/// Returns the folder of a new file, which must exist.
 pub(super) fn folder_of(path: &Path) -> Result<&Path> {
     let folder = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     if folder.is_dir() {

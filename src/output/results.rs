@@ -1,34 +1,35 @@
-//! Whose a folder is that results are to be written to.
+//! Checks whether results may be written into a folder.
 
 use super::place::Choice;
 use crate::error::{Error, Result};
 use crate::record::TEMPORARY_PREFIX;
 use std::path::Path;
 
-/// What a run that was ended at once leaves: a folder of results without records.
+/// The files that an interrupted run may leave: a folder of results without records.
 const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
 
-/// Refuses a folder that holds files and no results, before any work is done: a run and its pages would write among
-/// them, and replace some. `known` is true where raycl wrote the folder.
+/// Refuses a folder that contains files but no results, before any work is done: a run would mix its files
+/// with them, and replace some. `known` is true if raycl wrote the folder.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    // What has that name and is no file is told where it is opened.
+    // If records.jsonl is not a file, opening it gives the error.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
         return Ok(());
     }
-    // What cannot be listed is not there, or is told where it is opened.
+    // If the folder cannot be listed, it does not exist, or opening it gives the error.
     let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let other = entries.find(|entry| !is_begun(&entry.path()));
     let Some(other) = other else { return Ok(()) };
     let message = format!(
-        "'{}' is no folder of results: it holds '{}', which raycl did not make",
+        "'{}' is not a folder of results: it contains '{}', which raycl did not make",
         folder.display(),
         other.file_name().display()
     );
-    let help = format!("`--force` writes into it all the same, `{}` writes elsewhere", choice.elsewhere);
+    let help = format!("`--force` writes into it anyway, `{}` writes elsewhere", choice.elsewhere);
     Err(Error::input(message).with_help(help))
 }
 
-/// Whether an entry is one that a run begins with. A folder of pictures that holds some is somebody else's.
+/// Returns whether an entry is one of a run's first files. A folder that also contains pictures is not
+/// raycl's.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());

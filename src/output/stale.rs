@@ -1,11 +1,11 @@
-//! Plots and exports in a folder of results that belong to an earlier plan.
+//! Removes plots and exports of earlier plans from a folder of results.
 
 use std::path::Path;
 
-/// Where a page's plots and exports lie, beside it.
+/// The subfolders for a page's plots and exports.
 pub const FOLDERS: [&str; 2] = ["plots", "exports"];
 
-/// What a report's plots and exports begin with.
+/// Prefixes of the names of a report's plots and exports.
 const BEGINNINGS: [&str; 9] = [
     "devices",
     "heat-",
@@ -18,10 +18,10 @@ const BEGINNINGS: [&str; 9] = [
     "triangles",
 ];
 
-/// And what they end with.
+/// Extensions of those names.
 const ENDINGS: [&str; 3] = [".svg", ".png", ".json"];
 
-/// Removes files of a report that are not written any more. What cannot be removed does no harm.
+/// Removes a report's files that are no longer written. Files that cannot be removed do no harm.
 pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     for folder in FOLDERS {
         for entry in std::fs::read_dir(results.join(folder)).into_iter().flatten().flatten() {
@@ -30,7 +30,7 @@ pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
                 && ENDINGS.iter().any(|ending| name.ends_with(ending));
             let file = entry.file_type().is_ok_and(|kind| kind.is_file());
             if own && file && !is_written(&format!("{folder}/{name}")) {
-                // It is shown nowhere.
+                // A file that remains is not shown anywhere.
                 let _ = std::fs::remove_file(entry.path());
             }
         }

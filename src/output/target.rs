@@ -1,4 +1,4 @@
-//! One file that a command writes.
+//! A single file that a command writes.
 
 use super::mark::{self, maker};
 use super::place::{Choice, folder_of, permit, put};
@@ -8,10 +8,10 @@ use std::fs::File;
 use std::io::{Result as IoResult, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-/// The name that stands for standard output.
+/// The path that stands for standard output.
 const STANDARD_OUTPUT: &str = "-";
 
-/// Where a command writes a file of its own.
+/// The path of a file to be written.
 #[derive(Clone, Debug)]
 pub struct Target {
     path: PathBuf,
@@ -24,33 +24,33 @@ impl Target {
         Self { path: path.into(), choice }
     }
 
-    /// A file of a folder of results, where every file is raycl's.
+    /// A file in a folder of results, where every file is raycl's.
     pub fn of_results(path: impl Into<PathBuf>) -> Self {
         Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
     }
 
-    /// Another file beside it, under the same rules.
+    /// Returns a target for another file in the same folder, with the same rules.
     #[must_use]
     pub fn renamed(&self, path: PathBuf) -> Self {
         Self { path, choice: self.choice }
     }
 
-    /// Whether its name is that of standard output.
+    /// Returns whether this is standard output.
     pub fn is_standard_output(&self) -> bool {
         self.path.as_os_str() == STANDARD_OUTPUT
     }
 
-    /// Its path.
+    /// Returns the path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether its folder is there.
+    /// Checks that the folder exists.
     pub fn check_folder(&self) -> Result<()> {
         folder_of(&self.path).map(drop)
     }
 
-    /// Finds out before any work is done whether [`write`](Self::write) would refuse it.
+    /// Checks before any work is done whether [`write`](Self::write) would refuse the path.
     pub fn check(&self) -> Result<()> {
         if self.is_standard_output() {
             return Ok(());
@@ -59,7 +59,8 @@ impl Target {
         permit(&self.path, self.choice, maker).map(drop)
     }
 
-    /// Puts the file that `write` writes, with a blank mark in it, in its place, whole or not at all.
+    /// Writes a file by calling `write`, which includes a blank mark. The file is put into its place
+    /// completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
         if self.is_standard_output() {
             return to_standard_output(write);
@@ -70,7 +71,7 @@ impl Target {
         })
     }
 
-    /// Writes indented JSON with its mark; it is on the disk when this returns.
+    /// Writes indented JSON with a mark; the data is on the disk when this returns.
     pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
         let text = mark::json(&text);
@@ -82,7 +83,8 @@ impl Target {
     }
 }
 
-/// A mark is completed at the end, and a pipe has no way back: the file is whole before any of it is written.
+/// Writes to standard output. The file is written to a temporary file first, since the mark is completed at
+/// the end and a pipe cannot seek.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
     let written = || -> IoResult<()> {
         let mut file = tempfile::tempfile()?;
@@ -125,7 +127,7 @@ mod tests {
         assert!(target.write_json(&value).is_err());
     }
 
-    /// What somebody does while the file is being written is not lost.
+    /// A file that another program makes during the write is not lost.
     #[test]
     fn what_comes_or_changes_meanwhile_stays() {
         let folder = tempfile::tempdir().unwrap();

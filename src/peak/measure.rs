@@ -1,4 +1,4 @@
-//! The measurements, one per function; each checks that its kernel did the work.
+//! Measures the peak rates, one per function. Each function checks that its kernel did the work.
 
 use super::rig::{Rig, failed};
 use super::{Figure, Peak};
@@ -11,23 +11,24 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use std::time::Instant;
 
-/// CHAINS in cl/peak/fma.cl, and its STEPS.
+/// CHAINS in cl/peak/fma.cl, and STEPS there.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
 /// STEPS in cl/peak/latency.cl.
 const STEPS: i32 = 16;
 /// SLOTS in cl/peak/local.cl.
 const SLOTS: u64 = 8;
-/// A buffer that no cache holds, where the device has room for it.
+/// Size of a buffer that does not fit into any cache; less if the device has less memory.
 const LARGE_BYTES: u64 = 512 << 20;
-/// Bytes from one step of the global chase to the next, at least: a cache's line.
+/// The smallest distance in bytes between the steps of the pointer chase in global memory: a cache line.
 const LINE_BYTES: usize = 128;
-/// Entries of the chases in private and `__local` memory; a prime, so that where a chase ends tells that it ran.
+/// Number of entries of the pointer chases in private and `__local` memory; a prime, so that the end of a
+/// chase shows that it ran.
 const ENTRIES: u64 = 61;
-/// Launches of a batch.
+/// Number of launches in a batch.
 const BATCH: u32 = 500;
 
-/// Measures every figure of a device, in about a second on a GPU.
+/// Measures all peak rates of a device, in about a second on a GPU.
 pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     let rig = Rig::open(device, sources)?;
     let [launch_device_us, launch_host_us, launch_batched_us] = launch(&rig)?;
@@ -53,13 +54,13 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     })
 }
 
-/// Work per loop over the seconds per loop.
+/// Returns the work per loop divided by the seconds per loop.
 fn rates(work: f64, seconds: &[f64]) -> Figure {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
     Figure::of(&rates)
 }
 
-/// Nanoseconds per step, of seconds per loop of STEPS steps.
+/// Returns the nanoseconds per step, from the seconds per loop of STEPS steps.
 fn latency(seconds: &[f64]) -> Figure {
     Figure::of(&seconds.iter().map(|s| s * 1e9 / f64::from(STEPS)).collect::<Vec<_>>())
 }
@@ -80,12 +81,12 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
     let chains = CHAINS * width;
-    // Every chain nears 1 / (1 - 0.5).
+    // Every chain converges to 1 / (1 - 0.5).
     expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
     Ok(rates((items as u64 * chains * FMA_STEPS) as f64, &seconds))
 }
 
-/// Bytes for a large buffer: what fits with room to spare, in whole lines.
+/// Returns the size of a large buffer that fits easily, in whole cache lines.
 fn large_bytes(rig: &Rig<'_>) -> usize {
     let limits = &rig.device.info.limits;
     let bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
@@ -124,13 +125,13 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
-    // Sums of ones stay at 2^24, where adding one changes nothing.
+    // A sum of ones stops growing at 2^24, where adding 1 is lost by rounding.
     let reads = f64::from(loops).min(f64::from(1 << 24));
     expect("__local reads", f64::from(sums[items - 1]), reads * (SLOTS * width) as f64)?;
     Ok(rates((items as u64 * SLOTS * width * 4) as f64, &seconds))
 }
 
-/// A launch by the device's clock and the host's, then one of many; microseconds.
+/// Measures a launch on the device's clock and on the host's, then one of many; in microseconds.
 fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let program = rig.program("peak/launch.cl", &[])?;
     let out = rig.buffer::<i32>(1)?;
@@ -139,7 +140,7 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let kernel = kernel.build().map_err(failed)?;
     rig.launch(&kernel)?;
     let single = rig.repeat(|| {
-        // One launch after a pause is not what a run does: the best of several in a row.
+        // A single launch after a pause is not typical, so the best of several consecutive ones is used.
         let row: Vec<(f64, f64)> = (0..20).map(|_| rig.launch(&kernel)).collect::<Result<_>>()?;
         let best = |of: fn(&(f64, f64)) -> f64| row.iter().map(of).fold(f64::INFINITY, f64::min);
         Ok((best(|one| one.0) * 1e3, best(|one| one.1) * 1e3))
@@ -178,7 +179,7 @@ fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     Ok(latency(&seconds))
 }
 
-/// Every step goes on by this many entries, as good as any.
+/// Distance between steps in entries; any number works.
 const STRIDE: i32 = 13;
 
 fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Figure> {
@@ -194,7 +195,8 @@ fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Fi
     Ok(latency(&seconds))
 }
 
-/// One random cycle through all lines of a large buffer; each launch goes on where the one before ended.
+/// Chases pointers in one random cycle through all lines of a large buffer. Each launch continues where the
+/// last one ended.
 fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let stride = LINE_BYTES / 4;
     let lines = large_bytes(rig) / LINE_BYTES;
@@ -205,7 +207,7 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let mut kernel = rig.kernel(program, "chase_global", 1, 1);
     kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    // A large buffer is slow: so few loops that their steps fit a number.
+    // A large buffer is slow, so few loops are run and the number of steps fits an integer.
     let (mut at, mut steps) = (0_i32, 0_i32);
     let (seconds, _) = rig.per_loop(&kernel, |loops| {
         for _ in 0..steps {
@@ -223,7 +225,8 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     Ok(latency(&seconds))
 }
 
-/// Entries `stride` apart, each holding where the next of one random cycle lies.
+/// Returns entries at a distance of `stride`, each of which contains the index of the next in one random
+/// cycle.
 fn cycle(lines: usize, stride: usize) -> Vec<i32> {
     let mut order: Vec<usize> = (1..lines).collect();
     order.shuffle(&mut ChaCha8Rng::seed_from_u64(1));

@@ -1,5 +1,5 @@
-//! What a device can do at most: multiply-adds, copies, `__local` reads, launches, latencies. Measured with the
-//! kernels of `cl/peak/`, so that a caster's speed can be told as a part of what is possible.
+//! Measures the peak rates of a device: multiply-adds, copies, `__local` reads, launches, latencies. The
+//! kernels are in `cl/peak/`. A caster's speed can then be given as a share of the peak.
 
 mod measure;
 mod operations;
@@ -15,14 +15,14 @@ use crate::record::{Record, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The file of a results' folder that says what its devices can do at most.
+/// The file with the peak rates of a result folder's devices.
 pub const FILE: &str = "peak.json";
-/// The remedy of a file that is not one.
+/// The remedy for a file that is not one.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes such a file";
-/// What older folders call it.
+/// The name of that file in older folders.
 const OLD_FILE: &str = "limits.json";
 
-/// A measured figure: the median of its repeats, and their quartiles.
+/// A measured rate: the median of its repeats, and their quartiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// The median.
@@ -31,36 +31,36 @@ pub struct Figure {
     pub q1: f64,
     /// The third quartile.
     pub q3: f64,
-    /// How many repeats.
+    /// Number of repeats.
     pub repeats: usize,
 }
 
-/// What one device can do at most, as measured.
+/// The measured peak rates of a device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
-    /// What records call the device.
+    /// The device's name in records.
     pub device: String,
     /// Its platform's name.
     pub platform: String,
     /// Its driver's version.
     pub driver: String,
-    /// When they were measured, RFC 3339.
+    /// Date and time of the measurement, RFC 3339.
     pub timestamp: String,
     /// raycl's version.
     pub raycl_version: String,
-    /// The highest clock, as the driver says: what cycles are counted in.
+    /// The highest clock that the driver reports, by which latencies are converted to cycles.
     pub max_clock_mhz: Option<u64>,
-    /// Fused multiply-adds per second, single precision, all units busy.
+    /// Single-precision fused multiply-adds per second with all units busy.
     pub fma_per_s: Figure,
-    /// Bytes read and bytes written a second, added up, by a copy in global memory.
+    /// Bytes read plus bytes written per second by a copy in global memory.
     pub copy_bytes_per_s: Figure,
-    /// Bytes of `__local` memory read a second, all units together.
+    /// Bytes of `__local` memory read per second by all units together.
     pub local_bytes_per_s: Figure,
-    /// Device time of a kernel that does nothing, in microseconds.
+    /// Device time of an empty kernel, in microseconds.
     pub launch_device_us: Figure,
-    /// The host's clock from enqueueing it to its end.
+    /// Host time of an empty kernel from enqueueing to its end.
     pub launch_host_us: Figure,
-    /// The host's clock a launch, of many enqueued one after another.
+    /// Host time per launch of many empty kernels that are enqueued one after another.
     pub launch_batched_us: Figure,
     /// Latency of a multiply-add on private values, in nanoseconds.
     pub private_ns: Figure,
@@ -73,7 +73,7 @@ pub struct Peak {
 }
 
 impl Figure {
-    /// Summarises repeats; zero if there are none.
+    /// Summarises repeats; all values are zero without repeats.
     pub fn of(values: &[f64]) -> Self {
         let found = Summary::of(values).map(|summary| Self {
             median: summary.median_ms,
@@ -86,12 +86,12 @@ impl Figure {
 }
 
 impl Peak {
-    /// Cycles of a latency at the device's highest clock; none where it is not known.
+    /// Converts a latency to cycles of the device's highest clock; `None` if that is unknown.
     pub fn cycles(&self, latency_ns: &Figure) -> Option<f64> {
         self.max_clock_mhz.map(|mhz| latency_ns.median * mhz as f64 * 1e-3)
     }
 
-    /// Reads one device's figures, or a list of several's.
+    /// Reads the rates of one device, or a list for several devices.
     pub fn read(path: &Path) -> Result<Vec<Self>> {
         let text = reader::text(path, Kind::Peaks)
             .map_err(|error| Error::unreadable("figures", path, &error, WRITTEN_BY))?;
@@ -105,26 +105,25 @@ impl Peak {
             Ok(File::Several(several)) => Ok(several),
             Ok(File::One(one)) => Ok(vec![*one]),
             Err(_) => {
-                let error =
-                    Error::input(format!("{} does not say what a device can do at most", path.display()));
+                let error = Error::input(format!("{} does not contain peak rates", path.display()));
                 Err(error.with_help(WRITTEN_BY))
             }
         }
     }
 
-    /// What a folder of results keeps; nothing where it was not measured.
+    /// Reads the rates in a folder of results; empty if they were not measured.
     pub fn kept_in(folder: &Path) -> Result<Vec<Self>> {
         let kept = [FILE, OLD_FILE].map(|name| folder.join(name)).into_iter().find(|path| path.exists());
         kept.map_or(Ok(Vec::new()), |path| Self::read(&path))
     }
 
-    /// Writes a list.
+    /// Writes a list for several devices.
     pub fn write(all: &[Self], path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(all).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
-    /// Writes into a record what part of its device's multiply-adds its tests reach.
+    /// Adds to a record which share of its device's peak multiply-add rate its tests reach.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

@@ -1,12 +1,13 @@
-//! Arithmetic a ray-triangle test cannot do without.
+//! The arithmetic operations of a ray-triangle test.
 
 use crate::strategy::{Axis, Intersector};
 
-/// Floating-point operations of a test up to where most tests end, the first proof that the ray misses: additions,
-/// multiplications and fused multiply-adds, each counted as one. Comparisons, sign changes, minima and the slack of
-/// edges are not counted. Where edges are asked one by one (on GPUs), some tests end after one or two of the three planes
-/// that are counted here. Each intersector's
-/// file has its count, `operations`; none for a strategy that names no intersector, or one whose file does not count them.
+/// Returns the number of floating-point operations of a test up to the point where most tests end, which is
+/// the first proof of a miss. Additions, multiplications and fused multiply-adds count as one each.
+/// Comparisons, sign changes, minima and the slack of edges are not counted. If edges are tested one by one
+/// (on GPUs), some tests end after one or two of the three planes that are counted here. The count is
+/// `operations` in the header of each test's file; `None` if the strategy names no test or its file has no
+/// count.
 pub fn operations_per_test(strategy: &str) -> Option<u32> {
     let name = strategy.split_whitespace().find_map(|part| part.strip_prefix("intersector="))?;
     Intersector::parse(name).ok()?.operations()

@@ -1,4 +1,4 @@
-//! What the measurements share: programs of `cl/peak/`, and timing a kernel until it is long enough.
+//! Shared parts of the measurements: building programs of `cl/peak/`, and timing a kernel with enough loops.
 
 use crate::device::Device;
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
 use std::time::Instant;
 
-/// A device set up to measure what it can do at most.
+/// An open device whose peak rates are measured.
 pub struct Rig<'a> {
     /// The device.
     pub device: &'a Device,
@@ -18,14 +18,14 @@ pub struct Rig<'a> {
     sources: &'a Sources,
 }
 
-/// Repeats of every measurement.
+/// Number of repeats of every measurement.
 const REPEATS: usize = 9;
-/// A launch is made so long that neither timers nor launching count.
+/// A launch is made at least this long, so that the timer's resolution and launch costs are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
-/// The most loops of a launch.
+/// The largest number of loops in a launch.
 const MOST_LOOPS: i32 = 1 << 24;
 
-/// What a failed measurement says.
+/// Returns the error for a measurement that failed.
 pub fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the device's peak rates could not be measured: {error}"))
         .with_help("name another with --device; `raycl devices` lists them")
@@ -37,24 +37,26 @@ impl<'a> Rig<'a> {
         Ok(Self { device, queue: Queue::open(device.platform, device.device)?, sources })
     }
 
-    /// Work-items of a work-group: many where lanes are work-items, one where they are vector elements.
+    /// Returns the number of work-items per work-group: many if lanes are work-items, one if they are vector
+    /// elements.
     pub fn group(&self) -> usize {
         if self.device.info.limits.is_cpu { 1 } else { self.device.info.limits.work_group_size.min(256) }
     }
 
-    /// Work-items that keep every unit busy, in whole groups.
+    /// Returns a number of work-items that keeps every unit busy, in whole groups.
     pub fn items(&self) -> usize {
         let groups_a_unit = if self.device.info.limits.is_cpu { 4 } else { 32 };
         self.device.info.limits.compute_units.max(1) as usize * groups_a_unit * self.group()
     }
 
-    /// Floats of a vector: the device's own, or `otherwise` where its vectors are work-items.
+    /// Returns the number of floats per vector: the device's native width, or `otherwise` if its lanes are
+    /// work-items.
     pub fn width(&self, otherwise: u32) -> u32 {
         let own = self.device.info.limits.native_width;
         if own > 1 { own } else { otherwise }
     }
 
-    /// A program of `cl/`, built with these defines.
+    /// Builds a program of `cl/` with these defines.
     pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<Program> {
         let mut text = String::new();
         for line in self.sources.read(file)?.lines() {
@@ -71,7 +73,7 @@ impl<'a> Rig<'a> {
         built.map(|built| built.program).map_err(|error| failed(format!("{file}: {error}")))
     }
 
-    /// A kernel of `items` work-items in groups of `group`; the caller adds its arguments.
+    /// Returns a kernel of `items` work-items in groups of `group`; the caller adds its arguments.
     pub fn kernel<'b>(
         &self,
         program: &'b Program,
@@ -82,12 +84,13 @@ impl<'a> Rig<'a> {
         let mut kernel = Kernel::builder();
         kernel.program(program).name(name).queue(self.queue.commands.clone());
         kernel.global_work_size(items).local_work_size(group);
-        // SAFETY: every caller's arguments follow the parameters in cl/peak/; `ocl` does not know vector pointers.
+        // SAFETY: every caller's arguments follow the parameters in cl/peak/; the check by `ocl` does not
+        // support vector pointers.
         unsafe { kernel.disable_arg_type_check() };
         kernel
     }
 
-    /// A buffer of `len` zeros.
+    /// Makes a buffer of `len` zeros.
     pub fn buffer<T: ocl::OclPrm>(&self, len: usize) -> Result<Buffer<T>> {
         let buffer = Buffer::builder()
             .queue(self.queue.commands.clone())
@@ -98,25 +101,26 @@ impl<'a> Rig<'a> {
         buffer.map_err(failed)
     }
 
-    /// Launches a kernel once: milliseconds of the device's clock, and of the host's.
+    /// Launches a kernel once; returns the milliseconds on the device's clock and on the host's.
     pub fn launch(&self, kernel: &Kernel) -> Result<(f64, f64)> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: the kernels of cl/peak/ stay inside the buffers that their builders gave them, which live on.
+        // SAFETY: the kernels of cl/peak/ stay within the buffers that their builders bound, which are still
+        // alive.
         unsafe { kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let read = |info| match event.profiling_info(info) {
             Ok(ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns)) => Ok(ns),
-            Ok(_) => Err(failed("the driver gave no time")),
+            Ok(_) => Err(failed("the driver reported no time")),
             Err(error) => Err(failed(error)),
         };
         let ns = read(ProfilingInfo::End)?.saturating_sub(read(ProfilingInfo::Start)?);
         Ok((ns as f64 * 1e-6, host_ms))
     }
 
-    /// Seconds per loop of a kernel whose argument 0 is the number of loops, as many times as a figure has repeats, and
-    /// that number. `before` is called with it before each launch.
+    /// Returns the seconds per loop of a kernel whose argument 0 is the number of loops, once per repeat, and
+    /// that number. `before` is called with the number before each launch.
     pub fn per_loop(
         &self,
         kernel: &Kernel,
@@ -128,7 +132,7 @@ impl<'a> Rig<'a> {
             self.launch(kernel).map(|(device_ms, _)| device_ms)
         };
         let mut loops = 256;
-        // The first launch may compile.
+        // The first launch may include compilation.
         timed(loops)?;
         while timed(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
             loops *= 2;
@@ -137,7 +141,7 @@ impl<'a> Rig<'a> {
         Ok((seconds, loops))
     }
 
-    /// The same measurement as often as a figure has repeats.
+    /// Repeats a measurement the usual number of times.
     pub fn repeat<T>(&self, mut once: impl FnMut() -> Result<T>) -> Result<Vec<T>> {
         (0..REPEATS).map(|_| once()).collect()
     }

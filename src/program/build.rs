@@ -10,17 +10,18 @@ use std::ffi::CString;
 use std::time::Instant;
 use thiserror::Error;
 
-/// Makes a compiler that takes it print registers and spills into the build log; not part of a
-/// [`ProgramSpec`], for it changes no code.
+/// Makes the compiler print registers and spills into the build log, if it supports that. Not part of a
+/// [`ProgramSpec`], since it does not change the code.
 const VERBOSE: &str = "-cl-nv-verbose";
-/// A compiler prints only when it compiles: this, set to 1 in a process's environment, keeps its cache from answering.
+/// An environment variable that turns off the compiler's own cache if it is 1. A compiler prints only when it
+/// really compiles.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
-/// The compiler refused a program.
+/// The compiler rejected a program.
 #[derive(Debug, Error)]
 #[error("{log}")]
 pub struct BuildError {
-    /// What the compiler said, as it said it.
+    /// The compiler's messages, unchanged.
     pub log: String,
 }
 
@@ -29,20 +30,21 @@ pub struct BuildError {
 pub struct BuiltProgram {
     /// The OpenCL program.
     pub program: Program,
-    /// How long the build took; drivers answer from their caches where they can.
+    /// Time for the build; a driver may use its own cache.
     pub build_ms: f64,
-    /// Whether it was kept since an earlier build, and nothing was compiled.
+    /// Whether the program came from raycl's cache, and nothing was compiled.
     pub from_cache: bool,
     device: Device,
     verbose: bool,
-    /// What the compiler said when it compiled what was kept.
+    /// The messages from when the stored program was compiled.
     kept_log: Option<String>,
     kept: Kept,
     key: String,
 }
 
 impl BuiltProgram {
-    /// Takes what was kept of an earlier build, or else compiles; keeps that at once where the driver has the binary at hand.
+    /// Takes the program from the cache, or else compiles it. A compiled program is stored at once if the
+    /// driver can return its binary without further work.
     pub fn build(
         context: &Context,
         device: Device,
@@ -69,13 +71,14 @@ impl BuiltProgram {
         Ok(built)
     }
 
-    /// Keeps what was compiled for later builds; says whether that is kept now. Not every driver has the binary at hand.
+    /// Stores the compiled program in the cache, and returns whether it is stored now. Not every driver can
+    /// return the binary without further work.
     pub fn keep(&self) -> bool {
         if self.from_cache || !self.kept.keeps() {
             return self.from_cache;
         }
         let log = self.log();
-        // Registers are printed when a compiler compiles: what a driver's cache has answered is without them.
+        // A compiler prints registers only when it compiles, so a program from the driver's cache has none.
         if self.verbose && log.is_empty() {
             return false;
         }
@@ -83,7 +86,7 @@ impl BuiltProgram {
         !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log, binary })
     }
 
-    /// What the compiler said; empty where it said nothing.
+    /// Returns the compiler's messages; may be empty.
     pub fn log(&self) -> String {
         if let Some(log) = &self.kept_log {
             return log.clone();
@@ -93,7 +96,8 @@ impl BuiltProgram {
         log.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
     }
 
-    /// The program's binary; empty where the driver gives none. Some drivers compile every kernel anew for it.
+    /// Returns the program's binary; empty if the driver returns none. Some drivers compile every kernel
+    /// again for it.
     pub fn binary(&self) -> Vec<u8> {
         match self.program.info(ProgramInfo::Binaries) {
             Ok(ProgramInfoResult::Binaries(binaries)) => {
@@ -103,34 +107,35 @@ impl BuiltProgram {
         }
     }
 
-    /// The binary where it is PTX text, else empty. Only a compiler of such binaries is asked.
+    /// Returns the binary if it is PTX text, else an empty text. Only compilers that make PTX are queried.
     pub fn ptx(&self) -> String {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }
     }
 }
 
-/// A program from source.
+/// Compiles a program from source.
 fn compile(context: &Context, device: Device, source: &str, options: &str) -> Result<Program, BuildError> {
     let mut builder = Program::builder();
     let builder = builder.src(source).cmplr_opt(options).devices(device);
     builder.build(context).map_err(|error| BuildError { log: compiler_log(&error.to_string()) })
 }
 
-/// A program from a binary that was kept; none where the driver does not take it.
+/// Loads a program from a stored binary; `None` if the driver does not accept it.
 fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -> Option<Program> {
     let options = CString::new(options).ok()?;
     Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
 }
 
-/// As [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), of a bare handle.
+/// Does the same as [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), for a
+/// handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions
         .is_ok_and(|names| names.to_string().split_whitespace().any(|name| name == "cl_nv_compiler_options"))
 }
 
-/// The compiler's words without the frames of asterisks that `ocl` puts around them.
+/// Returns the compiler's messages without the frames of asterisks that `ocl` adds.
 fn compiler_log(message: &str) -> String {
     let lines: Vec<_> =
         message.lines().filter(|line| !line.contains("####") && !line.trim().is_empty()).collect();

@@ -1,4 +1,4 @@
-//! The values of the defines that the manifest names.
+//! The values of the defines that are listed in the manifest.
 
 use crate::accel::{PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
@@ -9,7 +9,7 @@ use crate::manifest::{
 use crate::scene::{Material, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
 
-/// The value of a define; none where there is no such define.
+/// Returns the value of a define; `None` if the define is unknown.
 pub(super) fn value_of(
     name: &str,
     strategy: &Strategy,

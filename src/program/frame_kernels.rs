@@ -1,9 +1,9 @@
-//! Which kernels of a program a frame runs.
+//! Determines which kernels of a program a frame runs.
 
 use crate::manifest::{Family, Role};
 use crate::strategy::{Passes, Strategy};
 
-/// The kernels that cast a frame of a scene with lights, in the order they first run, by the manifest.
+/// Returns the kernels that cast a frame of a scene with lights, in the order in which they first run.
 pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
     let family = strategy.family();
     let runs = runs(family, strategy.passes == Passes::Fused);
@@ -11,8 +11,8 @@ pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
     kernels.map(|kernel| kernel.name).collect()
 }
 
-/// Which roles have a part in a frame: where passes are fused, the frame's kernel does what it can, and shades, too, where
-/// no other kernel casts shadow rays.
+/// Returns whether kernels of a role take part in a frame. With fused passes the frame's kernel does as much
+/// as it can, including shading if no other kernel casts shadow rays.
 fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
     let shades_apart = family.kernel(Role::Shadow).is_some();
     move |role| match role {

@@ -1,12 +1,13 @@
-//! Which includes a text follows: those under `#if NAME` or `#if !NAME` only where that define of the host holds, so that a
-//! program is made of no file that it does not use.
+//! Decides which includes are followed. An include under `#if NAME` or `#if !NAME` is followed only if the
+//! condition is true for the host's defines, so that a program contains no file that it does not use.
 
-/// The branches that a line stands in, outermost first; what the host cannot tell may be live.
+/// The conditions around a line, outermost first: true, false, or unknown to the host. Unknown ones count as
+/// true.
 #[derive(Default)]
 pub(super) struct Branches(Vec<Option<bool>>);
 
 impl Branches {
-    /// Passes a line.
+    /// Processes a line.
     pub fn pass(&mut self, line: &str, defines: &[(&'static str, u64)]) {
         let line = line.split("//").next().unwrap_or_default().trim();
         let Some(directive) = line.strip_prefix('#').map(str::trim) else { return };
@@ -29,13 +30,13 @@ impl Branches {
         }
     }
 
-    /// Whether the compiler may see the next line.
+    /// Returns whether the compiler may see the next line.
     pub fn may_be_live(&self) -> bool {
         !self.0.contains(&Some(false))
     }
 }
 
-/// Whether a condition holds, if it is a define of the host or its negation.
+/// Returns whether a condition is true, if it is one of the host's defines or its negation.
 fn holds(condition: &str, defines: &[(&'static str, u64)]) -> Option<bool> {
     let (name, wanted) = condition.strip_prefix('!').map_or((condition, true), |name| (name, false));
     let (_, value) = defines.iter().find(|(define, _)| *define == name)?;

@@ -1,55 +1,55 @@
-//! Compiled programs that are kept between runs.
+//! Stores compiled programs in the cache.
 
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 
-/// What entries of the cache are called.
+/// The kind of these cache entries.
 const KIND: &str = "program";
 
-/// Where a device's programs are kept; nowhere by default.
+/// The cache for a device's programs; by default nothing is stored.
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
     cache: Cache,
-    /// Everything beside a program's text and options that decides what is compiled.
+    /// Everything besides a program's source and options that affects the compiled code.
     compiler: String,
     at_hand: bool,
 }
 
-/// A compiled program.
+/// A compiled program from the cache.
 pub struct KeptProgram {
-    /// What the compiler said.
+    /// The compiler's messages.
     pub log: String,
-    /// What the driver makes the program of.
+    /// The binary for the driver.
     pub binary: Vec<u8>,
 }
 
 impl Kept {
-    /// Where the programs of this device and its driver are kept.
+    /// Returns the cache for the programs of this device and its driver.
     pub fn of(cache: Cache, device: &DeviceInfo) -> Self {
         Self { cache, compiler: device.compiler(), at_hand: device.has_binaries_at_hand() }
     }
 
-    /// What a program is kept under.
+    /// Returns the key of a program.
     pub fn key(&self, source: &str, options: &str) -> String {
         format!("{}\n{options}\n{}", self.compiler, blake3::hash(source.as_bytes()).to_hex())
     }
 
-    /// Whether anything is kept.
+    /// Returns whether anything is stored.
     pub fn keeps(&self) -> bool {
         self.cache.keeps()
     }
 
-    /// Whether a driver has the binary of what it compiled, without more work.
+    /// Returns whether a driver can return a compiled program's binary without further work.
     pub fn has_binaries_at_hand(&self) -> bool {
         self.at_hand
     }
 
-    /// What was kept under a key.
+    /// Returns the program stored under a key.
     pub fn find(&self, key: &str) -> Option<KeptProgram> {
         KeptProgram::from_bytes(&self.cache.get(KIND, key)?)
     }
 
-    /// Keeps a program; says whether it did.
+    /// Stores a program; returns whether that succeeded.
     pub fn keep(&self, key: &str, program: &KeptProgram) -> bool {
         self.cache.put(KIND, key, &program.to_bytes())
     }

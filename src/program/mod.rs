@@ -1,4 +1,4 @@
-//! From a strategy to a compiled program: source assembly, defines, build.
+//! From a strategy to a compiled program: joining source files, defines, compilation.
 
 mod build;
 pub mod compiled;

@@ -1,4 +1,4 @@
-//! The text of a strategy's program: the files of its family and of its values, joined to one.
+//! Joins the source files of a strategy's program: those of its family and of its values.
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};
@@ -6,7 +6,7 @@ use crate::sources::{Chain, Sources, included};
 use crate::strategy::Strategy;
 
 impl Sources {
-    /// BLAKE3 of all files, by name: those built in, and what a folder has in their places or adds.
+    /// Returns a BLAKE3 hash of all files with their names, including those of `--cl-dir`.
     pub fn hash(&self) -> Option<String> {
         let mut hasher = blake3::Hasher::new();
         for name in self.files().ok()? {
@@ -19,21 +19,22 @@ impl Sources {
     }
 }
 
-/// Joins files.
+/// Joins source files.
 pub(super) struct Joiner<'a> {
     pub sources: &'a Sources,
     pub strategy: &'a Strategy,
     pub defines: &'a [(&'static str, u64)],
-    /// The text so far.
+    /// The joined text.
     pub text: String,
-    /// The files it is made of, each once, in their order.
+    /// The files that it consists of, each once, in order.
     pub files: Vec<String>,
-    /// The files that are being added.
+    /// The files that are being added, outermost first.
     pub chain: Chain,
 }
 
 impl Joiner<'_> {
-    /// Adds a file with everything it includes. `#line` keeps compilers' messages at the file and line a person would edit.
+    /// Adds a file and everything that it includes. `#line` directives make compilers report the original
+    /// file and line.
     pub fn add(&mut self, name: &str) -> Result<()> {
         self.chain.enter(name, self.text.len())?;
         self.text.push_str(&format!("#line 1 \"{name}\"\n"));
@@ -60,7 +61,7 @@ impl Joiner<'_> {
     }
 }
 
-/// Puts the file name of the strategy's value where a path names an axis in braces.
+/// Replaces the name of an axis in braces within a path by the file name of the strategy's value.
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {

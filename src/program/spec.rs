@@ -1,4 +1,4 @@
-//! What is compiled for a point: source text and defines, and their hash.
+//! The input of the compiler for a point: source text and defines, with their hash.
 
 use super::defines::value_of;
 use super::source::Joiner;
@@ -8,20 +8,20 @@ use crate::manifest::{CAMERA, parameter_macro};
 use crate::sources::{Chain, Sources};
 use crate::strategy::{Math, Strategy, Workload};
 
-/// Everything that decides a program.
+/// Everything that determines a compiled program, except the compiler.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProgramSpec {
-    /// One OpenCL C text.
+    /// The source in OpenCL C.
     pub source: String,
     /// The compiler's options, defines first, in a fixed order.
     pub options: String,
-    /// The files under `cl/` that the text is made of.
+    /// The files under `cl/` that the source consists of.
     pub files: Vec<String>,
 }
 
 impl ProgramSpec {
-    /// The program of `strategy` for a workload. Sizes of the scene are defines only where `__local` arrays
-    /// depend on them, so that other scenes share the program.
+    /// Makes the program of `strategy` for a workload. Sizes of the scene are only defines if `__local`
+    /// arrays depend on them, so that different scenes can use the same program.
     pub fn new(
         sources: &Sources,
         strategy: &Strategy,
@@ -49,7 +49,7 @@ impl ProgramSpec {
         Ok(Self { source, options: options(strategy, builtins, &defines), files })
     }
 
-    /// A hash of source and options.
+    /// Returns a hash of source and options.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.options.as_bytes()).update(b"\0").update(self.source.as_bytes());
@@ -67,7 +67,7 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
     options.join(" ")
 }
 
-/// The parameters of the camera and of every kernel, by the manifest.
+/// Returns the parameter lists of the camera and of every kernel, from the manifest.
 fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
     let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
     let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload)));

@@ -3,24 +3,24 @@
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The host's clocks when a run began. Values that the system does not report are absent.
+/// The host's clock frequencies at the beginning of a run. Values that the system does not report are null.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Clocks {
     /// The first core's frequency governor, such as "performance" or "powersave".
     pub governor: Option<String>,
-    /// The least and the greatest frequency of any core at that moment, MHz.
+    /// Lowest and highest frequency of any core at that moment, MHz.
     pub now_mhz: Option<[f64; 2]>,
     /// The highest frequency that the first core may use, MHz.
     pub max_mhz: Option<f64>,
 }
 
 impl Clocks {
-    /// Reads the clocks of this machine from Linux.
+    /// Reads the clock frequencies of this machine (on Linux).
     pub fn read() -> Self {
         Self::under(Path::new("/"))
     }
 
-    /// Reads the clocks from the files under `root`, which is `/` except in tests.
+    /// Reads the clock frequencies from files under `root`, which is `/` except in tests.
     fn under(root: &Path) -> Self {
         let text =
             |path: &str| std::fs::read_to_string(root.join(path)).ok().map(|text| text.trim().to_owned());
@@ -34,7 +34,7 @@ impl Clocks {
     }
 }
 
-/// The least and the greatest "cpu MHz" of /proc/cpuinfo.
+/// Returns the lowest and the highest "cpu MHz" of /proc/cpuinfo.
 fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
     let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
     let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());

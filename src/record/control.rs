@@ -1,17 +1,17 @@
-//! Points of one group that were measured in different blocks, on different machines perhaps, compared by the control point that all
-//! blocks measured.
+//! Compares points of one group that were measured in different blocks, possibly on different machines. All
+//! blocks of a group measure the same control point, and points are compared through it.
 
 use super::place::Place;
 use super::types::Record;
 use crate::measure::{Interval, Standing};
 use std::collections::HashMap;
 
-/// A point that was measured in every block of a group, as one block took it.
+/// The control point of a block, as measured in this block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Control {
     key: String,
     standing: Standing,
-    /// What ranks it, the mean over all blocks: what it would have taken where the others were measured.
+    /// The mean of the control point's level over all blocks.
     mean_level: f64,
 }
 
@@ -33,14 +33,16 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl Place {
-    /// What ranks it: its level; where blocks share a control point, as if all had been measured where that took its mean.
+    /// Returns the level by which a record is ranked. If blocks share a control point, it is scaled as if all
+    /// blocks had measured the control point's mean time.
     pub(super) fn level(&self) -> f64 {
         let shift =
             self.control.as_ref().map_or(0.0, |control| control.mean_level - control.standing.level());
         self.standing.level() + shift
     }
 
-    /// How many times as long as `other` it takes, by what both are to the control point that their blocks share.
+    /// Returns the ratio of this record's time to that of `other`, computed from their ratios to the control
+    /// point that their blocks share.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
         let to_control = |place: &Self, control: &Control| place.standing.ratio(&control.standing);
@@ -54,7 +56,7 @@ mod tests {
     use super::super::together::{ranking, ratio};
     use super::*;
 
-    /// Ten samples around a time in the two launches of a block.
+    /// Returns a record with ten samples around a time, in the two launches of a block.
     fn block(name: &str, ms: f64, number: u32) -> Record {
         let mut record =
             sampled(name, (0..10).map(|place| (place / 5, ms * (1.0 + 0.02 * f64::from(place / 5)))));
@@ -66,7 +68,7 @@ mod tests {
     fn blocks_are_compared_by_the_control_point_that_both_measured() {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
-        // The second machine takes twice as long for everything: on the first, wide would take 4.
+        // The second machine takes twice as long for everything; on the first, `wide` would take 4.
         let records = judged([
             control(10.0, 0),
             with(block("naive", 5.0, 0)),

@@ -1,4 +1,4 @@
-//! Where and how a run was made: `environment.json`.
+//! `environment.json`: where and how a run was made.
 
 use std::path::Path;
 
@@ -10,57 +10,58 @@ use super::whole::write_whole;
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// All that a result may depend on besides its record.
+/// Everything besides a record that may affect a result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// raycl's version.
     pub raycl_version: String,
-    /// The git revision it was built from, "-dirty" where the tree was changed.
+    /// The git revision it was built from, with "-dirty" if there were uncommitted changes.
     pub git_revision: Option<String>,
     /// How it was built: profile, optimisation, target and its features, flags, compiler.
     #[serde(default)]
     pub build: String,
-    /// The variables of drivers and loaders that are set, each as `NAME=VALUE`, those that decide nothing among them.
+    /// The variables of drivers and loaders that are set, as `NAME=VALUE`, including those that do not affect
+    /// results.
     #[serde(default)]
     pub variables: Vec<String>,
     /// When the run began, RFC 3339.
     pub started: String,
-    /// The command's arguments, the program first.
+    /// The command line, starting with the program.
     pub command_line: Vec<String>,
     /// The machine the run was made on.
     pub host: Host,
     /// The devices that were used.
     pub devices: Vec<DeviceEnvironment>,
-    /// Options every program was built with.
+    /// Options with which every program was built.
     pub build_options: Vec<String>,
     /// The config's path.
     pub config_path: String,
     /// The config's text.
     pub config: String,
-    /// BLAKE3 of the config's text and overrides.
+    /// BLAKE3 hash of the config's text and overrides.
     pub config_hash: String,
-    /// The values laid over the config with `--set`, each as a line of TOML.
+    /// The values changed by `--set`, each as a line of TOML.
     pub overrides: Vec<String>,
-    /// The files the run was made of: the config, the scenes, the kernels.
+    /// The input files of the run: the config, the scenes, the kernels.
     #[serde(default)]
     pub sources: Vec<Source>,
 }
 
-/// A file or a folder that a run was made of.
+/// An input file or folder of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Source {
     /// "config", "scene" or "kernels".
     pub what: String,
-    /// Its path; "built in" for the kernels that are part of the program.
+    /// Its path; "built in" for the kernels of the binary.
     pub path: String,
-    /// BLAKE3 of its text; of a folder, of all its files' names and texts.
+    /// BLAKE3 hash of its text, or of the names and texts of all files in a folder.
     pub hash: Option<String>,
-    /// The commit it is of and whether it was changed since; absent outside a git repository.
+    /// Its commit, and whether it was changed since; null outside a git repository.
     pub git: Option<String>,
 }
 
 impl Source {
-    /// A file, as it is now.
+    /// Describes a file in its current state.
     pub fn file(what: &str, path: &Path) -> Self {
         let hash = std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string());
         Self { what: what.to_owned(), path: path.display().to_string(), hash, git: git_state(path) }
@@ -70,16 +71,16 @@ impl Source {
 /// The machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Host {
-    /// What it calls itself on its network; null where it does not tell.
+    /// Its name on its network; null if the system does not report it.
     #[serde(default)]
     pub name: Option<String>,
     /// The operating system's name and version.
     pub os: String,
     /// The processor's model.
     pub cpu: String,
-    /// Cores this process may use.
+    /// Number of cores that this process may use.
     pub cores: usize,
-    /// How fast they run.
+    /// Their clock frequencies.
     #[serde(default)]
     pub clocks: Clocks,
 }
@@ -87,7 +88,7 @@ pub struct Host {
 /// One OpenCL device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceEnvironment {
-    /// What records call it.
+    /// Its name in records.
     pub device: String,
     /// The platform's name.
     pub platform: String,
@@ -95,43 +96,43 @@ pub struct DeviceEnvironment {
     pub platform_version: String,
     /// The device's OpenCL version.
     pub version: String,
-    /// Who makes it.
+    /// Its vendor.
     pub vendor: String,
     /// The driver's version.
     pub driver: String,
     /// "cpu", "gpu" or "accelerator".
     pub kind: String,
-    /// Compute units.
+    /// Number of compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
-    /// The threads it casts with, where that is known: of PoCL.
+    /// Number of threads that it casts with, if known, which it is for PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Compute capability, where the driver tells it.
+    /// Compute capability, if the driver reports it.
     #[serde(default)]
     pub compute_capability: Option<String>,
-    /// The highest clock, as the driver says.
+    /// The highest clock that the driver reports.
     #[serde(default)]
     pub max_clock_mhz: Option<u64>,
-    /// The step of the clock that profiling reads.
+    /// Resolution of the timer that profiling reads.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
-    /// Cores that it may use, where it runs on the host's.
+    /// Number of the host's cores that it may use, if it runs on them.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// The 16 bytes of its UUID in hexadecimal digits, where the driver tells it.
+    /// The 16 bytes of its UUID as hexadecimal digits, if the driver reports it.
     #[serde(default)]
     pub uuid: Option<String>,
-    /// Its place on the bus, as in "0000:1b:00.0", where the driver tells it.
+    /// Its PCI address, such as "0000:1b:00.0", if the driver reports it.
     #[serde(default)]
     pub pci_bus: Option<String>,
-    /// The variables that decide its times, each as `NAME=VALUE`.
+    /// The environment variables that affect its times, as `NAME=VALUE`.
     #[serde(default)]
     pub settings: Vec<String>,
 }
 
 impl DeviceEnvironment {
-    /// What an environment keeps of a device.
+    /// Returns what is stored about a device.
     pub fn of(info: &DeviceInfo) -> Self {
         let info = info.clone();
         Self {
@@ -156,7 +157,7 @@ impl DeviceEnvironment {
 }
 
 impl Environment {
-    /// The hash of a config's text and the overrides laid over it.
+    /// Returns the hash of a config's text and its overrides.
     pub fn hash_of(config: &str, overrides: &[String]) -> String {
         let mut hasher = blake3::Hasher::new();
         for part in std::iter::once(config).chain(overrides.iter().map(String::as_str)) {
@@ -166,7 +167,7 @@ impl Environment {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// Writes it to `path`, indented for people.
+    /// Writes it to `path` as indented JSON.
     pub fn write(&self, path: &Path) -> Result<()> {
         let fail = |error: &dyn std::fmt::Display| Error::unwritable(path.display(), error);
         let mut text = serde_json::to_string_pretty(self).map_err(|error| fail(&error))?;
@@ -176,7 +177,7 @@ impl Environment {
 }
 
 impl Host {
-    /// This machine, as far as it tells.
+    /// Describes this machine, as far as the system reports it.
     pub fn read() -> Self {
         Self {
             name: host_name(),

@@ -1,4 +1,5 @@
-//! The one door to a folder of results: what is read through it is the current plan's, and everything shown is read through it.
+//! Reads folders of results. All views read results through [`Folder`], which shows only records of the
+//! folder's current plan.
 
 use super::anchors::AnchorSample;
 use super::hosts::hosts_that_differ;
@@ -17,35 +18,37 @@ use std::path::{Path, PathBuf};
 
 /// The name of the journal of records.
 const RECORDS: &str = "records.jsonl";
-/// The journal of measurements that compare blocks of a plan with each other.
+/// The journal of control points, by which blocks of a plan are compared.
 pub const CONTROLS: &str = "controls.jsonl";
-/// What `raycl merge` says of the attempts that a folder was put together of.
+/// The file in which `raycl merge` describes the attempts that a folder was merged from.
 pub const MERGE: &str = "merge.json";
 
 /// The records of a run, and where and how it was made.
 #[derive(Clone, Debug, Default)]
 pub struct Folder {
-    /// Where it lies.
+    /// Its path.
     pub path: PathBuf,
-    /// What a report calls it: the folder's name.
+    /// Its name in reports: the folder's name.
     pub label: String,
-    /// One record per point of the current plan, in its order and by its names; scenes of the same name are told apart.
-    /// Without a plan: the latest record of every point.
+    /// One record per point of the current plan, in the plan's order and with its names. Scenes of equal name
+    /// are distinguished. Without a plan: the latest record of every point.
     pub records: Vec<Record>,
-    /// Control points, as each block measured them, where the plan is cut into blocks; none that is among the records.
+    /// The control points as measured in each block, if the plan is cut into blocks. None of them is in
+    /// `records`.
     pub controls: Vec<Record>,
-    /// `environment.json` unchanged, so that fields of a newer raycl are shown too; null if there is no file.
+    /// `environment.json` unchanged, so that fields of a newer raycl are shown too; null if there is no such
+    /// file.
     pub environment: Value,
-    /// What else the machine did while rounds were timed.
+    /// What other processes took while rounds were timed.
     pub rounds: Vec<RoundLoad>,
-    /// What the anchors took that were run beside its points.
+    /// Times of the anchors that were run with its points.
     pub anchors: Vec<AnchorSample>,
-    /// What is to be said wherever its figures are shown, such as records that are not among them.
+    /// Notes to be shown with its results, for example on records that are not shown.
     pub notes: Vec<String>,
 }
 
 impl Folder {
-    /// Reads a folder, or the journal in it. One without records is the user's mistake.
+    /// Reads a folder, or the folder of a given journal. A folder without records is a mistake of the user.
     pub fn read(path: &Path) -> Result<Self> {
         let (folder, journal) = match path.is_file() {
             true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
@@ -97,13 +100,13 @@ impl Folder {
         })
     }
 
-    /// A value of the config that the run was made with.
+    /// Returns a value of the run's config.
     pub fn config(&self, key: &str) -> Option<String> {
         let table: toml::Table = toml::from_str(self.environment["config"].as_str()?).ok()?;
         Some(table.get(key)?.as_str()?.to_owned())
     }
 
-    /// Writes `summary.md` and `summary.csv` of what it shows.
+    /// Writes `summary.md` and `summary.csv` of its records.
     pub fn summarise(&self, question: &str, expectation: &str) -> Result<()> {
         let markdown = summary_markdown(&self.records, &self.notes, question, expectation);
         write_whole(&self.path.join("summary.md"), markdown.as_bytes())?;
@@ -111,7 +114,7 @@ impl Folder {
     }
 }
 
-/// What is to be said of how a folder was merged.
+/// Returns notes on how a folder was merged.
 fn of_merge(folder: &Path) -> Vec<String> {
     let merge: Option<Value> = reader::bytes(&folder.join(MERGE), reader::Kind::Results)
         .ok()
@@ -120,12 +123,12 @@ fn of_merge(folder: &Path) -> Vec<String> {
     notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
 }
 
-/// The lines of a file that folders of earlier versions lack.
+/// Reads a journal that folders of earlier versions do not have.
 fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
 }
 
-/// What a folder shows of its records, and what is to be said of the others.
+/// The records that a folder shows, and notes on the others.
 struct Shown {
     records: Vec<Record>,
     notes: Vec<String>,
@@ -160,12 +163,12 @@ impl Shown {
     }
 }
 
-/// "1 record is", "3 records are"; nothing for none.
+/// Returns "1 record is" or "3 records are"; `None` for zero.
 fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
 
-/// `environment.json`; null, and a note of that, where it cannot be read.
+/// Reads `environment.json`; if that fails, the result is null, with a note.
 fn environment(folder: &Path) -> (Value, Option<String>) {
     let path = folder.join("environment.json");
     let text = reader::bytes(&path, reader::Kind::Results).ok();
@@ -180,7 +183,8 @@ fn environment(folder: &Path) -> (Value, Option<String>) {
     }
 }
 
-/// Which records come from a program that nobody can have again. Those of before revisions were recorded are of the environment's.
+/// Returns a note on records whose program was built from uncommitted sources and so cannot be built again.
+/// For records without a revision, that of the environment is used.
 fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
     let count = records.iter().filter(|record| of(record)).count();
@@ -192,7 +196,7 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// The last record of every name, in the order in which names first came.
+/// Returns the last record of every name, in the order in which names first occur.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut kept: Vec<Record> = Vec::new();
@@ -209,7 +213,7 @@ pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Rec
     kept
 }
 
-/// What two records of the same point share, by the names they are shown with.
+/// Returns the names that identify a record's point.
 pub fn point(record: &Record) -> String {
     format!(
         "{}|{}|{:?}|{}|{:?}",

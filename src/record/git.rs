@@ -1,10 +1,11 @@
-//! Which commit a file or a folder is of, and whether it was changed since.
+//! Finds the git commit of a file or a folder, and whether it was changed since.
 
 use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// "0123456789ab, unchanged", "0123456789ab, changed since" or "in no commit"; none outside a repository, or without git.
+/// Returns "0123456789ab, unchanged", "0123456789ab, changed since" or "in no commit"; `None` outside a
+/// repository or without git.
 pub fn git_state(path: &Path) -> Option<String> {
     let path = path.canonicalize().ok()?;
     let folder = if path.is_dir() { path.as_path() } else { path.parent()? };
@@ -25,7 +26,8 @@ fn git_of(folder: &Path, arguments: &[&str], path: &OsStr) -> Option<String> {
     answer(Command::new("git").arg("-C").arg(folder).args(arguments).arg("--").arg(path))
 }
 
-/// What it prints, if it is there and succeeds. It reads, and locks nothing of the repository.
+/// Returns the output of a command, if it exists and succeeds. It only reads, and takes no lock in the
+/// repository.
 fn answer(command: &mut Command) -> Option<String> {
     let command = command.env("GIT_OPTIONAL_LOCKS", "0").stdin(Stdio::null());
     let output = command.output().ok().filter(|output| output.status.success())?;

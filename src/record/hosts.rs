@@ -1,45 +1,46 @@
-//! What the machines of an experiment took for the same point: the control points that blocks on all of them measured.
+//! Compares the machines of an experiment by control points, which blocks on all of them measured.
 
 use super::numbers::{by, duration, significant};
 use super::together::{interval, median, ratio_apart};
 use super::types::Record;
 use std::collections::BTreeMap;
 
-/// A control point, and what each machine took for it.
+/// A control point, and its time on each machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Control {
     /// "teapot, 800 x 500, NVIDIA H200: naive at 8 x 8".
     pub point: String,
-    /// The machines, in the order of their names.
+    /// The machines, sorted by name.
     pub hosts: Vec<AtHost>,
 }
 
-/// What one machine took for a control point.
+/// The time of a control point on one machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtHost {
     /// The machine.
     pub host: String,
-    /// Blocks that measured the point there.
+    /// Number of blocks that measured the point there.
     pub blocks: usize,
-    /// The median of the block that took least, and its interval.
+    /// The median of the block with the least time.
     pub median_ms: f64,
-    /// The interval.
+    /// The 95% interval of that median.
     pub interval_ms: Option<[f64; 2]>,
-    /// How many times as long it takes as on the machine that takes least: the middle, the lower and the upper end.
+    /// Ratio to the time of the fastest machine: the estimate, and the lower and upper end of its interval.
     pub slower: Option<[f64; 3]>,
 }
 
-/// Machines of the same kind differ where one surely takes longer by more than this part.
+/// Two machines of one kind differ if one surely takes longer by more than this fraction.
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
-    /// Whether it surely takes longer than the fastest machine.
+    /// Returns whether it surely takes longer than the fastest machine.
     pub fn differs(&self) -> bool {
         self.slower.is_some_and(|[_, low, _]| low > 1.0 + DIFFERENT)
     }
 }
 
-/// Control points that several blocks measured, own ones and borrowed ones. Keys are the same where devices are of one kind.
+/// Returns the control points that several blocks measured; `borrowed` are those from `controls.jsonl`.
+/// Devices of one kind have equal keys.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control =
         |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();
@@ -55,7 +56,7 @@ pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
 fn control(records: &[&Record]) -> Control {
     let mut hosts: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in records {
-        // The devices of one machine with `--spread` are distinguished in the same way.
+        // With `--spread`, the devices of one machine are distinguished in the same way.
         let host = record.host.as_deref().or(record.measured_on.as_deref());
         hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
     }
@@ -86,7 +87,8 @@ fn name(record: &Record) -> String {
     format!("{}, {}, {}: {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
-/// What is to be said where machines of the same kind surely take different times for the same point: the worst of each pair.
+/// Returns notes on machines of one kind that surely take different times for the same point: the largest
+/// difference of each pair.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
     for control in controls(records, borrowed) {
@@ -118,7 +120,7 @@ mod tests {
     use super::super::summary::tests::{judged, measured};
     use super::*;
 
-    /// A control point as a block on a machine took it; `launch` tells blocks apart.
+    /// Returns a control point of a block on a machine; `launch` distinguishes blocks.
     fn on(host: &str, ms: f64, launch: u32) -> Record {
         let mut record = measured("gpu", "naive", 8, ms);
         record.sample_launches.iter_mut().for_each(|number| *number += 10 * launch);

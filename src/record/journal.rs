@@ -1,5 +1,5 @@
-//! JSON lines: appended one at a time and on the disk before the next; a last
-//! line torn by a crash costs that line only.
+//! Journals in JSON lines. Each line is appended and on the disk before the next one. If a crash interrupts a
+//! write, only that line is lost.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Seek, SeekFrom, Write};
@@ -13,7 +13,7 @@ use super::own_file;
 use crate::error::{Error, Result};
 use crate::reader;
 
-/// A file that `T`s are appended to.
+/// A file to which values of type `T` are appended.
 #[derive(Debug)]
 pub struct JsonLines<T> {
     path: PathBuf,
@@ -22,7 +22,7 @@ pub struct JsonLines<T> {
 }
 
 impl<T: Serialize> JsonLines<T> {
-    /// Opens the file for appending, making it if need be. A torn last line is cut off.
+    /// Opens the file for appending, and creates it if it is missing. An incomplete last line is removed.
     pub fn append_to(path: &Path) -> Result<Self> {
         let fail = |error| io_error("open", path, &error);
         own_file(path).map_err(fail)?;
@@ -48,14 +48,14 @@ impl<T: Serialize> JsonLines<T> {
     }
 }
 
-/// What a file of JSON lines holds.
+/// The contents of a file of JSON lines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lines<T> {
-    /// Every whole line.
+    /// All complete, readable lines.
     pub lines: Vec<T>,
-    /// Whether a last line was cut short and left out.
+    /// Whether an incomplete last line was left out.
     pub torn: bool,
-    /// The numbers, from 1, of other lines that are left out as they cannot be read.
+    /// The numbers, from 1, of other lines that were left out because they cannot be read.
     pub damaged: Vec<usize>,
 }
 
@@ -66,19 +66,18 @@ impl<T> Default for Lines<T> {
 }
 
 impl<T> Lines<T> {
-    /// What is to be said of the damaged lines of the file `name`.
+    /// Returns a note on the damaged lines of the file `name`.
     pub fn damage(&self, name: &str) -> Option<String> {
         let first = self.damaged.first()?;
         let (count, is) = (self.damaged.len(), if self.damaged.len() == 1 { "line" } else { "lines" });
         Some(format!(
-            "{count} damaged {is} of {name}, the first line {first}, left out: `raycl repair` takes damaged lines out \
-             and keeps a copy."
+            "{count} damaged {is} of {name}, the first line {first}, left out: `raycl repair` removes damaged lines and keeps a copy."
         ))
     }
 }
 
-/// Reads a file of JSON lines, line by line. A last line without its end and lines that are damaged are left out and told;
-/// a file of nothing but damaged lines is no journal, and an input error.
+/// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported. If all
+/// lines are damaged, the file is not a journal, which is an input error.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     let unreadable = |error| {
         Error::input(format!("cannot read {}: {error}", path.display()))
@@ -107,8 +106,10 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     }
     match (&read.lines[..], &read.damaged[..]) {
         ([], [.., last]) => {
-            let message =
-                format!("{}:{last}: this line is no record, nor is any other: {reason}", path.display());
+            let message = format!(
+                "{}:{last}: this line is not a record, and no other line is: {reason}",
+                path.display()
+            );
             Err(Error::input(message)
                 .with_help("name a folder that `raycl run` wrote, such as results/quick"))
         }
@@ -116,7 +117,7 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     }
 }
 
-/// The length of `bytes` up to the end of its last line.
+/// Returns the length of `bytes` up to the end of the last complete line.
 fn whole_lines(bytes: &[u8]) -> usize {
     bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |place| place + 1)
 }
@@ -192,7 +193,7 @@ mod tests {
         assert!(error.message.contains("samples.jsonl:1: this line is no record"), "{}", error.message);
     }
 
-    /// A pipe takes bytes, and nothing can be asked to be on its disk.
+    /// Tests a pipe, which takes bytes but cannot guarantee that they are on a disk.
     #[cfg(unix)]
     #[test]
     fn a_line_is_on_the_disk_or_an_error() {

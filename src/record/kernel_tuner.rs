@@ -1,5 +1,6 @@
-//! Records as cache files of Kernel Tuner (B. van Werkhoven, 2019), which can then simulate tuning on them and
-//! draw what it draws of its own results: one file per device, scene and image size, times in milliseconds.
+//! Exports records as cache files of Kernel Tuner (B. van Werkhoven, 2019). With these, Kernel Tuner can
+//! simulate tuning and make its own plots. There is one file per device, scene and image size, with times in
+//! milliseconds.
 
 use serde_json::{Map, Value, json};
 
@@ -7,13 +8,13 @@ use super::parameters::{joined, parameters};
 use super::summary::{Group, groups};
 use super::types::{HOST, Outcome, Record};
 
-/// The cache files: a name without its ending, and the text.
+/// Returns the cache files: each file's name without extension, and its text.
 pub fn kernel_tuner_caches(records: &[Record]) -> Vec<(String, String)> {
     let groups = groups(records);
     let mut caches: Vec<(String, String)> = Vec::new();
     for group in groups.iter().filter(|group| group.device != HOST) {
         let mut name = file_name(group);
-        // "a/scene" and "a-scene" are two scenes.
+        // "a/scene" and "a-scene" are different scenes and need different file names.
         while caches.iter().any(|(taken, _)| *taken == name) {
             name.push('_');
         }
@@ -47,11 +48,11 @@ fn cache(group: &Group<'_>) -> String {
         members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
     let entries: Vec<_> =
         entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
-    // Kernel Tuner takes a file that ends otherwise for one whose writing was cut short.
+    // Kernel Tuner treats a file with another ending as incomplete.
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 
-/// Every parameter that some record has, in order of first appearance.
+/// Returns all parameters of the records, in the order in which they first occur.
 fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {
@@ -59,12 +60,12 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
             names.push(name.clone());
         }
     }
-    // Maps are sorted; the local size comes first by custom.
+    // Maps are sorted, but by custom the local size comes first.
     names.sort_by_key(|name| !name.starts_with("block_size"));
     names
 }
 
-/// Every value that a parameter takes.
+/// Returns every value of a parameter.
 fn values(all: &[(&Record, Map<String, Value>)], names: &[String]) -> Map<String, Value> {
     let of = |name: &String| {
         let mut values: Vec<Value> = Vec::new();

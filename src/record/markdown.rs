@@ -1,4 +1,4 @@
-//! `summary.md`: the question, what was expected, and what was found.
+//! `summary.md`: the question, the expected answer, and the results.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use super::together::{interval, launches, ratio, resolution};
 use super::types::{HOST, Record};
 use crate::printer::{line, markdown};
 
-/// Columns of a table.
+/// Number of columns of a table.
 const COLUMNS: usize = 11;
 const HEADER: [&str; COLUMNS] = [
     "strategy",
@@ -26,19 +26,19 @@ const HEADER: [&str; COLUMNS] = [
     "of peak",
     "outcome",
 ];
-/// Columns of words stand to the left, numbers to the right.
+/// Left-aligned columns, which contain words; the others contain numbers.
 const LEFT: [usize; 2] = [0, 10];
-/// Columns whose points are aligned.
+/// Columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
-/// The summary as Markdown. Everything in it comes from the records, and from the notes of who read them.
+/// Returns the summary as Markdown. It is made only from the records and from the reader's notes.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {}\n\nExpected: {}\n", markdown(question), markdown(expectation));
     text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
     let groups = groups(records);
     for group in &groups {
         let size = by(group.image_size);
-        // A failure to write to a String is impossible, so the results are let go.
+        // Writing to a String cannot fail, so the results are ignored.
         let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(group.device));
         if group.device != HOST {
             text.push_str(&verdict(group, &groups));
@@ -64,7 +64,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text
 }
 
-/// Who won, and by how much.
+/// Returns the winner, and by how much it is faster.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
     let Some(best) = ranking.winners.first() else {
@@ -82,14 +82,14 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     text + &speed_ups(group, groups, best) + &unranked(&ranking.unranked) + &told_apart(group) + "\n"
 }
 
-/// What differences this group can tell.
+/// Returns which differences this group can show.
 fn told_apart(group: &Group<'_>) -> String {
     resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
-        format!(" Differences below {} cannot be told apart here.", percent(part))
+        format!(" Differences below {} cannot be detected here.", percent(part))
     })
 }
 
-/// How many times as fast the best is as the host's baselines and as the best naive.
+/// Returns how many times as fast the best point is as the host's baselines and as the best naive point.
 fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let host = groups.iter().find(|other| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
@@ -107,7 +107,7 @@ fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     others.map(than).collect()
 }
 
-/// Which points are not ranked.
+/// Returns which points are not ranked.
 fn unranked(records: &[&Record]) -> String {
     match records.is_empty() {
         true => String::new(),
@@ -123,7 +123,8 @@ fn title(record: &Record) -> String {
     }
 }
 
-/// Every record of the group, fastest first, then those of too few samples, those without a time last.
+/// Returns a table of all records in the group: the fastest first, then those with too few samples, then
+/// those without a time.
 fn table(group: &Group<'_>) -> String {
     let ranking = group.ranking();
     let failed = group.failures().into_iter().map(|(record, _)| record);
@@ -175,11 +176,11 @@ fn samples(record: &Record) -> String {
     }
 }
 
-/// A Markdown table whose source is aligned as well.
+/// Returns a Markdown table whose source is aligned too.
 fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
-    // A rule narrower than three is no rule to some readers.
+    // Some readers do not accept a rule of fewer than three dashes.
     let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
     let widths: [usize; COLUMNS] = std::array::from_fn(widest);
     let rule: [String; COLUMNS] = std::array::from_fn(|place| {
@@ -197,7 +198,7 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     line(&header) + &line(&rule) + &body
 }
 
-/// What to mind in reading some times.
+/// Returns the warnings on some times.
 fn warnings(group: &Group<'_>) -> String {
     let warned = group.ranking().all().into_iter().filter_map(|record| Some((record, to_mind(record)?)));
     let lines: String =
@@ -205,7 +206,7 @@ fn warnings(group: &Group<'_>) -> String {
     if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
 }
 
-/// Why some points have no time.
+/// Returns why some points have no time.
 fn failures(group: &Group<'_>) -> String {
     let failures = group.failures();
     if failures.is_empty() {
@@ -213,7 +214,7 @@ fn failures(group: &Group<'_>) -> String {
     }
     let mut text = "\nWithout a time:\n\n".to_string();
     for (record, reason) in failures {
-        // A compiler's log has many lines; the record keeps them all.
+        // A compiler's log has many lines; only the first is shown, and the record has all.
         let first = reason.lines().next().unwrap_or_default();
         let _ = writeln!(text, "- {}, {}: {}", title(record), record.outcome.name(), markdown(first));
     }

@@ -1,5 +1,4 @@
-//! What was found: one flat record per point, kept as JSON lines, and the
-//! summaries that are made of nothing but records.
+//! Results: one flat record per point, stored as JSON lines, and summaries that are made from records only.
 
 mod anchors;
 mod clocks;

@@ -1,20 +1,21 @@
-//! What is to be minded in reading a record's median.
+//! Warnings about a record's median.
 
 use super::numbers::ms;
 use super::together::{launches, median};
 use super::types::Record;
 use crate::measure::Modes;
 
-/// A launch is of one mode where at most this part of its samples is of the other.
+/// A launch counts as having a single mode if at most this fraction of its samples belongs to the other mode.
 const STRAYS: f64 = 0.1;
 
-/// The record's warning, and that its samples lie around two values.
+/// Returns the record's warning, and a note if its samples cluster around two values.
 pub(crate) fn to_mind(record: &Record) -> Option<String> {
     let parts: Vec<String> = record.warning.clone().into_iter().chain(two_modes(record)).collect();
     (!parts.is_empty()).then(|| parts.join("; "))
 }
 
-/// "two modes: 108.9 ms (18 samples) and 174.5 ms (12), by launch"; none where one mode may have made them.
+/// Returns "two modes: 108.9 ms (18 samples) and 174.5 ms (12), by launch"; `None` if there may be a single
+/// mode.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes = Modes::of(&record.samples_ms)?;
@@ -23,7 +24,7 @@ pub(crate) fn two_modes(record: &Record) -> Option<String> {
     Some(format!("two modes: {} ms ({many} samples) and {} ms ({few}){whose}", ms(fast), ms(slow)))
 }
 
-/// Whether each launch is of one mode.
+/// Returns whether each launch has a single mode.
 fn is_by_launch(record: &Record, modes: &Modes) -> bool {
     let of_one = |launch: &u32| {
         let own = record.sample_launches.iter().zip(&record.samples_ms).filter(|(other, _)| *other == launch);
@@ -42,7 +43,7 @@ mod tests {
     use super::super::summary::tests::{measured, sampled};
     use super::*;
 
-    /// Three launches of ten samples; the last is slow.
+    /// Returns a record of three launches of ten samples, with these times.
     fn launches_of(speeds: [f64; 3]) -> Record {
         let sample = |place: u32| {
             (place / 10, speeds[place as usize / 10] * (1.0 + 0.001 * f64::from(place * 7 % 10)))
@@ -58,7 +59,7 @@ mod tests {
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
 
-    /// Were the slowest of the fast samples taken for a slow one, it were more than a stray in a launch of seven.
+    /// If the slowest of the fast samples counted as slow, it would be more than an outlier in a launch of seven.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |place: u32| {

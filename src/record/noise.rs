@@ -1,4 +1,4 @@
-//! What differences the records of a run can tell apart, and what stands in the way.
+//! Which differences the records of a run can show, and the causes of noise.
 
 use super::rounds::mean_load;
 use super::together::{resolution, resolution_within};
@@ -6,48 +6,48 @@ use super::types::{HOST, Record};
 use super::{Folder, interval};
 use serde::Serialize;
 
-/// What runs on one device can tell apart. Parts: 0.03 is 3%.
+/// The differences that runs on one device can show, as fractions: 0.03 is 3%.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
     /// The device.
     pub device: String,
-    /// Launches and samples that this rests on.
+    /// Number of launches.
     pub launches: usize,
-    /// Samples of all points.
+    /// Number of samples of all points.
     pub samples: usize,
-    /// The least difference between two points that one launch tells apart, the median over launches.
+    /// The smallest difference between two points that a single launch can show; the median over launches.
     pub within_launch: Option<f64>,
-    /// The least difference between two points that launches together tell apart.
+    /// The smallest difference between two points that all launches together can show.
     pub between_launches: Option<f64>,
-    /// How far a point's own time is known, the median over points: half of its interval.
+    /// The relative half-width of a point's interval; the median over points.
     pub own_time: Option<f64>,
-    /// What stands in the way.
+    /// The causes of noise.
     pub causes: Causes,
 }
 
-/// What makes repeats lie apart. What the system does not tell is absent.
+/// Causes of noise. Values that the system does not report are null.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Causes {
-    /// Processors of the machine.
+    /// Number of processors of the machine.
     pub processors: Option<f64>,
-    /// How many of them other processes kept busy.
+    /// Number of processors that other processes kept busy.
     pub others: Option<f64>,
-    /// How many of them went to other guests of the hardware.
+    /// Number of processors that other virtual machines on the same hardware took.
     pub stolen: Option<f64>,
-    /// What decides the processors' frequency.
+    /// The policy that sets the processors' frequency.
     pub governor: Option<String>,
-    /// The least and the greatest frequency of any processor when it began, MHz.
+    /// Lowest and highest frequency of any processor at the beginning, MHz.
     pub clocks_mhz: Option<[f64; 2]>,
-    /// The device's clock while it was timed, MHz.
+    /// The device's clock while points were timed, MHz.
     pub device_clock_mhz: Option<f64>,
-    /// Samples taken while the device throttled.
+    /// Number of samples taken while the device throttled.
     pub throttled_samples: Option<u32>,
-    /// The threads that the device cast with.
+    /// Number of threads that the device cast with.
     pub threads: Option<u32>,
 }
 
 impl Noise {
-    /// The noise of every device of a folder.
+    /// Returns the noise of every device in a folder.
     pub fn of(folder: &Folder) -> Vec<Self> {
         let mut devices: Vec<&str> = folder.records.iter().map(|record| record.device.as_str()).collect();
         devices.retain(|device| *device != HOST);
@@ -111,7 +111,7 @@ mod tests {
         assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
-        // From the median to the end of the interval: of two points the wider one's.
+        // From the median to the end of the interval; of two points the wider one.
         let half = |record: &Record| interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0;
         let widest = folder.records[1..].iter().map(half).fold(0.0, f64::max);
         assert!(gpu.own_time.is_some_and(|part| (part - widest).abs() < 1e-12 && part > 0.0), "{gpu:?}");

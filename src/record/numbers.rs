@@ -1,6 +1,6 @@
-//! Numbers for people.
+//! Formats numbers for people.
 
-/// `value` with `digits` significant digits, but never fewer than its whole part has.
+/// Formats `value` with `digits` significant digits, but with all digits of its integer part.
 pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -10,12 +10,12 @@ pub fn significant(value: f64, digits: i32) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A time in a column of milliseconds.
+/// Formats a time for a column of milliseconds.
 pub fn ms(value: f64) -> String {
     significant(value, 4)
 }
 
-/// A time in a sentence: 1.234 s, 12.34 ms, 56.70 us.
+/// Formats a time for a sentence: 1.234 s, 12.34 ms, 56.70 us.
 pub fn duration(value_ms: f64) -> String {
     match value_ms.abs() {
         x if x >= 1000.0 => format!("{} s", significant(value_ms / 1000.0, 4)),
@@ -24,13 +24,12 @@ pub fn duration(value_ms: f64) -> String {
     }
 }
 
-/// "800 x 500".
+/// Formats a size: "800 x 500".
 pub fn by([across, down]: [u32; 2]) -> String {
     format!("{across} x {down}")
 }
 
-/// The column's numbers padded on the right so that their points stand below each other
-/// when the column is aligned to the right.
+/// Pads the numbers of a right-aligned column so that their decimal points are aligned.
 pub fn align_points(column: Vec<&mut String>) {
     let fraction = |cell: &str| cell.find('.').map_or(0, |place| cell.len() - place);
     let widest = column.iter().map(|cell| fraction(cell)).max().unwrap_or(0);

@@ -1,10 +1,11 @@
-//! A record's strategy as tunable parameters, the way tuners see it.
+//! A record's strategy as tuning parameters.
 
 use serde_json::{Map, Value};
 
 use super::types::{Record, axes};
 
-/// Parameter names and values: the local size, then every axis. Commas, which separate parameters in keys, become dots.
+/// Returns parameter names and values: the local size, then every axis. Commas become dots, since commas
+/// separate parameters in keys.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
     let [across, down] = record.local_size.unwrap_or([1, 1]);
@@ -17,7 +18,7 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     parameters
 }
 
-/// The parameters' values as one key, in their order.
+/// Joins the parameters' values to a key, in their order.
 pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
     let text = |name: &String| match parameters.get(name) {
         Some(Value::String(text)) => text.clone(),

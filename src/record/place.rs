@@ -1,17 +1,17 @@
-//! Where a record stands among those that were measured with it.
+//! A record's position among those that were measured with it.
 
 use super::control::Control;
 use crate::measure::Standing;
 
-/// Where a record stands among those that were measured with it.
+/// A record's position among those that were measured with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// What tells those that were measured together from others.
+    /// Identifies the records that were measured together.
     pub(super) together: blake3::Hash,
-    /// Its own times, and how they go with the others'.
+    /// Its times relative to the others.
     pub(super) standing: Standing,
-    /// The anchor of its device: its name, and where it stands among the same points. Only where it was asked for.
+    /// The anchor of its device: its name and its position among the same points. Only if requested.
     pub(super) anchor: Option<(String, Standing)>,
-    /// The control point of its block, where it was measured in one of several.
+    /// The control point of its block, if it was measured in one of several blocks.
     pub(super) control: Option<Control>,
 }

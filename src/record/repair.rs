@@ -1,4 +1,4 @@
-//! Taking damaged lines out of a folder's journals, keeping a copy of each as it was.
+//! Removes damaged lines from a folder's journals, and keeps a copy of each original file.
 
 use super::{AnchorSample, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
 use crate::error::{Error, Result};
@@ -9,17 +9,18 @@ use std::path::{Path, PathBuf};
 /// A journal that was repaired.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Repaired {
-    /// It.
+    /// The repaired file.
     pub file: PathBuf,
-    /// How it was.
+    /// The copy of the original file.
     pub copy: PathBuf,
-    /// Lines that were taken out.
+    /// Number of lines that were removed.
     pub damaged: usize,
-    /// Lines that are left.
+    /// Number of lines that are left.
     pub kept: usize,
 }
 
-/// Repairs a folder's journals; none of a folder without damage. Who calls has the folder to himself.
+/// Repairs a folder's journals; returns nothing for a folder without damage. The caller must hold the
+/// folder's lock.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
         repair_file(&folder.join("records.jsonl"), is_a::<Record>)?,
@@ -55,7 +56,7 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
 }
 
-/// Writes the bytes beside a file under a name that nobody has, to the disk.
+/// Writes a copy of a file under an unused name in the same folder, to the disk.
 fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;

@@ -1,4 +1,4 @@
-//! `rounds.jsonl`: what else the machine did while rounds were timed.
+//! `rounds.jsonl`: what other processes took while rounds were timed.
 
 use super::numbers::significant;
 use super::types::Record;
@@ -6,44 +6,44 @@ use crate::load::Load;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
-/// A line: some consecutive rounds of a launch, enough of them for the load to be measurable.
+/// A line of the file: consecutive rounds of a launch, long enough for the load to be measurable.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundLoad {
     /// The launch's number in the folder.
     pub launch: u32,
-    /// The last round of them.
+    /// The last of these rounds.
     pub round: u32,
-    /// How long they took.
+    /// Their duration.
     pub ms: f64,
-    /// Processors of the machine.
+    /// Number of processors of the machine.
     pub processors: usize,
-    /// How many of them others kept busy, in the mean.
+    /// Mean number of processors that other processes kept busy.
     pub others: f64,
-    /// How many of them went to other guests of the hardware, in the mean.
+    /// Mean number of processors that other virtual machines on the same hardware took.
     pub stolen: f64,
-    /// Processes that ran or waited to, in the mean of the last minute.
+    /// Mean number of processes that ran or waited to run in the last minute.
     pub load_1m: Option<f64>,
 }
 
-/// Others have disturbed what was measured where they took more than this part of the machine.
+/// If others took more than this fraction of the machine, they may have disturbed the measurements.
 const DISTURBED: f64 = 0.05;
 
 impl RoundLoad {
-    /// What was seen while rounds were timed.
+    /// Makes a line from the load while rounds were timed.
     pub fn of(launch: u32, round: u32, load: &Load) -> Self {
         let Load { ms, others, stolen, processors, load_1m } = *load;
         Self { launch, round, ms, processors, others, stolen, load_1m }
     }
 }
 
-/// What was seen in the mean of some rounds.
+/// The mean load over some rounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MeanLoad {
-    /// Processors of the machine.
+    /// Number of processors of the machine.
     pub(crate) processors: f64,
-    /// How many of them others kept busy.
+    /// Number of processors that other processes kept busy.
     pub(crate) others: f64,
-    /// How many of them went to other guests of the hardware.
+    /// Number of processors that other virtual machines on the same hardware took.
     pub(crate) stolen: f64,
 }
 
@@ -53,7 +53,7 @@ impl MeanLoad {
     }
 }
 
-/// Weighted by how long they took; none of no rounds.
+/// Returns the mean, weighted by duration; `None` without rounds.
 pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<MeanLoad> {
     let lines: Vec<&RoundLoad> = lines.into_iter().collect();
     let all_ms: f64 = lines.iter().map(|line| line.ms).sum();
@@ -62,7 +62,7 @@ pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> O
     Some(MeanLoad { processors, others: mean(|line| line.others), stolen: mean(|line| line.stolen) })
 }
 
-/// What is to be said where others disturbed the launches that some records rest on.
+/// Returns a note if others disturbed the launches of some records.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));
@@ -70,11 +70,11 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let bad = means.iter().filter(|mean| mean.taken() > DISTURBED * mean.processors);
     let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
     let stolen = match worst.stolen > 0.01 {
-        true => format!(", and {} went to other guests of the hardware", significant(worst.stolen, 2)),
+        true => format!(", and other virtual machines took {}", significant(worst.stolen, 2)),
         false => String::new(),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches others kept processors busy, up to {} of {}{stolen}.",
+        "Disturbed: in {} of {} launches other processes used processors, up to {} of {}{stolen}.",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -96,7 +96,7 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches others kept processors busy, up to 0.50 of 2.";
+        let expected = "Disturbed: in 1 of 2 launches other processes used processors, up to 0.50 of 2.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine.
@@ -107,7 +107,7 @@ mod tests {
     fn what_other_guests_take_disturbs_too() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
-        assert!(said.ends_with("up to 0.010 of 2, and 0.40 went to other guests of the hardware."), "{said}");
+        assert!(said.ends_with("up to 0.010 of 2, and other virtual machines took 0.40."), "{said}");
     }
 
     #[test]

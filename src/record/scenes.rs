@@ -1,18 +1,19 @@
-//! Scenes told apart: by content, and where two have the same name, by the shortest path that differs.
+//! Distinguishes scenes by content. Scenes of equal name get the shortest path that differs.
 
 use super::types::Record;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// The names that a scene can be shown under.
+/// The possible names of a scene.
 struct Names {
     /// From its path: the file's name, then with one more folder each.
     paths: Vec<String>,
-    /// If no path is unique: with the file's ending, with the values set in the scene, with its hash.
+    /// If no path is unique: with the file's extension, with the values changed in the scene, with its hash.
     others: [String; 3],
 }
 
-/// Gives records of different scenes different names. Records of before content was recorded keep theirs.
+/// Gives records of different scenes different names. Records of earlier versions, without a hash of the
+/// scene's content, keep theirs.
 pub fn tell_scenes_apart(records: &mut [Record]) {
     let mut scenes: HashMap<&str, Vec<(&str, Names)>> = HashMap::new();
     for record in records.iter() {
@@ -34,7 +35,7 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// The first kind of name by which all differ; the last kind is their hashes.
+/// Returns the first kind of name that differs for all scenes; the last kind is their hashes.
 fn distinct<'n>(scenes: &'n [(&str, Names)]) -> Vec<&'n str> {
     let depth = scenes.iter().map(|(_, names)| names.paths.len()).max().unwrap_or(0);
     let mut kinds =
@@ -48,7 +49,7 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // "+triangles=80" after a file's name stays after it.
+        // A suffix such as "+triangles=80" stays at the end.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);
@@ -67,7 +68,7 @@ impl Names {
         }
     }
 
-    /// The name of a kind, of paths as deep as `depth`. A shorter path is whole all the while.
+    /// Returns the name of a kind; for paths, with `depth` parts. A path with fewer parts is used completely.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),

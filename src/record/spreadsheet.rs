@@ -1,4 +1,4 @@
-//! `summary.csv`: a row per record, lists spread over columns.
+//! `summary.csv`: one row per record, with lists in several columns.
 
 use serde::Serialize;
 
@@ -119,7 +119,7 @@ impl<'a> Row<'a> {
     }
 }
 
-/// The records as CSV with a header; absent values are empty.
+/// Returns the records as CSV with a header; null values are empty.
 pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
     let fail = |error: String| Error::fault(format!("cannot write the CSV summary: {error}"));
     let mut writer = csv::Writer::from_writer(Vec::new());

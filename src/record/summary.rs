@@ -1,24 +1,25 @@
-//! What records say when they are put side by side: groups, winners, speed-ups.
+//! Compares records: groups, winners, speed-ups.
 
 use super::together::{fewest, interval, median, ranking};
 use super::types::Record;
 use crate::measure::{Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
 
-/// Records that are compared: those of one scene, image size and device.
+/// Records that are compared with each other: those of one scene, image size and device.
 #[derive(Clone, Debug)]
 pub struct Group<'a> {
     /// The scene's name.
     pub scene: &'a str,
-    /// Pixels across and down.
+    /// Image size in pixels: across, down.
     pub image_size: [u32; 2],
     /// The device's name, or "host".
     pub device: &'a str,
-    /// Presets in their order, then other strategies by name; each by local size.
+    /// Presets in their order, then other strategies by name; each ordered by local size.
     pub records: Vec<&'a Record>,
 }
 
-/// The groups in order of first appearance. Where a key comes twice, the later record counts.
+/// Returns the groups in the order in which they first occur. If a key occurs twice, the later record is
+/// used.
 pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
     let mut groups: Vec<Group<'_>> = Vec::new();
     for record in records {
@@ -40,7 +41,7 @@ pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
     groups
 }
 
-/// What was said of reading each scene, a scene's name and a note at a time, each once.
+/// Returns the notes from reading each scene, as pairs of scene name and note, each once.
 pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     let mut notes: Vec<(&str, &str)> = Vec::new();
     for record in records {
@@ -54,43 +55,44 @@ pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     notes
 }
 
-/// Where a record stands in a table.
+/// Returns the sort key of a record in a table.
 fn place(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
     let preset = PRESETS.iter().position(|preset| preset.name == record.name).unwrap_or(PRESETS.len());
     (preset, &record.name, record.local_size.map(|[across, down]| across * down), record.local_size)
 }
 
 impl<'a> Group<'a> {
-    /// Measured records: who wins, the others, and those of too few samples.
+    /// Ranks the measured records: winners, others, and those with too few samples.
     pub fn ranking(&self) -> Ranking<&'a Record> {
         ranking(self.records.iter().copied())
     }
 
-    /// The fastest measured record of those that `wanted` picks; one of too few samples only where there is no other.
+    /// Returns the fastest measured record that matches `wanted`. One with too few samples is only returned
+    /// if there is no other.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
         self.ranking().all().into_iter().find(|record| wanted(record))
     }
 
-    /// Records without a time, with why.
+    /// Returns records without a time, with the reason.
     pub fn failures(&self) -> Vec<(&'a Record, &'a str)> {
         let failed = self.records.iter().filter(|record| median(record).is_none());
         failed.map(|record| (*record, record.reason.as_deref().unwrap_or("no reason was recorded"))).collect()
     }
 }
 
-/// First and third quartile; none of too few samples.
+/// Returns the first and third quartile; `None` with too few samples.
 pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     interval(record)?;
     Some([record.q1_ms?, record.q3_ms?])
 }
 
-/// "not enough samples (n = 3)", where a measured record has too few in a launch.
+/// Returns "not enough samples (n = 3)" for a measured record with too few samples in a launch.
 pub(crate) fn not_enough(record: &Record) -> Option<String> {
     median(record)?;
     record.place.is_none().then(|| not_enough_samples(fewest(record)))
 }
 
-/// The names of points that are not ranked: "naive at 8 x 8 (n = 3), ... and 9 more".
+/// Returns the names of points that are not ranked: "naive at 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
     let name = |record: &&Record| format!("{} (n = {})", title(record), fewest(record));
     let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
@@ -103,7 +105,7 @@ pub mod tests {
     use super::super::types::Outcome;
     use super::*;
 
-    /// A measured record for tests: ten equal samples, five in each of two launches.
+    /// Returns a measured record for tests: ten equal samples, five in each of two launches.
     pub fn measured(device: &str, name: &str, side: u32, median: f64) -> Record {
         let preset = PRESETS.iter().find(|preset| preset.name == name).map(|preset| preset.name.to_string());
         Record {
@@ -128,7 +130,7 @@ pub mod tests {
         }
     }
 
-    /// An infeasible record for tests.
+    /// Returns an infeasible record for tests.
     pub fn infeasible(device: &str, name: &str, side: u32, reason: &str) -> Record {
         Record {
             outcome: Outcome::Infeasible,
@@ -142,12 +144,12 @@ pub mod tests {
         }
     }
 
-    /// A measured record of so few samples, of one launch.
+    /// Returns a measured record with `n` samples in one launch.
     pub fn few(device: &str, name: &str, side: u32, ms: f64, n: usize) -> Record {
         Record { samples_ms: vec![ms; n], sample_launches: vec![0; n], ..measured(device, name, side, ms) }
     }
 
-    /// A measured record of samples, each with the number of its launch.
+    /// Returns a measured record with these samples, each with the number of its launch.
     pub fn sampled(name: &str, samples: impl Iterator<Item = (u32, f64)> + Clone) -> Record {
         let times: Vec<f64> = samples.clone().map(|(_, ms)| ms).collect();
         let middle = crate::measure::Summary::of(&times).expect("samples").median_ms;
@@ -159,7 +161,7 @@ pub mod tests {
         }
     }
 
-    /// Records as a folder shows them: each knows where it stands.
+    /// Returns records as a folder shows them, with their positions among each other.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

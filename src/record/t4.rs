@@ -1,4 +1,4 @@
-//! Records as T4 results 1.0.0, the format that auto-tuners exchange
+//! Exports records as T4 results 1.0.0, an exchange format of auto-tuners
 //! (<https://github.com/odgaard/TuningSchema>, branch T4, `results-schema.json`).
 
 use serde_json::{Value, json};
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::parameters::parameters;
 use super::types::{Outcome, Record};
 
-/// All records as one T4 document. Baselines, which nobody tunes, are left out.
+/// Returns all records as one T4 document. Baselines are left out, since they have no tuning parameters.
 pub fn t4_results(records: &[Record]) -> String {
     let results: Vec<_> = records.iter().filter(|record| !record.is_baseline()).map(result).collect();
     let document = json!({
@@ -14,7 +14,7 @@ pub fn t4_results(records: &[Record]) -> String {
         "metadata": {"timeunit": "milliseconds", "producer": concat!("raycl ", env!("CARGO_PKG_VERSION"))},
         "results": results,
     });
-    // A value made of strings, numbers and lists can always be written.
+    // Strings, numbers and lists can always be serialised.
     serde_json::to_string_pretty(&document).unwrap_or_default()
 }
 

@@ -1,4 +1,4 @@
-//! The table a run ends with: strategies down, local sizes across.
+//! The table at the end of a run: a row per strategy, a column per local size.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
@@ -11,9 +11,9 @@ use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
 use crate::printer::{line, plain};
 
-/// A matrix of medians for every scene, image size and device. The fastest are starred, points
-/// without a time say why in a word; the legend below has a full reason for each strategy's words. Where `coloured`,
-/// winners are green and points without a time yellow.
+/// Returns a table of medians for every scene, image size and device. The fastest have a star; points without
+/// a time have a word for the reason, which the legend explains. With `coloured`, winners are green and
+/// points without a time yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
     let parts = groups.iter().map(|group| {
@@ -74,7 +74,8 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
-/// The largest part of the device's multiply-adds that each strategy reaches; nothing where they were not measured.
+/// Returns the largest share of the device's peak multiply-add rate that each strategy reaches; empty if the
+/// peak was not measured.
 fn peak_line(group: &Group<'_>) -> String {
     let mut parts: Vec<(&str, f64)> = Vec::new();
     for record in group.ranking().ranked {
@@ -110,17 +111,17 @@ fn cell(record: &Record, wins: bool) -> Cell {
     }
 }
 
-/// Marks a time of too few samples: " n=3".
+/// Returns a mark for a time with too few samples: " n=3".
 fn few(record: &Record) -> String {
     not_enough(record).map_or(String::new(), |_| format!(" n={}", fewest(record)))
 }
 
-/// Marks a time that comes with a warning.
+/// Returns a mark for a time with a warning.
 fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
 
-/// Why there is no time, in a word: what is too small, or what failed.
+/// Returns why there is no time, in one word: the memory that is too small, or the step that failed.
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
@@ -134,13 +135,13 @@ pub(crate) fn word(record: &Record) -> String {
     }
 }
 
-/// What the star and the words mean.
+/// Explains the star and the words.
 fn legend(groups: &[Group<'_>]) -> String {
     let kernels = || groups.iter().filter(|group| group.device != HOST);
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several marks are a tie: no one of them surely takes more than 1% longer than the fastest\n");
+        text.push_str("* fastest; several marks are a tie: none of them surely takes more than 1% longer than the fastest\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
         text.push_str("n=... not enough samples: a point with fewer than five in a launch has no rank\n");
@@ -150,7 +151,7 @@ fn legend(groups: &[Group<'_>]) -> String {
         let size = record.local_size.map_or(String::new(), |size| format!(" at {}", by(size)));
         let count = warned.count();
         text.push_str(&format!(
-            "! mind {count} of these times, for example {}{size}: {warning}\n",
+            "! a warning on {count} of these times, for example {}{size}: {warning}\n",
             record.name
         ));
     }

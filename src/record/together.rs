@@ -1,5 +1,5 @@
-//! What records that were measured together say of each other: the one rule by which every view tells times apart.
-//! docs/methodology.md states it.
+//! Compares records that were measured together. All views decide by this rule whether two times differ;
+//! docs/methodology.md explains it.
 
 use super::anchors::AnchorSample;
 use super::control::find_controls;
@@ -9,16 +9,17 @@ use super::types::{Outcome, Record};
 use crate::measure::{Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// Points that differ by no more than this part are a tie, however sure the difference is.
+/// Points that differ by less than this fraction are a tie, however certain the difference is.
 const TIE: f64 = 0.01;
 
-/// Finds where each measured record stands. Records of the same launches were measured together; those of earlier versions,
-/// which tell no launch, where scene, image size and device are the same.
+/// Finds the position of each measured record among those that were measured with it. Records of the same
+/// launches were measured together; so were records of earlier versions, which have no launch numbers, if
+/// scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }
 
-/// The same with the anchors that were run beside them as further points.
+/// Does the same, with the anchors as further points.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
@@ -33,13 +34,13 @@ pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     find_controls(records);
 }
 
-/// Records that were measured together, and the anchors that were run beside them.
+/// Records that were measured together, and the anchors run with them.
 struct Table {
-    /// What tells them from others.
+    /// Identifies these records.
     together: blake3::Hash,
-    /// Their places in the list of all records.
+    /// Their indices in the list of all records.
     places: Vec<usize>,
-    /// The anchors, which come behind them as points, each with its device.
+    /// The anchors, which follow as further points, each with its device.
     anchors: Vec<(String, String)>,
     paired: Paired,
 }
@@ -71,7 +72,7 @@ impl Table {
     }
 }
 
-/// The anchors that were run, each with its device.
+/// Returns the names of the anchors, each with its device.
 fn names<'a>(anchors: &[&'a AnchorSample]) -> Vec<(&'a str, &'a str)> {
     let names: BTreeSet<_> =
         anchors.iter().map(|sample| (sample.anchor.as_str(), sample.device.as_str())).collect();
@@ -87,7 +88,8 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// The samples of some records, those of a launch in the order taken; behind the records, anchors are points too.
+/// Returns the samples of some records in the order taken within each launch. The anchors' samples follow as
+/// further points.
 fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[&AnchorSample],
@@ -109,7 +111,7 @@ fn in_order<'a>(
     samples.into_iter().map(|(_, sample)| sample).collect()
 }
 
-/// Two folders may number their launches alike; their samples differ.
+/// Returns a hash of the samples. Two folders may use the same launch numbers, but their samples differ.
 fn name(samples: &[PairedSample]) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     for sample in samples {
@@ -119,26 +121,26 @@ fn name(samples: &[PairedSample]) -> blake3::Hash {
     hasher.finalize()
 }
 
-/// The median of a measured record.
+/// Returns the median of a measured record.
 pub fn median(record: &Record) -> Option<f64> {
     record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
 
-/// How many launches its samples are of.
+/// Returns the number of launches of its samples.
 pub(crate) fn launches(record: &Record) -> usize {
     let mut numbers = record.sample_launches.clone();
     numbers.dedup();
     numbers.len().max(usize::from(!record.samples_ms.is_empty()))
 }
 
-/// The fewest samples of a launch.
+/// Returns the smallest number of samples in a launch.
 pub(crate) fn fewest(record: &Record) -> usize {
     let of = |launch: &u32| record.sample_launches.iter().filter(|other| *other == launch).count();
     record.sample_launches.iter().map(of).min().unwrap_or(record.samples_ms.len())
 }
 
-/// How many times as long one record takes as another: by samples close in time where they were measured together. None
-/// where one has too few samples.
+/// Returns the ratio of two records' times, by samples close in time if they were measured together. `None`
+/// if one has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
     if slow.together == fast.together {
@@ -147,36 +149,36 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// The same by their own times, whatever their blocks took for a control point.
+/// Returns the same ratio from their own times, without using the blocks' control points.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
 }
 
-/// Whether two records were measured in the same rounds.
+/// Returns whether two records were measured in the same rounds.
 pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
     one.place.as_ref().zip(other.place.as_ref()).is_some_and(|(one, other)| one.together == other.together)
 }
 
-/// How many times as long a record takes as its device's anchor, by the anchor's name. None where that was not run beside it, or
-/// not asked for ([`judge_beside_anchors`]).
+/// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name. `None` if the
+/// anchor was not run, or not requested ([`judge_beside_anchors`]).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let place = record.place.as_ref()?;
     let (name, anchor) = place.anchor.as_ref()?;
     Some((name, place.standing.ratio(anchor)))
 }
 
-/// The same of the mean of some that were measured together.
+/// Does the same for the mean of records that were measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
     let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.ratio(anchor))
 }
 
-/// How many times as long a record takes as the mean of some that were measured with it.
+/// Returns the ratio of a record's time to the mean of records that were measured with it.
 pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Interval> {
     ratio_of_means(&[record], others)
 }
 
-/// How many times as long some take as others, in the mean, where all were measured together.
+/// Returns the ratio of two means, if all records were measured together.
 pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
     Some(mean(records)?.ratio(&mean(others)?))
 }
@@ -187,14 +189,14 @@ fn mean(records: &[&Record]) -> Option<Standing> {
     Standing::mean(&standings?)
 }
 
-/// The median's 95% interval; none of too few samples.
+/// Returns the 95% interval of the median; `None` with too few samples.
 pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     let interval = record.place.as_ref()?.standing.median_ms();
     Some([interval.low, interval.high])
 }
 
-/// The measured ones of some records by their times. Winners are the one of the least time and every other that does not
-/// surely take more than a hundredth longer; one of too few samples has no rank.
+/// Ranks the measured records among some by their times. The winners are the fastest and every other that
+/// does not surely take more than 1% longer. A record with too few samples has no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let level = |record: &Record| record.place.as_ref().map(Place::level);
     let measured = records.into_iter().filter(|record| median(record).is_some());
@@ -204,8 +206,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// The part by which two of these records have to differ to be told apart, by the usual spread: the least and the greatest of
-/// those that were measured together.
+/// Returns by which fraction two of these records must differ to be distinguished, for typical spread: the
+/// smallest and the largest value among groups that were measured together.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
@@ -215,8 +217,8 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// The part by which two of these records, all measured together, have to differ for one launch to tell them apart: the median
-/// over launches.
+/// Returns by which fraction two of these records, all measured together, must differ for a single launch to
+/// distinguish them: the median over launches.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
@@ -230,7 +232,8 @@ pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     parts.get(parts.len() / 2).copied()
 }
 
-/// What is to be said of all figures of some records: a look, and what cannot be told apart.
+/// Returns notes on the certainty of some records: results from a single launch, and differences that cannot
+/// be shown.
 pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     let looks = || records.iter().filter(|record| is_look(record));
     let mut notes = Vec::new();
@@ -241,23 +244,22 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}, ", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "A look: {whose}measured in one launch of the program. Intervals do not hold what another launch would draw; \
-             `[timing] launches = 3` measures that."
+            "Preliminary: {whose}measured in a single launch of the program. Intervals do not include differences between launches; `[timing] launches = 3` measures these."
         ));
     }
     notes.extend(
         resolution(records)
-            .map(|range| format!("Differences below {} cannot be told apart here.", percents(range))),
+            .map(|range| format!("Differences below {} cannot be detected here.", percents(range))),
     );
     notes
 }
 
-/// Whether a measured record rests on one launch.
+/// Returns whether a measured record has only one launch.
 fn is_look(record: &Record) -> bool {
     record.place.as_ref().is_some_and(|place| place.standing.launches() == 1)
 }
 
-/// "3.1%", "2.2 to 3.1% (by scene and size)".
+/// Formats "3.1%" or "2.2 to 3.1% (by scene and size)".
 fn percents([low, high]: [f64; 2]) -> String {
     let [least, most] = [low, high].map(|part| significant(100.0 * part, 2));
     if least == most { format!("{most}%") } else { format!("{least} to {most}% (by scene and size)") }
@@ -268,7 +270,7 @@ mod tests {
     use super::super::summary::tests::{few, judged, measured, sampled};
     use super::*;
 
-    /// Ten samples around a time, those of the second launch slower by a part.
+    /// Returns a record with ten samples around a time; those of the second launch are slower by a fraction.
     fn launches(name: &str, ms: f64, slower: f64) -> Record {
         let at = |place: u32| if place < 5 { ms } else { ms * (1.0 + slower) };
         sampled(name, (0..10).map(|place| (place / 5, at(place))))
@@ -311,13 +313,13 @@ mod tests {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
         assert!(how_sure(&look)[0].starts_with("A look: measured in one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
-        assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be told apart here."]);
+        assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be detected here."]);
         assert!(how_sure(&[]).is_empty());
     }
 
     #[test]
     fn a_tie_is_decided_by_the_intervals_end() {
-        // In one launch level with the first, in the other 6% slower: 3% in the middle, and unsure.
+        // In one launch as fast as the first, in the other 6% slower: 3% on average, and uncertain.
         let wavers = sampled("wide", (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 10.6 })));
         let records = judged([launches("naive", 10.0, 0.0), wavers]);
         assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);

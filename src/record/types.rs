@@ -1,4 +1,4 @@
-//! One point's record. `docs/format.md` documents every field.
+//! The record of a point. `docs/format.md` documents every field.
 
 use super::place::Place;
 use crate::manifest;
@@ -7,34 +7,34 @@ use crate::sensor::SensorReading;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What `device` says in the records of baselines.
+/// The value of `device` in the records of baselines.
 pub const HOST: &str = "host";
 
-/// What came of a point.
+/// The outcome of a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// The image was right and was timed.
+    /// The image was correct, and the point was timed.
     Measured,
-    /// The device cannot hold it; `reason` has the arithmetic.
+    /// The device or the host has too little memory; `reason` has the arithmetic.
     Infeasible,
-    /// Its preset is meant for devices of another kind: neither built nor timed.
+    /// Its preset is meant for devices of another kind, so it was neither built nor timed.
     OtherKind,
-    /// The device's compiler refused the program.
+    /// The device's compiler rejected the program.
     BuildFailed,
     /// The device refused or failed to run the kernel.
     LaunchFailed,
-    /// The image differs from the reference's on certain pixels: never timed.
+    /// The image differs from the reference on certain pixels; such points are never timed.
     WrongImage,
-    /// One frame took longer than a point may.
+    /// One step took longer than the limit.
     TimedOut,
-    /// The process that ran it died; also what a record is until it says otherwise.
+    /// The process that ran it died; also the initial value.
     #[default]
     Crashed,
 }
 
 impl Outcome {
-    /// Its name in records.
+    /// Returns the name in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Measured => "measured",
@@ -48,189 +48,197 @@ impl Outcome {
         }
     }
 
-    /// Whether a run with this outcome succeeded: it was measured, or it was foreseen that it cannot or need not be.
+    /// Returns whether a run with this outcome succeeded: the point was measured, or it was known beforehand
+    /// that it cannot or need not be.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
 }
 
-/// All that was found about one point.
+/// The result of one point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
-    /// The measurement's name: a hash of everything that decides it.
+    /// The key of the measurement: a hash of everything that can change its time or its picture.
     pub key: String,
-    /// When the point stopped, RFC 3339.
+    /// When the point was finished, RFC 3339.
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
-    /// A hash of all in the scene that decides the picture: what tells scenes apart.
+    /// A hash of everything in the scene that affects the picture; it identifies the scene.
     #[serde(default)]
     pub scene_hash: Option<String>,
-    /// The scene's file, as the config's folder leads to it.
+    /// The scene's file, as named in the config.
     #[serde(default)]
     pub scene_file: Option<String>,
-    /// The values set in it, each as a line of TOML.
+    /// The values changed in it, each as a line of TOML.
     #[serde(default)]
     pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
-    /// Which of several devices of this kind it was measured on, where points were spread over them.
+    /// The device that it was measured on, if points were distributed over several devices of one kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine it was measured on, where an experiment is measured on several.
+    /// The machine that it was measured on, if an experiment is measured on several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
-    /// The attempt that measured it, where a folder was put together of several.
+    /// The attempt that measured it, if the folder was merged from several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attempt: Option<String>,
-    /// The block of the plan that it was measured in, where the plan is cut into blocks.
+    /// The block in which it was measured, if the plan is cut into blocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block: Option<u32>,
-    /// The key of the point that all blocks of its group measure.
+    /// The key of the control point, which all blocks of its group measure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// Whether it was measured to compare its block with others, and the point's own record is another.
+    /// Whether it was measured only to compare its block with others; the point then has another record of
+    /// its own.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
     /// The strategy's name in the config.
     pub name: String,
-    /// The preset it is, if it is one.
+    /// The preset's name; null if an axis differs from the preset.
     pub preset: Option<String>,
-    /// Which of two folders of kernels it was made of, where they are compared.
+    /// The folder of its kernels, if two folders are compared.
     #[serde(default)]
     pub kernels_of: Option<String>,
-    /// The axes spelled out; for a baseline "serial-f32", "serial-f64" or "parallel-f32".
+    /// All axes with their values; for a baseline "serial-f32", "serial-f64" or "parallel-f32".
     pub strategy: String,
-    /// Work-items of a work-group across and down; none for a baseline.
+    /// Work-items per work-group, across and down; null for a baseline.
     pub local_size: Option<[u32; 2]>,
-    /// Pixels across and down.
+    /// Image size in pixels: across, down.
     pub image_size: [u32; 2],
-    /// Triangles in the scene.
+    /// Number of triangles in the scene.
     pub triangles: Option<u64>,
-    /// Lights in the scene.
+    /// Number of lights in the scene.
     pub lights: Option<u64>,
-    /// What was passed over or made up when the scene was read, such as missing normals.
+    /// Parts of the scene's file that were ignored or replaced by defaults, such as missing normals.
     #[serde(default)]
     pub scene_notes: Vec<String>,
-    /// What came of it.
+    /// The outcome.
     pub outcome: Outcome,
-    /// Why it was not measured.
+    /// The reason why it was not measured.
     pub reason: Option<String>,
-    /// What to mind in reading a measured time.
+    /// A warning about the measured time.
     pub warning: Option<String>,
     /// The median of `samples_ms`.
     pub median_ms: Option<f64>,
-    /// Their first quartile.
+    /// The first quartile of `samples_ms`.
     pub q1_ms: Option<f64>,
-    /// Their third quartile.
+    /// The third quartile of `samples_ms`.
     pub q3_ms: Option<f64>,
-    /// The 95% interval of the median, by how far launches and what is in them lie apart: low, high.
+    /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order taken.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
-    /// The launch that each of them was taken in, by its number in the folder; empty in files of earlier versions: one launch.
+    /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
+    /// a single launch.
     #[serde(default)]
     pub sample_launches: Vec<u32>,
-    /// When each of them was taken, since the rounds of its launch began.
+    /// When each sample was taken, in milliseconds since the rounds of its launch began.
     #[serde(default)]
     pub samples_at_ms: Vec<f64>,
-    /// Where it stands among what was measured with it. Found when a folder is read, and in no file.
+    /// Its position among the records that were measured with it. It is computed when a folder is read, and
+    /// not stored.
     #[serde(skip)]
     pub place: Option<Place>,
-    /// Which rule ended the sampling.
+    /// The rule that ended the sampling.
     pub stop_reason: Option<String>,
-    /// The median of the primary pass, where passes are separate.
+    /// The median time of the primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
-    /// The median of the shadow pass, where passes are separate; it shades too, where `shade_ms` is none.
+    /// The median time of the shadow pass, if passes are separate; it includes shading if `shade_ms` is null.
     pub shadow_ms: Option<f64>,
-    /// The median of the shading pass, where it is apart from shadow rays.
+    /// The median time of the shading pass, if it is separate from shadow rays.
     #[serde(default)]
     pub shade_ms: Option<f64>,
-    /// The median of the host's clock around the same frames.
+    /// The median time of the same frames on the host's clock.
     pub host_median_ms: Option<f64>,
-    /// Building the program, up to what the driver compiles at its first launch where it was built ahead; for a program that
-    /// an earlier point has had built, taking it from the cache.
+    /// Time for building the program. If it was built ahead, this includes the driver's compilation at the
+    /// first launch. If an earlier point had the same program, this is the time for taking it from the cache.
     pub build_ms: Option<f64>,
-    /// Whether the program was kept since an earlier build, and nothing was compiled; none in records of earlier versions.
+    /// Whether the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
     pub build_from_cache: Option<bool>,
-    /// Checking it in its first launch: build, first frame, comparing with the reference.
+    /// Time for its check in the first launch: build, first frame, comparison with the reference.
     #[serde(default)]
     pub check_ms: Option<f64>,
-    /// Device time of preparing records of triangles, where that is done once per scene; part of no frame.
+    /// Device time for preparing records of triangles, if the strategy uses them. It is spent once per scene
+    /// and is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
-    /// Primary rays per second of the primary pass, or of the frame where passes are fused: two things, which is why no view
-    /// shows it. See [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
+    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since these
+    /// are different quantities, no view shows it. See [`Self::primary_rays_per_s`] and
+    /// [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
-    /// Shadow rays of a frame: one per light for every pixel that hits.
+    /// Number of shadow rays of a frame: one per light for every pixel that hits something.
     pub shadow_rays: Option<u64>,
-    /// Shadow rays per second, where passes are separate.
+    /// Shadow rays per second, if passes are separate.
     pub shadow_rays_per_s: Option<f64>,
     /// Primary ray-triangle tests per second; shadow tests are not counted.
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on certain pixels.
     pub max_difference: Option<f64>,
-    /// Where that is: column, row.
+    /// The pixel with that difference: column, row.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Pixels whose radiance a tiny nudge of the ray changes: compared with the range their nudges span.
+    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. They are compared
+    /// with the range of values of such rays.
     pub uncertain_pixels: Option<u64>,
-    /// Those of them that look like none of the pixel's nudges; verification bounds them.
+    /// Number of uncertain pixels that equal none of the values of their moved rays; verification limits this
+    /// number.
     pub unexplained_pixels: Option<u64>,
-    /// `__local` bytes a work-group needs.
+    /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,
-    /// `__constant` bytes needed.
+    /// Bytes of `__constant` memory needed.
     pub constant_bytes: Option<u64>,
-    /// Global scratch or heap bytes needed.
+    /// Bytes of global scratch or heap memory needed.
     pub scratch_bytes: Option<u64>,
-    /// Private bytes of a work-group's working vectors.
+    /// Bytes of private memory for a work-group's working vectors.
     pub private_bytes: Option<u64>,
-    /// The picture, relative to the results' folder.
+    /// The picture's path, relative to the folder of results.
     pub image: Option<String>,
-    /// The hash of its values, to the last bit: later launches have to cast the same.
+    /// The hash of the picture's values; later launches must cast the same.
     #[serde(default)]
     pub image_hash: Option<String>,
-    /// The picture of its differences from the reference.
+    /// The picture of the differences from the reference.
     pub difference_image: Option<String>,
-    /// The reference's picture.
+    /// The picture of the reference.
     pub reference_image: Option<String>,
     /// The reference with uncertain pixels marked.
     pub certainty_image: Option<String>,
-    /// How many triangles each pixel's rays are tested against, in false colour.
+    /// The number of triangles that each pixel's rays are tested against, in false colour.
     pub tests_image: Option<String>,
-    /// How many nodes of a tree each pixel's rays visit, in false colour.
+    /// The number of tree nodes that each pixel's rays visit, in false colour.
     pub nodes_image: Option<String>,
-    /// Frames of each timed sample, where one alone is too short for the device's timer.
+    /// Number of frames per sample, if a single frame is too short for the device's timer.
     #[serde(default)]
     pub batch: Option<u32>,
-    /// The threads that the device cast with, where that is known: of PoCL.
+    /// Number of threads that the device cast with, if known, which it is for PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
-    /// What the compiler made of the frame's kernels, in their order.
+    /// Properties of the frame's compiled kernels, in their order.
     #[serde(default)]
     pub kernels: Vec<CompiledKernel>,
-    /// Floating-point operations of a ray-triangle test, a multiply-add counting as one.
+    /// Number of floating-point operations of a ray-triangle test; a multiply-add counts as one.
     #[serde(default)]
     pub operations_per_test: Option<u32>,
-    /// Multiply-adds per second that the device was measured to do.
+    /// The device's measured peak rate of multiply-adds per second.
     #[serde(default)]
     pub fma_per_s: Option<f64>,
-    /// `tests_per_s` x `operations_per_test` over `fma_per_s`.
+    /// `tests_per_s` x `operations_per_test`, divided by `fma_per_s`.
     #[serde(default)]
     pub limit_fraction: Option<f64>,
-    /// The mean of what the device's sensors showed while its samples were taken.
+    /// The mean of the sensors' readings while its samples were taken.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
-    /// Samples that were taken while the device throttled.
+    /// Number of samples taken while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
     /// The hash of source, defines and build options.
     pub program_hash: Option<String>,
-    /// The seed of the order of rounds.
+    /// The seed for the order of rounds.
     pub seed: Option<u64>,
-    /// The git revision that raycl was built from, "-dirty" where the tree was changed.
+    /// The git revision that raycl was built from, with "-dirty" if there were uncommitted changes.
     #[serde(default)]
     pub revision: Option<String>,
 }
@@ -240,39 +248,40 @@ fn is_false(value: &bool) -> bool {
     !value
 }
 
-/// The JSON schema of a line of `records.jsonl`.
+/// Returns the JSON schema of a line of `records.jsonl`.
 pub fn schema() -> serde_json::Value {
     crate::schema::of_json::<Record>("raycl record")
 }
 
 impl Record {
-    /// Its strategy's value of an axis: the one reader of what `strategy` spells out.
+    /// Returns its strategy's value of an axis. All code reads `strategy` through this function.
     pub fn axis(&self, axis: &str) -> Option<&str> {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }
 
-    /// Whether each of its rays is tested against every triangle, so that tests can be counted.
+    /// Returns whether each of its rays is tested against every triangle, so that the number of tests is
+    /// known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.axis("traversal") == Some("exhaustive")
     }
 
-    /// Whether its rays walk a tree, each by itself or a tile of them together.
+    /// Returns whether its rays use a tree, each by itself or in a tile.
     pub fn walks_tree(&self) -> bool {
         matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
 
-    /// The kernel that casts primary rays, alone or with the rest of the frame, by the manifest.
+    /// Returns the kernel that casts primary rays, alone or with the rest of the frame.
     pub fn main_kernel(&self) -> Option<&CompiledKernel> {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
-    /// Primary rays per second of the primary pass; none where passes are fused.
+    /// Returns primary rays per second of the primary pass; `None` if passes are fused.
     pub fn primary_rays_per_s(&self) -> Option<f64> {
         Some(self.pixels() / positive(self.primary_ms)? * 1e3)
     }
 
-    /// Rays of the frame, primary and shadow, per second of the frame: the same thing for every strategy. None where the
-    /// shadow rays were not counted, as those of baselines in records of earlier versions.
+    /// Returns primary and shadow rays of the frame per second. This is comparable between all strategies.
+    /// `None` if the shadow rays were not counted, as for baselines in records of earlier versions.
     pub fn frame_rays_per_s(&self) -> Option<f64> {
         Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }
@@ -281,7 +290,7 @@ impl Record {
         self.image_size.iter().map(|side| f64::from(*side)).product()
     }
 
-    /// Whether it is a caster on the host.
+    /// Returns whether it is a caster on the host.
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }
@@ -291,10 +300,11 @@ fn positive(ms: Option<f64>) -> Option<f64> {
     ms.filter(|ms| *ms > 0.0)
 }
 
-/// What a strategy's text of before an axis was there stands for.
+/// The values of axes that did not exist when a strategy's text was written.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
-/// The axes that a strategy's text spells out, and their values, then those it is too old to know; none of a baseline's.
+/// Returns the axes in a strategy's text and their values, then those that did not exist then; none for a
+/// baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
     let told = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
     let is_untold = move |(axis, _): &(&str, &str)| {

@@ -1,21 +1,21 @@
-//! Files written whole or not at all, and where: what lies in a folder of results may come from anybody, and must not lead
-//! out of it or to a device.
+//! Writes files completely or not at all. Paths in a folder of results are checked first: anybody may have
+//! made them, and they must not lead out of the folder or to a device.
 
 use crate::error::{Error, Result};
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// What temporary files are called before they take their place; a run that is killed may leave some.
+/// Prefix of temporary files; a run that is killed may leave some.
 pub const TEMPORARY_PREFIX: &str = ".raycl-";
 
-/// Writes a file beside `path` and then puts it in its place: who reads `path` finds the old file or the new one,
-/// also after a crash or a loss of power.
+/// Writes a temporary file in the folder of `path` and then renames it. A reader of `path` finds either the
+/// old or the new file, also after a crash or a loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
 
-/// The same for what is too much to be held at once: `write` writes it bit by bit.
+/// Does the same for data that is too large to be held at once: `write` writes it piece by piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
         let mut file = std::io::BufWriter::new(file);
@@ -24,12 +24,13 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// The same for what can be made again from records, and need not be on the disk when this returns.
+/// Does the same for a file that can be made again from records, and need not be on the disk when this
+/// returns.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
-/// Writes a file whole unless there is one already, and says whether it did: of several processes that try, one does.
+/// Writes a file unless it exists, and returns whether it did. If several processes try, one succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<bool> {
@@ -73,7 +74,7 @@ fn replace(
     })
 }
 
-/// Makes a folder of a folder of results. A link in its place is refused.
+/// Makes a subfolder in a folder of results. A link in its place is refused.
 pub fn own_folder(path: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(path)?;
     match path.symlink_metadata()?.is_symlink() {
@@ -82,7 +83,7 @@ pub fn own_folder(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Refuses what is to be appended to where it is a link or a device; a file that is yet to be made is right.
+/// Refuses to append to a link or a device. A missing file is accepted.
 pub fn own_file(path: &Path) -> std::io::Result<()> {
     match path.symlink_metadata() {
         Ok(found) if found.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
@@ -94,7 +95,7 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
 
 const LINK: &str = "it is a link, which may lead out of the folder";
 
-/// Refuses to read what may never end: a pipe or a device.
+/// Refuses to read a pipe or a device, which may never end.
 pub fn ordinary(path: &Path) -> std::io::Result<()> {
     let found = path.metadata()?;
     match found.is_file() || found.is_dir() {
@@ -103,19 +104,19 @@ pub fn ordinary(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Puts a folder's list of files on the disk.
+/// Writes a folder's list of files to the disk.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     std::fs::File::open(folder)?.sync_all()
 }
 
-/// Other systems do not open folders.
+/// On other systems folders cannot be opened.
 #[cfg(not(unix))]
 pub fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A file that is to take its place in this folder when it is written.
+/// Makes a temporary file that will be renamed to a file in this folder.
 pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMPORARY_PREFIX);
@@ -123,7 +124,7 @@ pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-/// Temporary files are for their owner only; results and pictures are for whom the umask lets read them.
+/// Sets the usual permissions (umask), since temporary files are readable by their owner only.
 #[cfg(unix)]
 fn readable(builder: &mut tempfile::Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;

@@ -1,48 +1,49 @@
-//! All rays of a narrow cone at once. Where they all meet the same triangle, and the same lights reach it, a small turn of
-//! the ray changes nothing that would have to be searched for again: what makes the reference fast.
+//! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and the same
+//! lights are visible from there, then small changes of a ray's direction need no further search. This makes
+//! the reference fast.
 
 use super::ray::Ray;
 use super::tree::Tree;
 use crate::strategy::Culling;
 use glam::DVec3;
 
-/// Narrower beams than this, in radians, are as wide, far above what double precision rounds.
+/// The smallest angle of a beam in radians; far larger than the rounding errors of double precision.
 const NARROWEST: f64 = 1e-9;
 
-/// Rays from a point.
+/// A cone of rays from a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Beam {
-    /// Where they start.
+    /// The origin of the rays.
     pub origin: DVec3,
-    /// The unit vector in their midst.
+    /// The unit vector along the cone's axis.
     pub direction: DVec3,
-    /// How far they turn from it, in radians.
+    /// The largest angle between a ray and the axis, in radians.
     angle: f64,
 }
 
 /// How a beam meets a triangle, with the range of its rays' distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum BeamHit {
-    /// No ray meets it.
+    /// No ray hits it.
     None,
-    /// Some may.
+    /// Some rays may hit it.
     Some([f64; 2]),
-    /// All do.
+    /// All rays hit it.
     All([f64; 2]),
 }
 
 impl Beam {
-    /// Rays up to an angle apart from the middle one.
+    /// Makes a beam of the rays within an angle of its axis.
     pub fn new(origin: DVec3, direction: DVec3, angle: f64) -> Self {
         Self { origin, direction, angle: angle.max(NARROWEST) }
     }
 
-    /// The planes through the origin and a triangle's edges have their rays on one side or the other; a plane turns its
-    /// distance by no more than the angle.
+    /// Tests on which side of the planes through the origin and the triangle's edges the beam's rays lie. The
+    /// distance of a direction from such a plane changes by at most the angle.
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
-        // b x bc is b x c, with less rounding where the triangle is small and far.
+        // b x bc equals b x c, but with smaller rounding errors if the triangle is small and far away.
         let planes = [b.cross(bc), c.cross(ca), a.cross(ab)];
         let sides = planes.map(|plane| self.side(plane));
         if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
@@ -52,7 +53,7 @@ impl Beam {
         let (height, slope) = (normal.dot(a), normal.dot(self.direction));
         let slack = self.angle * normal.length();
         match self.side(normal) {
-            // Edge-on, or so small that nothing is sure.
+            // Seen edge-on, or so small that nothing is certain.
             Side::Between => BeamHit::Some([height.abs() / (slope.abs() + slack), f64::INFINITY]),
             Side::Above if culling == Culling::Back => BeamHit::None, // seen from behind
             face => {
@@ -81,12 +82,13 @@ impl Beam {
         }
     }
 
-    /// What all rays meet first beyond `near`, and nothing else within a part of its distance behind it: a triangle, or
-    /// nothing. `None` where that is not sure.
+    /// Returns the triangle that all rays hit first beyond `near`, or that they hit nothing. No other
+    /// triangle may lie within the fraction `rival` of its distance behind it. `None` if the result is
+    /// uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.angle * tree.reach(self.origin);
         let ray = Ray { origin: self.origin, direction: self.direction, near: 0.0, far: f64::INFINITY };
-        // The ray's length on the near plane turns with it.
+        // The distance of the near plane along a ray depends on the ray's direction.
         let (nearest, farthest) = (near * (1.0 - 10.0 * self.angle), near * (1.0 + 10.0 * self.angle));
         let (mut best, mut others): (Option<(u32, [f64; 2])>, f64) = (None, f64::INFINITY);
         let reach = |best: &Option<(u32, [f64; 2])>| {
@@ -110,8 +112,9 @@ impl Beam {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Whether something is in the way of all rays that run to the beam's origin, or of none: a triangle other than `own`
-    /// counts that all meet within `sure`, and one that some may meet within `may` leaves it open.
+    /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. They are
+    /// stopped if all of them hit a triangle within `sure`, and not stopped if none can hit one within `may`.
+    /// Otherwise the result is uncertain.
     pub fn is_stopped_on_the_way_here(
         &self,
         tree: &Tree,
@@ -126,7 +129,7 @@ impl Beam {
             if stopped || indexed.triangle == own {
                 return far;
             }
-            // They see its other side.
+            // The rays arrive on the triangle's other side.
             let [a, b, c] = indexed.corners();
             match self.meet(&[a, c, b], tree.culling()) {
                 BeamHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
@@ -141,7 +144,7 @@ impl Beam {
     }
 }
 
-/// Where a beam's rays lie.
+/// On which side of a plane a beam's rays lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
     Above,
@@ -158,7 +161,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Rays in and on the cone.
+    /// Returns rays within and on the cone.
     fn rays(beam: &Beam) -> impl Iterator<Item = DVec3> {
         let across = beam.direction.any_orthonormal_vector();
         let down = beam.direction.cross(across);
@@ -179,7 +182,7 @@ mod tests {
             let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
             let centre = vector(1.0);
             let corners = [(); 3].map(|()| centre + vector(size));
-            // Towards the triangle, often its edge; from afar and from within its plane.
+            // Aims at the triangle, often at its edge; from far away, and from within its plane.
             let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
             let origin =
                 if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };
@@ -201,7 +204,7 @@ mod tests {
                         (BeamHit::None, hit) => hit.is_none(),
                         (BeamHit::Some(_), None) => true,
                         (BeamHit::Some(range) | BeamHit::All(range), Some(t)) => within(t, range),
-                        // Behind the origin it is met as well.
+                        // A triangle behind the origin counts as hit here too.
                         (BeamHit::All(range), None) => range[0] <= 0.0,
                     };
                     assert!(agrees, "case {case}: {meeting:?}, {hit:?}");

@@ -11,7 +11,7 @@ use crate::scene::{Sample, Scene};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 
-/// A triangle that a light grazes.
+/// A triangle with lights that graze it.
 #[derive(Clone, Copy, Debug)]
 pub struct Grazing<R: Real> {
     normal: R::Vector,
@@ -20,18 +20,19 @@ pub struct Grazing<R: Real> {
 }
 
 impl<R: Real> Grazing<R> {
-    /// Whether a shadow ray in this direction starts no higher than rounding reaches.
+    /// Returns whether a shadow ray in this direction rises no higher above the triangle than rounding
+    /// errors.
     fn is_of(&self, w_i: R::Vector) -> bool {
         self.is_less(self.bias * w_i.dot(self.normal))
     }
 
-    /// Whether a height over the triangle is one that rounding could have made.
+    /// Returns whether a height above the triangle may be due to rounding.
     fn is_less(&self, height: R) -> bool {
         height.max(R::ZERO - height) < self.rounding
     }
 }
 
-/// A scene ready to be cast in one arithmetic, at one image size.
+/// A scene to be cast with one type of numbers, at one image size.
 pub struct Caster<'a, R: Real> {
     scene: &'a Scene,
     finder: Box<dyn Finder<R> + 'a>,
@@ -39,29 +40,30 @@ pub struct Caster<'a, R: Real> {
 }
 
 impl<'a, R: Real> Caster<'a, R> {
-    /// Casts `scene` at `[width, height]` pixels with what `finder` finds.
+    /// Makes a caster of `scene` at `[width, height]` pixels, which searches for hits with `finder`.
     pub fn new(scene: &'a Scene, [width, height]: [u32; 2], finder: impl Finder<R> + 'a) -> Self {
         let frame = Frame::new(&scene.camera.pixel_frame(width, height));
         Self { scene, finder: Box::new(finder), frame }
     }
 
-    /// The ray through pixel coordinates (x, y), and the nearest triangle it meets.
+    /// Returns the ray through pixel coordinates (x, y), and the nearest triangle that it hits.
     pub fn look(&self, x: R, y: R) -> (Ray<R>, Option<Hit<R>>) {
         let ray = self.ray(x, y);
         (ray, self.finder.closest(&ray))
     }
 
-    /// The ray alone.
+    /// Returns the ray through pixel coordinates (x, y).
     pub fn ray(&self, x: R, y: R) -> Ray<R> {
         self.frame.primary(x, y)
     }
 
-    /// What is cast.
+    /// Returns the scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
-    /// Every other triangle at `hit`'s distance or behind it by at most a `part` of it.
+    /// Returns every other triangle that the ray hits at `hit`'s distance, or behind it by at most the
+    /// fraction `part` of that distance.
     pub fn rivals(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> Vec<Hit<R>> {
         let reach = hit.t * (R::ONE + part);
         let mut rivals = Vec::new();
@@ -74,12 +76,12 @@ impl<'a, R: Real> Caster<'a, R> {
         rivals
     }
 
-    /// The radiance along a ray that was looked along, from lights as they are seen there.
+    /// Returns the radiance along a ray with its hit, for lights as the sample sees them.
     pub fn radiance(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: Option<&Hit<R>>, bias: R) -> R::Vector {
         self.shaded(seen, ray, hit, &|sight| self.reaches(sight, bias))
     }
 
-    /// The same by what somebody else says of lights: whether nothing is in their way.
+    /// Does the same with another test of whether a light is visible.
     pub fn shaded(
         &self,
         seen: &Seen<'_>,
@@ -93,13 +95,13 @@ impl<'a, R: Real> Caster<'a, R> {
         }
     }
 
-    /// Whether nothing lies between `bias` from the point and the light. A light
-    /// no farther than the bias is inside the surface, as it were, and not seen.
+    /// Returns whether nothing lies between the light and a point at the distance `bias` from the surface. A
+    /// light within that distance counts as inside the surface, and is not visible.
     pub fn reaches(&self, sight: &Sight<R>, bias: R) -> bool {
         self.reaches_within(sight, bias, sight.distance)
     }
 
-    /// The same where what is in the way counts only up to a distance.
+    /// Does the same, but ignores occluders beyond a distance.
     pub fn reaches_within(&self, sight: &Sight<R>, bias: R, distance: R) -> bool {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
@@ -109,9 +111,10 @@ impl<'a, R: Real> Caster<'a, R> {
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
 
-    /// Which lights stand so low over the hit's triangle that rounding decides what shadow rays meet first. Rounding moves a
-    /// hit by a `part` of its distance, of how far it is from the scene's origin, or of how far its triangle reaches from it,
-    /// whichever is most: a test of that triangle subtracts such numbers.
+    /// Returns the lights that are so low above the hit's triangle that rounding decides what their shadow
+    /// rays hit first. Rounding moves a hit by the fraction `part` of the largest of three lengths: the hit's
+    /// distance, its distance from the scene's origin, and the largest distance of its triangle from that
+    /// origin. A test of the triangle subtracts numbers of this size.
     pub fn grazing(
         &self,
         seen: &Seen<'_>,
@@ -130,15 +133,16 @@ impl<'a, R: Real> Caster<'a, R> {
         sights::<R>(seen, point, shading_normal).any(|sight| grazing.is_of(sight.w_i)).then_some(grazing)
     }
 
-    /// What the radiance may be there: with the hit in its plane, above and below it; with the starts of shadow rays on the
-    /// wrong side of the triangle; and where a light lies in the plane, in which rays run along surfaces, with and without it.
+    /// Returns the possible values of the radiance at a hit that light grazes: with the hit in its plane,
+    /// above and below it; with shadow rays that start on the wrong side of the triangle; and, if a light
+    /// lies in the plane, so that its rays run along the surface, with and without that light.
     pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);
         let wrong_side = |sight: &Sight<R>| {
             self.reaches(sight, if grazing.is_of(sight.w_i) { R::ZERO - bias } else { bias })
         };
-        // Of a hit that rounding has moved, too.
+        // Also applies to a hit that rounding has moved.
         let in_plane =
             |sight: &Sight<R>| grazing.is_less(R::from(0.5) * sight.w_i.dot(normal) * sight.distance);
         let with = |sight: &Sight<R>| in_plane(sight) || usual(sight);
@@ -161,18 +165,18 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 }
 
-/// The serial baseline in single precision: one thread, every ray against every triangle,
-/// both faces, shaded once. `size` is width and height in pixels.
+/// Casts the serial baseline in single precision: one thread, every ray tested against every triangle, both
+/// faces, one shading per hit. `size` is width and height in pixels.
 pub fn cast_serial_f32(scene: &Scene, size: [u32; 2]) -> Radiance {
     cast_serial::<f32>(scene, size)
 }
 
-/// [`cast_serial_f32`] in double precision.
+/// Does the same as [`cast_serial_f32`] in double precision.
 pub fn cast_serial_f64(scene: &Scene, size: [u32; 2]) -> Radiance {
     cast_serial::<f64>(scene, size)
 }
 
-/// [`cast_serial_f32`] on all cores, a row of pixels at a time.
+/// Does the same as [`cast_serial_f32`] on all cores, one row of pixels at a time.
 pub fn cast_parallel_f32(scene: &Scene, size: [u32; 2]) -> Radiance {
     let caster = exhaustive::<f32>(scene, size);
     let mut image = Radiance::new(size[0], size[1]);

@@ -1,4 +1,4 @@
-//! Which pixels any correct caster must agree on, whatever its arithmetic.
+//! Finds the certain pixels: those on which all correct casters must agree, however they round.
 
 use super::beam::Beam;
 use super::cast::Caster;
@@ -12,56 +12,60 @@ use crate::scene::PixelFrame;
 use glam::DVec3;
 use std::cell::RefCell;
 
-/// How far a pixel's ray is nudged, in radians: ten times as far as rounding turns it. What survives that has to agree everywhere.
+/// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All correct casters must
+/// agree on a pixel that does not change under them.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// And as far as rounding may turn it, or twice that: 16 roundings of single precision, where a direction has four of them, and an edge's
-/// cross and dot products six. Whatever survives that, and all that is narrower than a wide nudge, is asked for too.
+/// The angle of narrow nudges: up to twice what rounding can do, which is 16 roundings of single precision (a direction
+/// has four, cross and dot products six). Pixels that change only under wide nudges are verified too.
 const NUDGE_RADIANS: f64 = 1e-6;
-/// Another triangle this near behind the closest hit, as a part of its distance, may as well be the closest.
+/// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
+/// rounding.
 const RIVAL: f64 = 1e-6;
-/// How far off its triangle's plane rounding may put a hit, as a part of its distance, of its own coordinates or of the triangle's
-/// size. Where light grazes, that decides whether a shadow ray starts above or below its own surface, and no turn of the ray shows it.
+/// How far rounding may move a hit off its triangle's plane, relative to its distance, its coordinates or the
+/// triangle's size. For grazing light, this decides whether a shadow ray starts above or below its own surface, and
+/// moving the ray does not reveal it.
 const OFF_PLANE: f64 = 1e-6;
 
-/// How far rounding may turn the direction in which a pixel sees the sky, or twice that: its sines and its normal are rounded.
+/// Up to twice the angle by which rounding may turn the direction in which a pixel sees the sky, since its sines and
+/// its normal are rounded.
 const SKY_NUDGE: f64 = 1e-6;
 
-/// How near to a light a surface may or may not be in its way, as a part of the light's distance or of its own coordinates.
+/// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
 const AT_LIGHT: f64 = 1e-6;
 
-/// A pixel's radiance, and what becomes of it when the question changes a little.
+/// A pixel's radiance, and how it changes under nudges of its ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSample {
-    /// Through the pixel's centre.
+    /// The radiance at the pixel's centre.
     pub radiance: DVec3,
-    /// Whether the ray hits.
+    /// Whether the ray hits something.
     pub hit: bool,
-    /// Whether under some nudge a hit becomes a miss or the reverse.
+    /// Whether a nudge changes a hit to a miss or the reverse.
     pub turns: bool,
-    /// The largest change of a channel under any nudge; infinite where it turns.
+    /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
     pub change: f64,
-    /// The same without the wide nudges.
+    /// The same without wide nudges.
     pub near_change: f64,
-    /// The least and the most of each channel, over the centre and all nudges but the wide ones.
+    /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
     pub range: [DVec3; 2],
 }
 
-/// A pixel of which a sample is asked for.
+/// The inputs for one sample of a pixel.
 pub struct Asked<'a> {
-    /// What casts it.
+    /// The caster.
     pub caster: &'a Caster<'a, f64>,
-    /// The rays of the image.
+    /// The image's rays.
     pub frame: &'a PixelFrame,
-    /// How far a shadow ray starts from its surface.
+    /// The distance from its surface at which a shadow ray starts.
     pub bias: f64,
-    /// The lights and the sky as the sample sees them.
+    /// The lights and the sky, as the sample sees them.
     pub seen: Seen<'a>,
-    /// The pixel coordinates of its centre.
+    /// The pixel coordinates of the pixel's centre.
     pub centre: [f64; 2],
 }
 
 impl Asked<'_> {
-    /// Considers what becomes of a hit where rounding turns the direction in which the sky is seen.
+    /// Includes the changes of a hit's radiance if rounding turns the direction in which the sky is seen.
     fn turn_sky(&self, sample: &mut PixelSample, radiance: impl Fn(&Seen<'_>) -> DVec3) {
         if self.seen.sky.is_none() {
             return;
@@ -71,7 +75,7 @@ impl Asked<'_> {
         }
     }
 
-    /// What rounding at a light is relative to.
+    /// Returns the length that rounding errors at a light are relative to.
     fn scale(&self, sight: &Sight<f64>) -> f64 {
         let position =
             self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());
@@ -79,9 +83,9 @@ impl Asked<'_> {
     }
 }
 
-/// Casts the pixel, then again with its ray nudged each way along the image's axes, with half and twice the shadow
-/// bias, with surfaces at lights in their way and not, and as rounding may have it where light grazes. Where two surfaces
-/// coincide either is right, so those behind are asked too.
+/// Casts the pixel. Then it casts it again with its ray nudged in each direction along the image's axes, with half and
+/// twice the shadow bias, with surfaces near lights counted as occluders or not, and with the possible roundings of
+/// grazing light. If two surfaces coincide, either is correct, so those behind are included too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -118,9 +122,9 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
     sample
 }
 
-/// What [`sample`] gives, without searching for what every nudge finds alike: where the whole beam of nudged rays meets one
-/// triangle first, or nothing, and of lights, where the beam from one to where they meet it is stopped as a whole, or not at
-/// all. `None` where it is not sure what they meet.
+/// Returns the result of [`sample`] faster, if one search serves all nudges. That is so if the whole beam of nudged
+/// rays hits a single triangle first, or nothing, and if for each light the beam from it to the hits is occluded
+/// completely or not at all. `None` if it is uncertain what the rays hit.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -169,7 +173,7 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     Some(sample)
 }
 
-/// Which lights reach all points near one, or none of them, found out when first asked for.
+/// Which lights reach all points near a hit, or none of them; computed when first needed.
 struct Shadows<'a> {
     seen: &'a Seen<'a>,
     tree: &'a Tree,
@@ -180,12 +184,12 @@ struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// What was found out: whether the light reaches them; none where that is not sure.
+/// Whether a light reaches the points; `None` if that is uncertain.
 type Reaches = Option<bool>;
 
 impl Shadows<'_> {
     fn reaches(&self, light: usize) -> Reaches {
-        // The sky is seen in another direction from each of them.
+        // The sky is seen in a different direction from each point.
         let known = *self.known.borrow().get(light)?;
         known.unwrap_or_else(|| {
             let found = self.find(light);
@@ -198,7 +202,7 @@ impl Shadows<'_> {
         self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
     }
 
-    /// Looks from the light, where all shadow rays meet.
+    /// Searches from the light, where all shadow rays meet.
     fn find(&self, light: usize) -> Reaches {
         let position = self.seen.lights[light].position.as_dvec3();
         let off = self.point - position;
@@ -221,12 +225,12 @@ impl PixelSample {
         Self { radiance, hit, turns: false, change: 0.0, near_change: 0.0, range: [radiance; 2] }
     }
 
-    /// Takes another answer to nearly the same question into account.
+    /// Includes another value of the radiance.
     fn consider(&mut self, other: DVec3) {
         self.nudge(Reach::Near, other);
     }
 
-    /// Takes the answer to a nudged ray into account.
+    /// Includes the radiance of a nudged ray.
     fn nudge(&mut self, reach: Reach, other: DVec3) {
         let change = (other - self.radiance).abs().max_element();
         self.change = self.change.max(change);
@@ -236,7 +240,7 @@ impl PixelSample {
         }
     }
 
-    /// A nudge made a miss of a hit, or the reverse.
+    /// Records that a nudge changed a hit to a miss, or the reverse.
     fn turn(&mut self, reach: Reach) {
         (self.turns, self.change) = (true, f64::INFINITY);
         if reach == Reach::Near {
@@ -244,7 +248,7 @@ impl PixelSample {
         }
     }
 
-    /// Adds another sample of the same pixel; hits are those of the last, as a caster's are.
+    /// Adds another sample of the same pixel. Whether it hits is taken from the last one, as in a caster.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
         (self.hit, self.turns) = (other.hit, other.turns);
@@ -253,7 +257,7 @@ impl PixelSample {
         self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
     }
 
-    /// Makes the sum of several samples their mean.
+    /// Divides the sum of several samples by their number.
     pub fn divide(&mut self, count: f64) {
         self.radiance /= count;
         self.change /= count;
@@ -262,19 +266,19 @@ impl PixelSample {
     }
 }
 
-/// How far a nudge goes.
+/// The size of a nudge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reach {
-    /// Farther than rounding.
+    /// More than rounding.
     Wide,
-    /// As far as rounding may.
+    /// As much as rounding.
     Near,
 }
 
-/// How many there are.
+/// The number of nudges.
 const NUDGES: usize = 8;
 
-/// The pixel coordinates small angles to the right, left, below and above.
+/// Returns the pixel coordinates at small angles to the right, left, below and above.
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
@@ -288,12 +292,12 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
     )
 }
 
-/// Whether no nudge changes a pixel by what matters beside its own brightness, or beside `floor` where it is darker.
+/// Returns whether no nudge changes a pixel noticeably, relative to the greater of its brightness and `floor`.
 pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
-/// Whether none but a wide one does.
+/// Returns whether only wide nudges do.
 pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }
@@ -312,7 +316,8 @@ mod tests {
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
 
-    /// How many pixels of a hundred are found quickly, each of which is what the plain caster makes of it.
+    /// Returns the percentage of pixels for which `quick_sample` has a result, after checking that each equals the
+    /// plain caster's.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
         let size = [80, 50];
         let tree = Tree::new(&scene.mesh, culling);

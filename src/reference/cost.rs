@@ -1,4 +1,4 @@
-//! What each pixel's rays cost by the way they look for triangles: counted, not timed.
+//! Counts the tests that each pixel's rays take, for each way of finding triangles.
 
 use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
@@ -14,32 +14,31 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Children of a node of the tree that costs are counted in: what the preset `bvh` has.
+/// Number of children of a node in the counted tree: that of the preset `bvh`.
 pub const NODE_WIDTH: usize = 4;
-/// Triangles that its leaves hold at most.
+/// Largest number of triangles in its leaves.
 pub const LEAF_SIZE: usize = 4;
 
-/// What a pixel's primary ray and its shadow rays together cost.
+/// The cost of a pixel's primary ray and its shadow rays together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// Triangles that rays are tested against.
+    /// Number of triangles that the rays are tested against.
     pub tests: u32,
-    /// Nodes whose children's boxes rays are tested against.
+    /// Number of nodes whose children's boxes the rays are tested against.
     pub nodes: u32,
 }
 
-/// The cost of every pixel where each ray tests the triangles in their order: a primary ray all of them, a shadow
-/// ray as many as it takes to find one in its way.
+/// Returns the cost of every pixel if each ray tests triangles in their order: a primary ray tests all of
+/// them, a shadow ray stops at the first occluder.
 pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     let tree = Tree::new(&scene.mesh, culling);
     let count = scene.mesh.triangles.len() as u32;
     each_pixel(scene, size, |tally| InOrder { tree: &tree, count, tally })
 }
 
-/// The cost of every pixel where each ray walks a tree, nearer boxes first.
+/// Returns the cost of every pixel if each ray traverses a tree, nearer boxes first.
 ///
-/// # Errors
-/// If the scene has more triangles than a tree can name.
+/// # Errors If the scene has more triangles than a tree can index.
 pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Cost>> {
     Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
 }
@@ -57,14 +56,15 @@ pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling)
     each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
-/// Counts of one pixel. Only one thread counts; a finder may be shared, so they are atomic.
+/// The counts of one pixel. A single thread counts, but the type requires finders to be shareable, so they
+/// are atomic.
 #[derive(Debug, Default)]
 struct Tally {
     tests: AtomicU32,
     nodes: AtomicU32,
 }
 
-/// Casts each pixel's centre with a finder of its own, which counts.
+/// Casts each pixel's centre with its own finder, which counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
     [width, height]: [u32; 2],
@@ -82,7 +82,7 @@ fn each_pixel<'a, F: Finder<f64> + 'a>(
     (0..width * height).into_par_iter().map(cost).collect()
 }
 
-/// Counts as the exhaustive search would; a tree finds what it would find sooner.
+/// Counts as an exhaustive search would, but finds hits by a tree, which is faster.
 struct InOrder<'a> {
     tree: &'a Tree,
     count: u32,
@@ -95,7 +95,7 @@ impl Finder<f64> for InOrder<'_> {
         self.tree.visit(ray, visitor);
     }
 
-    /// The search ends at the first triangle in the mesh's order that is in the way.
+    /// The exhaustive search ends at the first occluder in the mesh's order.
     fn any(&self, ray: &Ray<f64>) -> bool {
         let mut first: Option<u32> = None;
         self.tree.visit(ray, &mut |hit| {
@@ -107,7 +107,7 @@ impl Finder<f64> for InOrder<'_> {
     }
 }
 
-/// Counts what the walk through a tree tests.
+/// Counts the tests of a traversal.
 struct Walking<'a> {
     tree: &'a WideBvh,
     mesh: &'a Mesh,
@@ -133,7 +133,7 @@ mod tests {
     use super::super::traverse::Exhaustive;
     use super::*;
 
-    /// The exhaustive search itself, counting by looking at it.
+    /// An exhaustive search that counts its tests directly.
     struct Plain {
         inner: Exhaustive<f64>,
         corners: Vec<[glam::DVec3; 3]>,

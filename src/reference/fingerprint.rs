@@ -1,6 +1,6 @@
-//! Which text the casters on the host are compiled from.
+//! Identifies the source of the casters on the host.
 
-/// The files that cast a baseline's rays.
+/// The source files that cast a baseline's rays.
 const SOURCES: [&str; 6] = [
     include_str!("cast.rs"),
     include_str!("intersect.rs"),
@@ -10,7 +10,7 @@ const SOURCES: [&str; 6] = [
     include_str!("traverse.rs"),
 ];
 
-/// A hash of the casters' text: what a kernel's program hash is to a kernel.
+/// Returns a hash of the casters' source, the counterpart of a kernel's program hash.
 pub fn fingerprint() -> String {
     let mut hasher = blake3::Hasher::new();
     for text in SOURCES {

@@ -1,23 +1,23 @@
-//! The ray-triangle test: the twin of `cl/cast/intersect/moller_trumbore`.
+//! The ray-triangle test; its counterpart for devices is `cl/cast/intersect/moller_trumbore`.
 
 use super::ray::Ray;
 use super::real::{Real, Vector};
 use crate::strategy::Culling;
 
-/// A triangle that a ray meets.
+/// A ray's hit on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit<R> {
     /// The distance along the ray.
     pub t: R,
     /// The barycentric weights of the triangle's corners there; they sum to 1.
     pub weights: [R; 3],
-    /// Its place in `Mesh::triangles`.
+    /// The triangle's index in `Mesh::triangles`.
     pub triangle: u32,
 }
 
-/// The test of Moeller and Trumbore (Journal of Graphics Tools 2(1), 1997), in the letters of
-/// Hughes et al., section 15.4. No tolerance: only an exactly parallel ray misses for being
-/// parallel, and a hit on an edge counts for both its triangles. NaN misses.
+/// The test of Moeller and Trumbore (Journal of Graphics Tools 2(1), 1997), in the letters of Hughes et al.,
+/// section 15.4. There is no tolerance: a ray counts as parallel only if it is exactly parallel, and a hit on
+/// an edge counts for both of its triangles. NaN counts as a miss.
 pub fn moller_trumbore<R: Real>(
     ray: &Ray<R>,
     [v0, v1, v2]: [R::Vector; 3],
@@ -25,7 +25,7 @@ pub fn moller_trumbore<R: Real>(
 ) -> Option<(R, [R; 3])> {
     let (e1, e2) = (v1 - v0, v2 - v0);
     let q = ray.direction.cross(e2);
-    let a = e1.dot(q); // the determinant: positive where the ray meets the front
+    let a = e1.dot(q); // the determinant: positive if the ray hits the front
     let culled = culling == Culling::Back && a < R::ZERO;
     if a == R::ZERO || culled {
         return None;

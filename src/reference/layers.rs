@@ -1,4 +1,5 @@
-//! What each pixel's primary ray meets, in numbers: cast on the host in double precision, whatever device cast the picture.
+//! Layers of a picture: numbers that describe what each pixel's primary ray hits. They are computed on the
+//! host in double precision, whatever device casts the picture.
 
 use super::cast::Caster;
 use super::cost::{self, Cost};
@@ -10,32 +11,31 @@ use crate::strategy::Culling;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The triangle or object of a pixel whose ray meets nothing.
+/// The triangle or object of a pixel whose ray hits nothing.
 pub const NOTHING: u32 = u32::MAX;
 
-/// A number of each kind a pixel, row by row from the top.
+/// One number of each kind per pixel, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layers {
-    /// Pixels across and down.
+    /// Image size in pixels: across, down.
     pub size: [u32; 2],
-    /// Along the view, in the scene's units; infinite where nothing is.
+    /// Depth along the viewing direction in the scene's units; infinite without a hit.
     pub depth: Vec<f32>,
-    /// The interpolated normal, of unit length; zero where nothing is.
+    /// The interpolated normal, of length 1; zero without a hit.
     pub normal: Vec<[f32; 3]>,
     /// The number of the triangle in the scene, from 0.
     pub triangle: Vec<u32>,
     /// The number of the object in the scene, from 0.
     pub object: Vec<u32>,
-    /// Triangles that the pixel's rays are tested against in a tree, shadow rays too.
+    /// Number of triangles that the pixel's rays are tested against in a tree, including shadow rays.
     pub tests: Vec<u32>,
-    /// Nodes of the tree that they are tested against.
+    /// Number of the tree's nodes that they are tested against.
     pub nodes: Vec<u32>,
 }
 
-/// The layers of a scene; `object_starts` are the numbers of its objects' first triangles, in order.
+/// Returns the layers of a scene. `object_starts` has the number of each object's first triangle, in order.
 ///
-/// # Errors
-/// If the scene has more triangles than a tree can name.
+/// # Errors If the scene has more triangles than a tree can index.
 pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
     let [width, height] = size;
     let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn a_triangle_before_the_ground() {
-        // Triangle 0 lies in z = -2; triangles 2 and 3 are the ground, y = -1, whose normal is upwards.
+        // Triangle 0 lies in z = -2; triangles 2 and 3 are the ground, y = -1, whose normal points up.
         let scene = fixtures::figure_4();
         let found = layers(&scene, &[0, 1, 2], [80, 80], Culling::None).unwrap();
         let at = |x: usize, y: usize| y * 80 + x;

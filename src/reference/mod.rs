@@ -1,8 +1,9 @@
-//! The serial caster: what every device's image is judged against, and the host's baselines.
+//! The serial caster on the host: the reference against which every device's image is verified, and the
+//! baselines.
 //!
-//! The algorithm is that of Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
-//! Practice*, 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`],
-//! [`traverse`], [`shade`] and [`cast`] in this order; they carry the names of their twins under `cl/`.
+//! The algorithm is that of Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
+//! 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
+//! [`shade`] and [`cast`] in this order; files under `cl/` with the same names do the same on devices.
 
 pub mod beam;
 pub mod cast;
@@ -39,46 +40,47 @@ use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
-/// Scenes with more triangles than this are searched through a tree.
+/// Scenes with more triangles than this are searched by a tree.
 const EXHAUSTIVE_TRIANGLES: usize = 64;
 
-/// What an image of a scene ought to be.
+/// The expected image of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision.
     pub radiance: Radiance,
-    /// Whether a pixel's radiance changes by less than 1e-3, relative, under nudges of its ray and
-    /// its shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
+    /// Whether a pixel is certain: its radiance changes by less than 1e-3, relative, under nudges of its ray
+    /// and its shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
     pub certain: Vec<bool>,
-    /// The other pixels, in the same order, with what they may look like.
+    /// The uncertain pixels, in the same order, with the range of their possible values.
     pub doubts: Vec<Doubt>,
-    /// How many pixels were cast: all, or the sample that an image is judged by.
+    /// Number of pixels that were cast: all, or a sample.
     pub judged: usize,
-    /// How many pixels' rays hit a triangle.
+    /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
-    /// The fewest and the most that may, where the pixels that a nudge turns from hit to miss or back are free to choose.
+    /// The smallest and the largest possible number of hits, since pixels whose hit becomes a miss under a
+    /// nudge, or the reverse, may be either.
     pub hits_range: [usize; 2],
-    /// The radiance below which "relative" means relative to this (see [`dark_floor`]).
+    /// Pixels darker than this are compared relative to this radiance (see [`dark_floor`]).
     pub floor: f64,
 }
 
 impl Reference {
-    /// How many pixels rounding alone may decide.
+    /// Returns the number of pixels that depend on rounding.
     pub fn uncertain_pixels(&self) -> usize {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
 }
 
-/// A pixel that the reference is not certain of.
+/// An uncertain pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {
-    /// Its place in `radiance.pixels`.
+    /// Its index in `radiance.pixels`.
     pub pixel: usize,
-    /// Whether only a nudge much farther than rounding changes it: then what it may look like is what it is, nearly.
+    /// Whether only wide nudges change it; then its possible values are nearly equal.
     pub nearly_certain: bool,
-    /// The least of each channel over the pixel's nudges, but for those that go farther than rounding.
+    /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],
-    /// The most of each channel.
+    /// The greatest value of each channel.
     pub high: [f32; 3],
 }
 
@@ -87,8 +89,8 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), &[Sample::CENTRE])
 }
 
-/// The same for some pixels alone, by the mean of several samples of each: certain where all are. The other pixels are black
-/// and uncertain, and nothing is judged by them.
+/// Does the same for some pixels only, with the mean of several samples each. A pixel is certain if all its
+/// samples are. The other pixels are black and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
@@ -113,12 +115,13 @@ pub fn reference_of(
     judged(&all, size, pixels, scene.display)
 }
 
-/// Every pixel's place in an image.
+/// Returns the index of every pixel in an image.
 pub fn all_pixels(size: [u32; 2]) -> Vec<usize> {
     (0..count(size)).collect()
 }
 
-/// The places of some pixels, or of all where there are no more: chosen at random, the same ones each time.
+/// Returns the indices of `some` pixels, chosen at random but the same each time, or of all if there are no
+/// more.
 pub fn some_pixels(size: [u32; 2], some: usize) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut pixels = sample_indices(&mut random, count(size), some.min(count(size))).into_vec();
@@ -130,7 +133,7 @@ fn count(size: [u32; 2]) -> usize {
     size[0] as usize * size[1] as usize
 }
 
-/// What samples of some pixels say of an image.
+/// Makes a reference from the samples of some pixels.
 fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
     let mut radiance = Radiance::new(size[0], size[1]);
     for (&pixel, sample) in pixels.iter().zip(samples) {
@@ -151,7 +154,7 @@ fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], display: Di
     Reference { radiance, certain, doubts, judged: pixels.len(), hits, hits_range, floor }
 }
 
-/// What the reference makes of a sample of these pixels, in their order.
+/// Returns the samples of these pixels, in their order.
 fn samples(
     scene: &Scene,
     tree: &Arc<Tree>,

@@ -1,22 +1,22 @@
-//! Rays, and the one through each pixel: the twin of `cl/common/camera`.
+//! Rays, and the ray through each pixel; the counterpart for devices is `cl/common/camera`.
 
 use super::real::{Real, Vector};
 use crate::scene::PixelFrame;
 
-/// A half line. Only hits at `near < t < far` count.
+/// A half-line. Only hits at `near < t < far` count.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray<R: Real> {
-    /// Where it starts.
+    /// The origin.
     pub origin: R::Vector,
     /// A unit vector.
     pub direction: R::Vector,
-    /// Hits at this distance or nearer are not seen.
+    /// Hits at this distance or nearer are ignored.
     pub near: R,
-    /// Hits at this distance or farther are not seen.
+    /// Hits at this distance or farther are ignored.
     pub far: R,
 }
 
-/// The rays of an image, in the arithmetic they are cast in.
+/// The rays of an image, with one type of numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<R: Real> {
     eye: R::Vector,
@@ -27,7 +27,7 @@ pub struct Frame<R: Real> {
 }
 
 impl<R: Real> Frame<R> {
-    /// A camera's rays, rounded to this arithmetic.
+    /// Makes a camera's rays, rounded to this type.
     pub fn new(frame: &PixelFrame) -> Self {
         Self {
             eye: Vector::round(frame.eye),
@@ -38,10 +38,10 @@ impl<R: Real> Frame<R> {
         }
     }
 
-    /// The ray through pixel coordinates (x, y); a pixel's centre is at half-integers.
+    /// Returns the ray through pixel coordinates (x, y); a pixel's centre is at half-integers.
     pub fn primary(&self, x: R, y: R) -> Ray<R> {
-        // The direction has depth 1, so its length is what a depth of z_near is along the ray:
-        // the same as the book's start on the near plane.
+        // The direction has depth 1, so its length converts the depth z_near to a distance along the ray.
+        // This gives the same start as in the book, on the near plane.
         let towards = self.corner + self.step_x * x + self.step_y * y;
         let length = towards.dot(towards).sqrt();
         Ray {

@@ -1,9 +1,9 @@
-//! The arithmetic a ray is cast in: `f32` or `f64`, with glam's vectors.
+//! The type of numbers with which a ray is cast: `f32` or `f64`, with glam's vectors.
 
 use glam::{DVec3, Vec3};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A floating point type rays can be cast in.
+/// A floating-point type.
 pub trait Real:
     Copy
     + PartialOrd
@@ -16,31 +16,31 @@ pub trait Real:
     + Div<Output = Self>
     + 'static
 {
-    /// Three of them.
+    /// A vector of three.
     type Vector: Vector<Self>;
     /// 0.
     const ZERO: Self;
     /// 1.
     const ONE: Self;
-    /// Farther than anything.
+    /// Infinity.
     const INFINITY: Self;
-    /// The ratio of a circle's circumference to its diameter.
+    /// Pi.
     const PI: Self;
-    /// The nearest value to `value`.
+    /// Returns the value nearest to `value`.
     fn of(value: f64) -> Self;
     /// The larger of two.
     fn max(self, other: Self) -> Self;
     /// The square root.
     fn sqrt(self) -> Self;
-    /// The largest whole number that is no larger.
+    /// Rounds down to a whole number.
     fn floor(self) -> Self;
-    /// The whole number nearest to zero from here, of 32 bits.
+    /// Rounds towards zero to a 32-bit integer.
     fn to_i32(self) -> i32;
-    /// This to the power of `exponent`.
+    /// Returns this to the power of `exponent`.
     fn powf(self, exponent: Self) -> Self;
 }
 
-/// A point, a direction or a colour. `*` with another vector is by component.
+/// A point, a direction or a colour. `*` with another vector multiplies by component.
 pub trait Vector<R: Real>:
     Copy
     + Send
@@ -54,18 +54,18 @@ pub trait Vector<R: Real>:
 {
     /// The zero vector.
     const ZERO: Self;
-    /// A scene's value, exactly.
+    /// Converts a scene's value exactly.
     fn of(value: Vec3) -> Self;
-    /// The nearest vector to `value`.
+    /// Returns the vector nearest to `value`.
     fn round(value: DVec3) -> Self;
-    /// The nearest single precision values.
+    /// Rounds to single precision.
     fn to_f32(self) -> [f32; 3];
     /// The inner product.
     fn dot(self, other: Self) -> R;
     /// The cross product.
     fn cross(self, other: Self) -> Self;
 
-    /// The unit vector along this one; zero for the zero vector, never NaN.
+    /// Returns the unit vector in this direction; zero for the zero vector, never NaN.
     fn normalize_or_zero(self) -> Self {
         let length = self.dot(self).sqrt();
         if length > R::ZERO { self * (R::ONE / length) } else { Self::ZERO }

@@ -1,5 +1,5 @@
-//! How a hit is shaded: the twin of `cl/cast/shade`. Hughes et al., section 15.4:
-//! direct light only, no emission; and of a sky what arrives from one direction.
+//! Shades a hit; the counterpart for devices is `cl/cast/shade`. Following Hughes et al., section 15.4, there
+//! is only direct light and no emission. A sky contributes the light from one direction per sample.
 
 use super::intersect::Hit;
 use super::ray::Ray;
@@ -8,20 +8,20 @@ use super::soft::{Seen, radiance_of_sky, way_to_sky};
 use super::texture::texture_colour;
 use crate::scene::{Material, MaterialKind, Scene};
 
-/// A light, or the sky, as a point of a surface sees it.
+/// A light, or the sky, as seen from a point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<R: Real> {
-    /// Its place in the scene; the sky comes after the lights.
+    /// Its index in the scene; the sky follows the lights.
     pub light: usize,
-    /// From where it is seen.
+    /// The point from which it is seen.
     pub point: R::Vector,
-    /// The unit vector to it.
+    /// The unit vector towards it.
     pub w_i: R::Vector,
-    /// How far it is; of the sky its reach.
+    /// Its distance; for the sky, its reach.
     pub distance: R,
 }
 
-/// The lights as a point of a surface with this normal sees them, then the sky.
+/// Returns the lights, then the sky, as seen from a point of a surface with this normal.
 pub fn sights<'a, R: Real>(
     seen: &'a Seen<'_>,
     point: R::Vector,
@@ -39,7 +39,7 @@ pub fn sights<'a, R: Real>(
     lights.chain(sky)
 }
 
-/// Where a ray hits, and the unit normal there.
+/// Returns the point that a ray hits, and the unit normal there.
 pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vector; 2] {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let [n0, n1, n2] = scene.mesh.corner_normals(triangle).map(R::Vector::of);
@@ -47,11 +47,11 @@ pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vec
     [ray.origin + ray.direction * hit.t, (n0 * w0 + n1 * w1 + n2 * w2).normalize_or_zero()]
 }
 
-/// What says whether nothing is in a light's way.
+/// A test of whether a light is visible.
 pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 
-/// The radiance that leaves a hit towards the ray's origin; `reaches` says of lights before the surface whether nothing is
-/// in their way.
+/// Returns the radiance that leaves a hit towards the ray's origin. `reaches` tests whether a light in front
+/// of the surface is visible.
 pub fn shade<R: Real>(
     scene: &Scene,
     seen: &Seen<'_>,
@@ -78,14 +78,15 @@ pub fn shade<R: Real>(
                 let irradiance = R::Vector::of(light.power) * (cosine / falloff);
                 sum + irradiance * reflectance::<R>((material, lambertian), w_i, w_o, normal)
             }
-            // A direction as likely as its cosine is large: k_L / pi times the cosine, over that likelihood, is k_L.
+            // The direction is chosen with a probability proportional to its cosine: k_L / pi times the
+            // cosine, divided by that probability, is k_L.
             (None, Some((sky, _))) => sum + lambertian * radiance_of_sky::<R>(sky, w_i),
             (None, None) => sum,
         }
     })
 }
 
-/// How much of the light from `w_i` a surface of this k_L sends towards `w_o`, a steradian.
+/// Returns the reflectance of a surface with this k_L, from `w_i` to `w_o`, per steradian.
 fn reflectance<R: Real>(
     (material, lambertian): (&Material, R::Vector),
     w_i: R::Vector,

@@ -1,4 +1,5 @@
-//! What a pixel's sample sees of lights with a radius and of the sky: the twin of `cl/common/soft.cl`, bit by bit.
+//! Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. The
+//! counterpart for devices is `cl/common/soft.cl`; both give the same bits.
 
 use super::real::{Real, Vector};
 use crate::scene::{Light, Sample, Scene, Sky, scrambled, sobol};
@@ -6,17 +7,17 @@ use glam::DVec3;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
-/// The lights, each where a pixel's sample sees it, and the sky.
+/// The lights, each at the point that a pixel's sample sees, and the sky.
 #[derive(Clone, Debug)]
 pub struct Seen<'a> {
-    /// As the scene has them, but for those with a radius.
+    /// The scene's lights, where those with a radius are replaced by points.
     pub lights: Cow<'a, [Light]>,
-    /// The sky, and the point of the unit sphere that says in which direction it is seen.
+    /// The sky, and a point of the unit sphere that determines the direction in which it is seen.
     pub sky: Option<(&'a Sky, DVec3)>,
 }
 
 impl<'a> Seen<'a> {
-    /// By a sample of a pixel. One sample alone sees lights as points.
+    /// Returns what a sample of a pixel sees. With a single sample, lights are points.
     pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
         let soft = sample.count > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
@@ -25,25 +26,26 @@ impl<'a> Seen<'a> {
         Self { lights, sky: scene.sky.as_ref().map(|sky| (sky, on_sphere(numbers(source, sample, pixel)))) }
     }
 
-    /// The same with the point of the sphere moved.
+    /// Returns the same with the point of the sphere moved.
     pub fn turned(&self, by: DVec3) -> Self {
         Self { lights: self.lights.clone(), sky: self.sky.map(|(sky, point)| (sky, point + by)) }
     }
 }
 
-/// A unit vector about a normal, as likely as its cosine is large.
+/// Returns a unit vector around a normal, with a probability proportional to its cosine.
 pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }
 
-/// The sky's radiance in a direction; below the horizon it is the horizon's.
+/// Returns the sky's radiance in a direction; below the horizon it is the horizon's.
 pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
     let height = way.dot(R::Vector::of(sky.up)).max(R::ZERO);
     R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
 }
 
-/// A light with a radius as a sample sees it: at a point of its ball. Points are spread as the uniform ones of a sphere in four
-/// dimensions are seen in three, so that from afar the ball looks equally bright all over from every side, as a disc does.
+/// Returns a light with a radius as a sample sees it: a point of its ball. The points are those of a uniform
+/// distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
+/// bright all over from every side, like a disc.
 fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light {
     if light.radius == 0.0 {
         return *light;
@@ -55,16 +57,17 @@ fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light 
     Light { position, ..*light }
 }
 
-/// A point of the unit sphere, all equally likely.
+/// Returns a point of the unit sphere, uniformly distributed.
 fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
     let (ring, turn) = (2.0 * (a * (1.0 - a)).sqrt(), TAU * b);
     DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)
 }
 
-/// Three numbers from 0 to 1 for a light, or for the sky, which comes after the lights; the first two are spread together.
+/// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two are
+/// well distributed jointly.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);
-    // Each source in an order of its own: else a place in one would go with a place in the next.
+    // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
     let [first, second] = [0, 1].map(|which| scrambled(number, seed(source, which)));
     let unit = |bits, which| unit(scrambled(bits, seed(source, which)));
     [unit(sobol(first, 0), 2), unit(sobol(first, 1), 3), unit(sobol(second, 0), 4)]
@@ -74,13 +77,13 @@ fn seed(source: u32, which: u32) -> u32 {
     (8 * source + which + 1).wrapping_mul(0x9e37_79b9)
 }
 
-/// The number of a pixel along a Z curve: its coordinates' bits in turn.
+/// Returns the number of a pixel along a Z-order curve, by interleaving the bits of its coordinates.
 fn along_curve(x: u32, y: u32) -> u32 {
     let spread = |value: u32| (0..16).map(|bit| (value >> bit & 1) << (2 * bit)).sum::<u32>();
     spread(x) | spread(y) << 1
 }
 
-/// 23 bits as a number between 0 and 1.
+/// Returns 23 bits as a number between 0 and 1.
 fn unit(bits: u32) -> f64 {
     (f64::from(bits >> 9) + 0.5) / f64::from(1 << 23)
 }
@@ -121,7 +124,8 @@ mod tests {
                 })
                 .collect();
             for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()] {
-                // Of a disc, the part of its area within a part of its radius is that part's square.
+                // A concentric disc whose radius is a fraction of the disc's contains the square of that
+                // fraction of its area.
                 for part in [0.25_f32, 0.5, 0.75, 1.0] {
                     let inside = offs.iter().filter(|off| off.reject_from(axis).length() <= part).count();
                     let expected = part * part * 1024.0;
@@ -154,7 +158,7 @@ mod tests {
             for axis in 0..3 {
                 assert_eq!((strata(&of_pixel, axis), strata(&of_square, axis)), (16, 64), "{source} {axis}");
             }
-            // The first two are spread together, over a square too.
+            // The first two numbers are also evenly distributed over the unit square.
             let cells: BTreeSet<_> =
                 of_pixel.iter().map(|[a, b, _]| ((a * 4.0) as u32, (b * 4.0) as u32)).collect();
             assert_eq!(cells.len(), 16);
@@ -171,7 +175,7 @@ mod tests {
                 way_to_sky::<f64>(point, normal).dot(normal)
             })
             .collect();
-        // Of a hemisphere weighed by the cosine, the part below a cosine is its square.
+        // On a hemisphere weighted by the cosine, the fraction below a cosine is its square.
         for part in [0.1, 0.3, 0.7, 0.9] {
             let below = cosines.iter().filter(|cosine| **cosine < part).count() as f64 / 4096.0;
             assert!((below - part * part).abs() < 5e-3, "{part}: {below}");

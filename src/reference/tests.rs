@@ -1,9 +1,9 @@
-//! What the reference finds, and what it is certain of.
+//! Tests of the reference's radiance and of its certain pixels.
 
 use super::*;
 use glam::{Vec3, vec3};
 
-/// The radiance of pixel (x, y).
+/// Returns the radiance of pixel (x, y).
 fn pixel(scene: &Scene, size: [u32; 2], [x, y]: [u32; 2]) -> Vec3 {
     let image = reference(scene, size, Culling::None).radiance;
     Vec3::from_array(image.pixels[(y * size[0] + x) as usize])
@@ -15,16 +15,16 @@ fn assert_near(found: Vec3, expected: Vec3) {
 
 #[test]
 fn the_single_triangle_seen_straight_on() {
-    // The ray along -z meets it at (0, 0, -2), weights 51/121, 32/121, 38/121 (solved by hand);
-    // the rest follows SPEC's formulas, evaluated apart from this program.
+    // The ray along -z hits it at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The rest
+    // follows the shading formulas, evaluated outside this program.
     let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
     assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
 }
 
 #[test]
 fn the_lit_ground_of_figure_4() {
-    // The ray along (0.75, -0.75, -1) meets y = -1 at (1, -1, -4/3). The light at (1, 3, 1) is
-    // off by (0, 4, 7/3): distance squared 193/9, cosine 4 / sqrt(193/9), and nothing between.
+    // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is
+    // (0, 4, 7/3): distance squared 193/9, cosine 4 / sqrt(193/9), and nothing in between.
     let found = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
     let square = 193.0_f64 / 9.0;
     let pi = std::f64::consts::PI;
@@ -34,8 +34,9 @@ fn the_lit_ground_of_figure_4() {
 
 #[test]
 fn the_shadow_of_figure_4() {
-    // The light's ray through (-1, -0.8, -2), in the triangle, meets the ground at (-1.105, -1, -2.158),
-    // which the eye sees below the triangle's edge along (-0.512, -0.463, -1): pixel (19.5, 58.5) of 80.
+    // The light's ray through (-1, -0.8, -2), a point of the triangle, hits the ground at (-1.105, -1,
+    // -2.158). The eye sees that point below the triangle's edge, along (-0.512, -0.463, -1): pixel (19.5,
+    // 58.5) of 80.
     let found = pixel(&fixtures::figure_4(), [80, 80], [19, 58]);
     assert_eq!(found, Vec3::ZERO);
 }
@@ -54,7 +55,7 @@ fn back_faces_are_seen_unless_culled() {
 
 #[test]
 fn culled_faces_cast_no_shadow() {
-    // Shadow rays come from behind the triangle, so the book adds a reversed twin.
+    // Shadow rays hit the triangle from behind, so the book adds a reversed copy.
     let mut scene = fixtures::figure_4();
     let black = |scene: &Scene| {
         let image = reference(scene, [80, 80], Culling::Back).radiance;
@@ -90,7 +91,7 @@ fn a_light_nearer_than_the_bias_and_normals_of_no_length_give_nothing() {
 
 #[test]
 fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
-    // The triangle's left edge along x = 0 halves the image of an odd width.
+    // The triangle's left edge along x = 0 divides an image of odd width in halves.
     let mut scene = fixtures::single_triangle();
     scene.mesh.positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);
@@ -104,7 +105,7 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
 
 #[test]
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
-    // A strip of half a microradian to five beside the ray: that of ten passes it by.
+    // A strip half a microradian to five microradians beside the ray; wide nudges of ten pass it.
     let mut scene = fixtures::single_triangle();
     scene.mesh.positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);
@@ -114,7 +115,7 @@ fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
 
 #[test]
 fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
-    // So small that a ray from far below its plane passes it by.
+    // So small that a ray from far below its plane misses it.
     let uncertain = |height: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh.positions = vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
@@ -193,7 +194,7 @@ fn a_light_behind_a_surface_gives_nothing() {
 
 #[test]
 fn what_is_nearer_than_the_bias_casts_no_shadow() {
-    // A light behind, towards which the normals point, and a second triangle before it.
+    // A light behind, towards which the normals point, and a second triangle in front of it.
     let lit = |gap: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh.normals.fill(Vec3::NEG_Z);

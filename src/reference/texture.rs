@@ -1,4 +1,4 @@
-//! Colours of triangles from pictures: the twin of `cl/common/textures.cl`.
+//! Colours of triangles from textures; the counterpart for devices is `cl/common/textures.cl`.
 
 use super::real::{Real, Vector};
 use crate::scene::{Mesh, Texture, Wrap, linear_values};
@@ -7,14 +7,15 @@ use std::sync::LazyLock;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 
-/// The colour of a triangle's texture at its point of these weights: four texels, mixed in linear light. None without one.
+/// Returns the texture's colour at a point of a triangle with these weights: four texels, mixed in linear
+/// light. `None` without a texture.
 pub fn texture_colour<R: Real>(mesh: &Mesh, triangle: u32, weights: [R; 3]) -> Option<R::Vector> {
     let row = mesh.textures.mapped.get(triangle as usize)?;
     let texture = &mesh.textures.list[row.texture? as usize];
     let place = |axis: usize| {
         let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
         let place = weights[0] * a + weights[1] * b + weights[2] * c;
-        // Texels' centres lie at half-integers, as pixels' do.
+        // Centres of texels lie at half-integers, like those of pixels.
         within(place, texture.wrap[axis]) * R::of(texture.size[axis].into()) - R::from(0.5)
     };
     let (x, y) = (place(0), place(1));
@@ -25,7 +26,7 @@ pub fn texture_colour<R: Real>(mesh: &Mesh, triangle: u32, weights: [R; 3]) -> O
     Some(mix(upper, lower, y - top))
 }
 
-/// A place along an axis, from 0 to 1.
+/// Returns a texture coordinate wrapped to the range 0 to 1.
 fn within<R: Real>(place: R, wrap: Wrap) -> R {
     match wrap {
         Wrap::Repeat => place - place.floor(),
@@ -64,7 +65,7 @@ mod tests {
     use crate::scene::{Mapped, Textures};
     use glam::DVec3;
 
-    /// Two texels, black and white, side by side.
+    /// Returns the colour at `u` of a texture with two texels, black and white.
     fn colour_at(u: f32, wrap: Wrap) -> f64 {
         let texture = Texture { size: [2, 1], wrap: [wrap; 2], texels: vec![0, 0xff_ffff].into() };
         let mapped = vec![Mapped { corners: [[u, 0.3]; 3], texture: Some(0) }];

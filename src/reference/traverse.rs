@@ -1,5 +1,5 @@
-//! Which triangles a ray meets. The closest hit and any hit are one traversal:
-//! a [`Finder`] shows hits to a visitor, which says how far hits still matter.
+//! Finds the triangles that a ray hits. The closest hit and any hit use one traversal: a [`Finder`] passes
+//! hits to a visitor, which returns the distance up to which further hits matter.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
@@ -8,13 +8,13 @@ use crate::scene::Mesh;
 use crate::strategy::Culling;
 use std::sync::Arc;
 
-/// Something that knows a mesh's triangles and finds those a ray meets.
+/// Knows a mesh's triangles and finds those that a ray hits.
 pub trait Finder<R: Real>: Send + Sync {
-    /// Shows `visitor` the hits along `ray`, in any order. The visitor returns the distance
-    /// beyond which hits no longer matter (those at it do); `ray.near` ends the search.
+    /// Passes the hits along `ray` to `visitor`, in any order. The visitor returns the distance beyond which
+    /// hits no longer matter; `ray.near` ends the search.
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
 
-    /// The hit nearest to the ray's origin; of equally near ones the first in the mesh.
+    /// Returns the hit nearest to the ray's origin; of equally near ones, the first in the mesh.
     fn closest(&self, ray: &Ray<R>) -> Option<Hit<R>> {
         let mut best: Option<Hit<R>> = None;
         self.visit(ray, &mut |hit| match best {
@@ -24,7 +24,7 @@ pub trait Finder<R: Real>: Send + Sync {
         best
     }
 
-    /// Whether the ray meets anything.
+    /// Returns whether the ray hits anything.
     fn any(&self, ray: &Ray<R>) -> bool {
         let mut found = false;
         self.visit(ray, &mut |_| {
@@ -41,7 +41,7 @@ impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
     }
 }
 
-/// Every ray tests every triangle, as the paper's program does.
+/// A finder with which every ray tests every triangle, as in the paper's program.
 #[derive(Clone, Debug)]
 pub struct Exhaustive<R: Real> {
     triangles: Vec<[R::Vector; 3]>,
@@ -49,7 +49,7 @@ pub struct Exhaustive<R: Real> {
 }
 
 impl<R: Real> Exhaustive<R> {
-    /// The mesh's triangles in their order, nothing shared between them.
+    /// Copies the mesh's triangles in their order, without shared vertices.
     pub fn new(mesh: &Mesh, culling: Culling) -> Self {
         let triangles = mesh.triangles.iter().map(|t| mesh.corners(t).map(Vector::of)).collect();
         Self { triangles, culling }
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// Shows hits at one distance, the last triangle first.
+    /// A finder that reports hits at one distance, the last triangle first.
     struct Backwards;
 
     impl Finder<f64> for Backwards {

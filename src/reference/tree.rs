@@ -1,5 +1,6 @@
-//! A bounding volume hierarchy, so that the reference can judge large meshes in seconds. It finds
-//! exactly the hits the exhaustive search finds: its boxes are padded far beyond `f64`'s rounding.
+//! A bounding volume hierarchy with which the reference verifies large meshes in seconds. It finds exactly
+//! the hits of the exhaustive search, since its boxes are padded by far more than the rounding errors of
+//! `f64`.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
@@ -8,25 +9,26 @@ use crate::scene::Mesh;
 use crate::strategy::Culling;
 use glam::{DVec3, Vec3};
 
-/// At most this many triangles per leaf.
+/// Largest number of triangles in a leaf.
 const LEAF: usize = 4;
-/// How much boxes grow, as a part of the largest coordinate.
+/// Padding of boxes, relative to the largest coordinate.
 const PADDING: f64 = 1e-9;
 
-/// Parts of more triangles are built beside each other.
+/// Subtrees with more triangles than this are built in parallel.
 const PARALLEL: usize = 1 << 14;
 
-/// Triangles under a binary tree of boxes.
+/// A binary tree of boxes around triangles.
 #[derive(Clone, Debug)]
 pub struct Tree {
-    /// Depth first: an inner node's left child follows it.
+    /// The nodes depth first: an inner node's left child follows it.
     nodes: Vec<Node>,
-    /// In the order of the leaves, each with its place in the mesh.
+    /// The triangles in leaf order, each with its index in the mesh.
     triangles: Vec<Indexed>,
     culling: Culling,
 }
 
-/// In single precision, which halves what a walk reads: corners are given so, and boxes are rounded outwards.
+/// A node in single precision, which halves the memory that a traversal reads. Corners have that precision
+/// anyway, and boxes are rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Vec3,
@@ -36,7 +38,7 @@ struct Node {
 
 #[derive(Clone, Copy, Debug)]
 enum Children {
-    /// How many nodes after this one the right child is.
+    /// Distance in nodes to the right child.
     Inner {
         right: u32,
     },
@@ -46,23 +48,23 @@ enum Children {
     },
 }
 
-/// A triangle, with its place in the mesh.
+/// A triangle with its index in the mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Indexed {
     corners: [Vec3; 3],
-    /// Its place in `Mesh::triangles`.
+    /// Its index in `Mesh::triangles`.
     pub triangle: u32,
 }
 
 impl Indexed {
-    /// Its corners.
+    /// Returns its corners.
     pub fn corners(&self) -> [DVec3; 3] {
         self.corners.map(Vec3::as_dvec3)
     }
 }
 
 impl Tree {
-    /// A tree over the mesh's triangles.
+    /// Builds a tree over the mesh's triangles.
     pub fn new(mesh: &Mesh, culling: Culling) -> Self {
         let indexed = |(i, t)| Indexed { corners: mesh.corners(t), triangle: i as u32 };
         let mut triangles: Vec<_> = mesh.triangles.iter().enumerate().map(indexed).collect();
@@ -76,22 +78,23 @@ impl Tree {
         Self { nodes, triangles, culling }
     }
 
-    /// Which side of triangles is seen.
+    /// Returns which faces are culled.
     pub fn culling(&self) -> Culling {
         self.culling
     }
 
-    /// The farthest that anything is from a point.
+    /// Returns an upper bound of the distance of any triangle from a point.
     pub fn reach(&self, point: DVec3) -> f64 {
         self.nodes.first().map_or(0.0, |root| {
             (root.low.as_dvec3() - point).abs().max((root.high.as_dvec3() - point).abs()).length()
         })
     }
 
-    /// Shows `visitor` every triangle whose box, grown by `around`, the ray meets before `far`, in about the order of their
-    /// distance. It returns how far triangles still matter; what is not more than `ray.near` ends the walk.
+    /// Passes every triangle whose box, grown by `around`, the ray hits before `far` to `visitor`,
+    /// approximately in the order of distance. The visitor returns the distance up to which further triangles
+    /// matter; a value not above `ray.near` ends the traversal.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
-        // A component of zero would make NaN of 0 * infinity where the ray lies in a box's face.
+        // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
         let entry = |node: &Node, far: f64| {
             let a = (node.low.as_dvec3() - around - ray.origin) * inverse;
@@ -130,13 +133,15 @@ impl Tree {
     }
 }
 
-/// More than a tree over any mesh has levels: so many are split where it costs least, and each of the rest halves what is left.
+/// More levels than a tree over any mesh has. Nodes of the first levels are split where it is cheapest; the
+/// others are halved by count.
 const DEPTH: usize = 72;
 const LEVELS_BY_COST: usize = 36;
-/// Places where a part may be split along an axis, and one more.
+/// Number of bins along an axis, at whose borders a node may be split.
 const BINS: usize = 16;
 
-/// The nodes over a part of the triangles, the first of which is the whole tree's number `base`, so many levels below the root.
+/// Builds the nodes over a part of the triangles. The first node has the number `base` in the whole tree, at
+/// this `level` below the root.
 fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     if part.is_empty() {
         return Vec::new();
@@ -165,7 +170,7 @@ fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     nodes
 }
 
-/// The largest single that is no larger.
+/// Returns the largest `f32` that is not greater.
 fn below(value: f64) -> f32 {
     let nearest = value as f32;
     if f64::from(nearest) > value { nearest.next_down() } else { nearest }
@@ -176,8 +181,9 @@ fn centre(t: &Indexed) -> DVec3 {
     a + b + c
 }
 
-/// Splits a part in two, neither of which is empty, along the axis on which centres spread most: where a ray is expected to meet the
-/// fewest triangles (the surface area heuristic over bins of centres; Wald 2007), or else in the middle.
+/// Splits a part in two non-empty parts, along the axis on which centres spread most. The split is where a
+/// ray is expected to hit the fewest triangles (the surface area heuristic over bins of centres; Wald 2007),
+/// or else in the middle.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -195,7 +201,8 @@ fn split(part: &mut [Indexed], level: usize) -> usize {
     middle
 }
 
-/// The first bin of the right part of the cheapest split: the least sum of areas times triangles. None where all are in one bin.
+/// Returns the first bin of the right part for the cheapest split: the least sum of areas times numbers of
+/// triangles. `None` if all triangles are in one bin.
 fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
     let mut bins = [(Bounds::NONE, 0_usize); BINS];
     for t in part {
@@ -213,7 +220,7 @@ fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> 
     splits.min_by(|(_, one), (_, other)| one.total_cmp(other)).map(|(at, _)| at)
 }
 
-/// Puts those that `is_left` holds of first, and says how many they are.
+/// Moves triangles for which `is_left` is true to the front, and returns their number.
 fn partition(part: &mut [Indexed], is_left: impl Fn(&Indexed) -> bool) -> usize {
     let mut left = 0;
     for place in 0..part.len() {
@@ -244,7 +251,7 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Half of its surface.
+    /// Returns half of its surface area.
     fn area(self) -> f64 {
         let side = (self.high.as_dvec3() - self.low.as_dvec3()).max(DVec3::ZERO);
         side.x * side.y + side.y * side.z + side.z * side.x
@@ -307,7 +314,7 @@ mod tests {
 
     #[test]
     fn a_tree_over_triangles_that_shrink_by_powers_is_no_deeper_than_its_stack() {
-        // Each split by cost cuts off the largest alone.
+        // Each split by cost separates only the largest triangle.
         let mut mesh = fixtures::single_triangle().mesh;
         for power in (0..56).map(|i| 1e36 * 0.05_f32.powi(i)) {
             let first = mesh.positions.len() as u32;

@@ -13,23 +13,23 @@ use crate::words::counted;
 pub struct Answer {
     /// The scene.
     pub scene: String,
-    /// Pixels across and down.
+    /// Image size in pixels: across, down.
     pub image_size: [u32; 2],
     /// The device.
     pub device: String,
-    /// The winning set, fastest first: strategy and local size.
+    /// The winners, fastest first: strategy and local size.
     pub winners: Vec<Winner>,
-    /// The text shown where there is no winner.
+    /// The text shown if there is no winner.
     pub nobody: &'static str,
-    /// The best median as text, and its interval.
+    /// The best median as text.
     pub time: String,
     /// The interval of the best median as text.
     pub interval: String,
-    /// The speed-ups over baselines and the best naive point.
+    /// The speed-ups over the baselines and the best naive point.
     pub speedups: Vec<Speedup>,
     /// "clear", "tie" or "unsure".
     pub sureness: &'static str,
-    /// How sure it is, in a sentence.
+    /// A sentence on how certain the result is.
     pub sure: String,
     /// Points that could not run: their number and the reason.
     pub refused: Vec<Refused>,
@@ -37,7 +37,7 @@ pub struct Answer {
     pub image: Option<String>,
 }
 
-/// A member of the winning set.
+/// A winner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Winner {
     /// The strategy's name.
@@ -53,7 +53,7 @@ pub struct Winner {
 pub struct Speedup {
     /// The point or baseline that it is compared with.
     pub over: String,
-    /// How many times; none where one has too few samples.
+    /// The factor; `None` if one of the points has too few samples.
     pub ratio: Option<f64>,
     /// "4.4×", or "?".
     pub factor: String,
@@ -61,18 +61,18 @@ pub struct Speedup {
     pub range: String,
 }
 
-/// Points without a time that share a reason.
+/// Points without a time for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
-    /// A word: "local memory", "wrong-image".
+    /// The reason in a word: "local memory", "wrong-image".
     pub word: String,
-    /// How many points.
+    /// Number of points.
     pub count: usize,
-    /// One of them with its whole reason.
+    /// One of them, with its full reason.
     pub example: String,
 }
 
-/// The answers, a group of kernels at a time.
+/// Returns the answers, one per group of kernels.
 pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
     groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
 }
@@ -104,7 +104,7 @@ fn winner(record: &Record) -> Winner {
     Winner { name: record.name.clone(), size, strategy: record.strategy.clone() }
 }
 
-/// The baselines of a group: the host's records of its scene and size.
+/// Returns the baselines of a group: the host's records of its scene and size.
 pub fn baselines<'a>(group: &Group<'_>, groups: &'a [Group<'a>]) -> Vec<&'a Record> {
     let of_host = |other: &&Group<'_>| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
@@ -130,7 +130,7 @@ fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
     Some(Speedup { over, ratio: Some(ratio.middle), factor, range })
 }
 
-/// The text shown where no point has a time.
+/// The text shown if no point has a time.
 const NOTHING: &str = "nothing measured";
 
 fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
@@ -159,14 +159,14 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         several => (
             "tie",
             format!(
-                "A tie of {several} points: no one of them surely takes more than 1% longer than the fastest; {rests}.{look}"
+                "A tie of {several} points: none of them surely takes more than 1% longer than the fastest; {rests}.{look}"
             ),
         ),
     };
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Whether a point that is not ranked has a median that is not above the best one's interval.
+/// Returns whether a point that is not ranked may be faster: its median is not above the best one's interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
@@ -187,12 +187,13 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
     refused
 }
 
-/// A summary in a sentence: which strategy wins in how many groups, and by how much.
+/// Returns a summary in a sentence: which strategy wins in how many groups, and by how much.
 pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
 
-/// "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best naive".
+/// Returns "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best
+/// naive".
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, f64, f64)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
@@ -214,7 +215,7 @@ fn gains(answers: &[Answer]) -> String {
     if all.is_empty() { String::new() } else { format!("; {they} {}", all.join(", ")) }
 }
 
-/// Which strategy is in how many winning sets.
+/// Returns in how many groups each strategy is among the winners.
 fn who_wins(answers: &[Answer]) -> String {
     let won = |name: &str| answers.iter().filter(|one| one.winners.iter().any(|w| w.name == name)).count();
     let mut names: Vec<(&str, usize)> = Vec::new();

@@ -1,20 +1,20 @@
-//! Where and how the runs were made: enough for someone else to make them again.
+//! Describes where and how runs were made, so that others can repeat them.
 
 use crate::record::{Folder, Record};
 use serde_json::Value;
 
-/// The environment of one folder, as a page shows it.
+/// The environment of a folder, for the page.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentView {
     /// The folder's name.
     pub label: String,
-    /// The command that makes the run again.
+    /// The command that repeats the run.
     pub command: String,
-    /// How to get the same program: its commit, or why no commit has it.
+    /// How to get the same program: its commit, or why there is none.
     pub program: String,
     /// The config's text.
     pub config: String,
-    /// The rest, under headings.
+    /// All other values, under headings.
     pub sections: Vec<(String, Vec<(String, String)>)>,
 }
 
@@ -25,11 +25,11 @@ pub struct Program {
     pub name: String,
     /// Its axes.
     pub strategy: String,
-    /// The hashes of source, defines and build options: one for each local size and scene it was built for.
+    /// The hashes of source, defines and build options: one for each combination of local size and scene.
     pub hashes: Vec<String>,
 }
 
-/// A folder's environment for the page.
+/// Returns a folder's environment for the page.
 pub fn view(folder: &Folder) -> EnvironmentView {
     let environment = &folder.environment;
     let mut view = EnvironmentView {
@@ -60,7 +60,7 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// The revision that a run's program was built from.
+/// Returns the revision that a run's program was built from.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
@@ -77,7 +77,7 @@ fn program(environment: &Value) -> String {
     }
 }
 
-/// A file the run was made of: its name, its commit, the begin of its hash.
+/// Describes an input file of the run: its name, its commit, the beginning of its hash.
 fn source(source: &Value) -> (String, String) {
     let text = |key: &str| source[key].as_str();
     let name = format!("{} {}", text("what").unwrap_or_default(), text("path").unwrap_or_default());
@@ -90,19 +90,19 @@ fn source(source: &Value) -> (String, String) {
     (name, facts.join("; ").replace("commit in no", "in no"))
 }
 
-/// The command as a shell takes it, without `--resume`: a user who repeats it has nothing to continue.
+/// Returns the command for a shell, without `--resume`, since a repeated run has nothing to continue.
 fn command(environment: &Value) -> String {
     let arguments = environment["command_line"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let quoted: Vec<_> = arguments
         .filter(|argument| !["--resume", "--retry-failed"].contains(argument))
         .enumerate()
-        // Whoever runs it again has the program somewhere else.
+        // The program's path differs between machines.
         .map(|(place, argument)| if place == 0 { "raycl".to_owned() } else { quote(argument) })
         .collect();
     quoted.join(" ")
 }
 
-/// An argument in quotes where a shell would read it as more than a word.
+/// Quotes an argument if a shell would not read it as one word.
 pub fn quote(argument: &str) -> String {
     let harmless = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !argument.is_empty() && argument.chars().all(harmless) {
@@ -138,7 +138,7 @@ fn words(key: &str) -> String {
     key.replace("_mhz", ", MHz").replace('_', " ")
 }
 
-/// Every program of the records, by name.
+/// Returns every program of the records, sorted by name.
 pub fn programs(records: &[Record]) -> Vec<Program> {
     let mut programs: Vec<Program> = Vec::new();
     for record in records.iter().filter(|record| !record.is_baseline()) {

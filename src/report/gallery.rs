@@ -1,4 +1,4 @@
-//! Pictures, read from the results' folders and put into the page itself.
+//! Reads pictures from folders of results, to be embedded in the page.
 
 use crate::reader;
 use crate::record::{Folder, Record, by};
@@ -8,9 +8,10 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
 
-/// All pictures of a page together stay under this, so that the page stays under 15 MB; the rest are named.
+/// Limit for the total size of a page's pictures, so that the page stays under 15 MB. Pictures beyond it are
+/// only named.
 const PICTURE_BYTES: usize = 9_000_000;
-/// Pixels across of the pictures beside an answer.
+/// Width in pixels of the small picture at an answer.
 const THUMBNAIL: u32 = 120;
 
 /// A picture in the page.
@@ -20,9 +21,9 @@ pub struct Picture {
     pub kind: String,
     /// Its caption, a sentence.
     pub caption: String,
-    /// A `data:` address, or nothing where the picture was left out to keep the page small.
+    /// A `data:` address; `None` if the picture was left out to keep the page small.
     pub data: Option<String>,
-    /// Where it lies.
+    /// The picture's path.
     pub path: String,
 }
 
@@ -33,13 +34,13 @@ pub struct Scene {
     pub name: String,
     /// Pixels across and down.
     pub size: String,
-    /// Triangles, where known.
+    /// Number of triangles, if known.
     pub triangles: Option<u64>,
     /// Its pictures.
     pub pictures: Vec<Picture>,
 }
 
-/// Reads pictures until there is no more room for them.
+/// Reads pictures until the limit is reached.
 #[derive(Debug)]
 pub struct Pictures<'a> {
     folders: &'a [Folder],
@@ -47,7 +48,8 @@ pub struct Pictures<'a> {
     read: HashMap<String, Option<Vec<u8>>>,
 }
 
-/// A file of a folder; none where the path, or a link on its way, leads out of it or to no ordinary file.
+/// Reads a file of a folder; `None` if the path, also after following links, leads out of the folder or is
+/// not an ordinary file.
 fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
     let found = folder.join(path).canonicalize().ok()?;
     let inside = found.starts_with(folder.canonicalize().ok()?);
@@ -55,12 +57,12 @@ fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
 }
 
 impl<'a> Pictures<'a> {
-    /// Pictures of these folders.
+    /// Prepares to read pictures of these folders.
     pub fn of(folders: &'a [Folder]) -> Self {
         Self { folders, spent: 0, read: HashMap::new() }
     }
 
-    /// A picture's bytes, from the first folder that has it. Paths that leave the folder are not followed.
+    /// Returns a picture's bytes, from the first folder that has it.
     fn bytes(&mut self, path: &str) -> Option<&[u8]> {
         let folders = self.folders;
         let found = self
@@ -70,17 +72,17 @@ impl<'a> Pictures<'a> {
         found.as_deref()
     }
 
-    /// Whether a folder has this picture.
+    /// Returns whether a folder has this picture.
     pub fn has(&mut self, path: Option<&str>) -> bool {
         path.is_some_and(|path| self.bytes(path).is_some())
     }
 
-    /// A picture for the page, if there is room for it.
+    /// Returns a picture for the page, within the limit.
     pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
         Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
     }
 
-    /// A small form of a picture for beside an answer.
+    /// Returns a small version of a picture.
     pub fn thumbnail(&mut self, path: &str) -> Option<String> {
         let picture = image::load_from_memory(self.bytes(path)?).ok()?;
         let height = (THUMBNAIL * picture.height()).div_ceil(picture.width().max(1));
@@ -102,7 +104,8 @@ impl<'a> Pictures<'a> {
         Some(address)
     }
 
-    /// Every scene's pictures: the reference, every strategy's picture, their differences, the cost of rays.
+    /// Returns every scene's pictures: the reference, every strategy's picture, the differences, the cost of
+    /// rays.
     pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String)> = Vec::new();
@@ -155,14 +158,14 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, which a tiny turn of the ray changes. There an image must match one of the turned rays."
+                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. There an image must match one of the moved rays."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
-            "Nodes of the tree that the pixel's rays visit, counted on the host. Dark: few; light: many."
+            "Number of tree nodes that each pixel's rays visit, counted on the host. Dark: few; light: many."
                 .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
@@ -177,7 +180,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
     present.collect()
 }
 
-/// How its rays find triangles.
+/// Describes how a strategy's rays find triangles.
 fn way(record: &Record) -> &'static str {
     if record.tests_every_triangle() { "every one tested" } else { "in a tree" }
 }
@@ -189,7 +192,7 @@ fn tests_caption(record: &Record) -> String {
         "only triangles in leaves that the rays reach"
     };
     format!(
-        "Triangles that the pixel's rays are tested against, counted on the host where each pixel is shaded once: {how}. Dark: few; light: many."
+        "Number of triangles that each pixel's rays are tested against, counted on the host for one shading per pixel: {how}. Dark: few; light: many."
     )
 }
 

@@ -1,4 +1,5 @@
-//! Growth of time with the triangles of a scene and with the pixels of an image, as the exponent of a fitted power law.
+//! Plots how times grow with the triangles of a scene and with the pixels of an image, with the exponent of a
+//! fitted power law.
 
 use super::overview::{best_of_each, devices, numbered};
 use super::plot::Plot;
@@ -8,7 +9,8 @@ use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};
 
-/// A plot for every device whose records span several triangle counts, and one where they span several image sizes.
+/// Returns, for every device, a plot over triangles if its records have several counts, and a plot over
+/// pixels if they have several image sizes.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(place, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();
@@ -18,7 +20,7 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
-/// At the image size that has the most scenes.
+/// Plots times over triangles, at the image size that has the most scenes.
 fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
     let size = most_common(own.iter().map(|group| group.image_size))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
@@ -26,14 +28,14 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
         title: format!("Growth with triangles, at {}: {device}", by(size)),
         x: "triangles in the scene",
         file: numbered("triangles", place),
-        besides: " Scenes differ in more than their triangles; the fit takes them as they are.",
+        besides: " Scenes differ in more than their number of triangles; the fit does not consider that.",
     };
     plot(&same, looks, labels, |group| {
         group.records.iter().find_map(|record| record.triangles).unwrap_or(0) as f64
     })
 }
 
-/// The plot of the scene with the most image sizes.
+/// Plots times over pixels, for the scene with the most image sizes.
 fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
@@ -51,7 +53,7 @@ fn most_common<T: PartialEq + Copy>(values: impl Iterator<Item = T> + Clone) -> 
     values.clone().max_by_key(count)
 }
 
-/// The name of a plot of growth.
+/// The texts of a plot.
 struct Labels {
     title: String,
     x: &'static str,
@@ -64,7 +66,7 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
     let mut series = best_of_each(groups, &columns, looks);
     for one in &mut series {
         for mark in &mut one.marks {
-            // Until now its place in `columns`, which are the groups.
+            // Until now, x was the group's index in `columns`.
             mark.x = groups.get(mark.x as usize).map_or(0.0, |group| x(group));
         }
         one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -101,10 +103,9 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => " Too few places for a fit.".to_owned(),
+        [] => " Too few different values for a fit.".to_owned(),
         some => format!(
-            " Dashed: time in proportion to a power of it, fitted by least squares to the logarithms; the exponents, with their \
-             standard errors: {}.",
+            " Dashed: a power law, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
             some.join(", ")
         ),
     };
@@ -113,7 +114,7 @@ fn caption(fits: &[(String, Fit)]) -> String {
     )
 }
 
-/// How many different x there are.
+/// Returns the number of different values of x.
 fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     let mut places: Vec<f64> = marks.map(|mark| mark.x).filter(|x| *x > 0.0).collect();
     places.sort_by(f64::total_cmp);
@@ -121,14 +122,15 @@ fn distinct<'a>(marks: impl Iterator<Item = &'a Mark>) -> usize {
     places.len()
 }
 
-/// The exponent of the power law nearest to points (x, y) at three places or more, and its standard error.
+/// Returns the exponent of the power law closest to points (x, y), and its standard error; `None` for fewer
+/// than three values of x.
 pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let mark = |[x, y]: &[f64; 2]| Mark { x: *x, y: *y, interval: Some([*y; 2]), tip: String::new() };
     let fit = Fit::of(&points.iter().map(mark).collect::<Vec<_>>())?;
     Some([fit.exponent, fit.error])
 }
 
-/// The power law nearest to some marks: y = exp(offset) x^exponent, by least squares in logarithms.
+/// The power law closest to some marks: y = exp(offset) x^exponent, by least squares in logarithms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fit {
     exponent: f64,
@@ -139,7 +141,8 @@ struct Fit {
 }
 
 impl Fit {
-    /// The fit to marks at three places or more. Those without an interval have too few samples to be fitted.
+    /// Fits marks with at least three values of x. Marks without an interval have too few samples and are not
+    /// used.
     fn of(marks: &[Mark]) -> Option<Self> {
         let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
         let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();
@@ -158,12 +161,12 @@ impl Fit {
         Some(Self { exponent, offset, error, n: points.len() })
     }
 
-    /// "0.98 ± 0.02 (n = 5)".
+    /// Formats as "0.98 ± 0.02 (n = 5)".
     fn text(&self) -> String {
         format!("{:.2} ± {:.2} (n = {})", self.exponent, self.error, self.n)
     }
 
-    /// The fitted line from the first to the last of a series' own marks.
+    /// Returns the fitted line from the first to the last mark of a series.
     fn line(&self, of: &Series) -> Series {
         let ends = [of.marks.first(), of.marks.last()];
         let at = |x: f64| Mark {
@@ -209,7 +212,7 @@ mod tests {
         assert_eq!(Fit::of(&few), None, "two places of enough samples");
     }
 
-    /// A scene with this number of triangles at a size, cast by a strategy.
+    /// Returns a record of a scene with this number of triangles.
     fn record(triangles: u64, size: [u32; 2], name: &str, ms: f64) -> Record {
         Record {
             key: format!("{triangles} {size:?} {name}"),

@@ -1,11 +1,12 @@
-//! Several folders of results as one list of records.
+//! Combines several folders of results into one list of records.
 
 use crate::record::{Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 
-/// The records of all folders. Where two folders measured the same point in another way (another driver, machine, program or timing: the
-/// keys differ), devices and baselines of each get the folder's label, so that they stand side by side instead of mixed; so do scenes
-/// that share a name and not their content. The same thing measured twice is one point: the later folder's.
+/// Returns the records of all folders. If two folders measured the same point differently (another driver,
+/// machine, program or timing, so that the keys differ), the folder's label is added to the names of devices
+/// and baselines, so that they are shown separately. The label is also added to scenes of equal name and
+/// different content. If the same was measured twice, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let labels = labels(folders);
     let mut all = with_one_name_a_scene(folders, &labels);
@@ -23,7 +24,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(all.concat(), point)
 }
 
-/// Labels of folders: their names, or their paths where two have the same name.
+/// Returns the folders' labels: their names, or their paths if two have the same name.
 pub fn labels(folders: &[Folder]) -> Vec<String> {
     let alone = |label: &str| folders.iter().filter(|folder| folder.label == label).count() == 1;
     let name = |folder: &Folder| match alone(&folder.label) {
@@ -33,7 +34,8 @@ pub fn labels(folders: &[Folder]) -> Vec<String> {
     folders.iter().map(name).collect()
 }
 
-/// Every folder's records, a scene by the name it has first, scenes that share one with their folders' labels.
+/// Gives scenes of equal content the same name, and scenes of equal name but different content the folders'
+/// labels.
 fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut scenes: Vec<(&str, &str, &str)> = Vec::new();
     for (folder, label) in folders.iter().zip(labels) {
@@ -57,7 +59,7 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
     folders.iter().map(|folder| folder.records.iter().map(renamed).collect()).collect()
 }
 
-/// Devices, the host among them, that have a point of two keys.
+/// Returns devices, including the host, that have a point with two keys.
 fn clashing(all: &[Vec<Record>]) -> HashSet<String> {
     let mut keys: HashMap<String, &str> = HashMap::new();
     let mut clashing = HashSet::new();

@@ -1,4 +1,4 @@
-//! From records to a page that a person would rather look at. Reads records and pictures, never a device.
+//! Makes pages from records. It reads records and pictures, and uses no device.
 
 mod answer;
 mod claims;
@@ -36,23 +36,23 @@ use std::path::PathBuf;
 pub struct Written {
     /// The page.
     pub page: PathBuf,
-    /// The folder of plots, and how many there are.
+    /// The folder of plots, and their number.
     pub plots: (PathBuf, usize),
     /// The folder of files for other tools.
     pub exports: PathBuf,
 }
 
-/// A report's page.
+/// The file name of a report's page.
 pub const PAGE: &str = "report.html";
-/// The pages of a comparison.
+/// The file names of a comparison's pages.
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
-/// The page of a reproduction, and the same for programs.
+/// The file names of a reproduction: the page, and the same as JSON for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
 
 /// Names and contents of files in a folder.
 type Files = Vec<(String, Vec<u8>)>;
 
-/// Writes `report.html`, `plots/` and `exports/` of the folders' records into `out`.
+/// Writes `report.html`, `plots/` and `exports/` for the folders' records into `out`.
 pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     let page = Page::of(folders);
     let mut files = vec![(PAGE.to_owned(), page.html()?.into_bytes())];
@@ -65,7 +65,7 @@ pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }
 
-/// Exports for other tools: T4 results, a Kernel Tuner cache per group, CSV.
+/// Returns exports for other tools: T4 results, a Kernel Tuner cache per group, CSV.
 fn exports(records: &[Record]) -> Result<Files> {
     let mut files = vec![
         ("exports/t4-results.json".to_owned(), t4_results(records).into_bytes()),
@@ -76,7 +76,8 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html` and its plots of folders made with the paper's configs into `out`; returns the page's path.
+/// Writes `reproduction.html` and its plots, from folders made with the paper's configs, into `out`. Returns
+/// the page's path.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);
@@ -95,7 +96,7 @@ pub fn write_comparison(comparison: &Comparison, out: &mut OutFolder) -> Result<
     out.write(&files)
 }
 
-/// Every plot as SVG and PNG under `plots`.
+/// Returns every plot as SVG and PNG under `plots`.
 fn plot_files(plots: &[&Plot]) -> Result<Files> {
     let drawn = plots.par_iter().map(|plot| {
         let file = |ending: &str, bytes: Vec<u8>| (format!("plots/{}.{ending}", plot.name), bytes);

@@ -1,7 +1,7 @@
-//! Predicted occupancy against measured speed: does the paper's way of choosing a local size choose well?
+//! Compares predicted occupancy with measured times: is the paper's method of choosing a local size good?
 //!
-//! Occupancy itself is not measured: OpenCL has no counter of resident work-groups, so the prediction can only be
-//! judged by its use, which is to predict which local size is fast.
+//! Occupancy itself is not measured: OpenCL has no counter of resident work-groups, so the prediction can
+//! only be judged by how well it predicts which local size is fast.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -11,12 +11,13 @@ use super::words::{Looks, group_title, tip};
 use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
 use crate::record::{Group, Record, interval, median};
 
-/// The paper's registers per thread.
+/// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// The paper's device.
+/// The compute capability of the paper's device.
 const PAPER: &str = "2.0";
 
-/// Predicted threads in flight against measured speed, a mark per point of enough samples; none where nothing differs.
+/// Plots measured times over predicted resident threads, a mark per point with enough samples; `None` if all
+/// strategies have fewer than three marks.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -57,8 +58,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     Some(Plot::of(name, caption, &chart))
 }
 
-const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The \
-                           prediction is judged by what it is for, the speed.";
+const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The prediction is judged by the measured speed, which it should predict.";
 
 fn whose(compute_capability: Option<&str>, told: bool) -> String {
     match compute_capability {
@@ -67,8 +67,7 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
              built kernel."
         ),
         Some(cc) => format!(
-            "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not \
-             tell a kernel's registers."
+            "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not report a kernel's registers."
         ),
         None => format!(
             "The prediction is the paper's (Figure 5's device, compute capability {PAPER}), corrected for its \
@@ -77,16 +76,16 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
     }
 }
 
-/// The rank correlations in words.
+/// Describes the rank correlations.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
-        return "There are too few local sizes to tell how well the prediction ranks them.".to_owned();
+        return "There are too few local sizes to judge how well the prediction ranks them.".to_owned();
     }
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {
         m if m > 0.7 => "it ranks local sizes well",
         m if m > 0.3 => "the prediction ranks local sizes partly",
-        m if m > -0.3 => "the prediction tells almost nothing about which local size is fast",
+        m if m > -0.3 => "the prediction says almost nothing about which local size is fast",
         _ => "the fast local sizes tend to be those with a lower prediction",
     };
     format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")
@@ -102,7 +101,7 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 
-/// The registers that the compiler reported, and the `__local` bytes of a group.
+/// Returns the registers that the compiler reported, and the bytes of `__local` memory of a group.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);
@@ -110,7 +109,8 @@ fn known(record: &Record) -> (Option<u32>, u64) {
     (registers, bytes.or(record.local_bytes).unwrap_or(0))
 }
 
-/// Spearman's rank correlation of x and y; none for fewer than four marks, or where one of them does not vary.
+/// Returns Spearman's rank correlation of x and y; `None` for fewer than four marks, or if one of them is
+/// constant.
 fn spearman(marks: &[Mark]) -> Option<f64> {
     if marks.len() < 4 {
         return None;
@@ -123,7 +123,7 @@ fn spearman(marks: &[Mark]) -> Option<f64> {
     (size > 0.0).then(|| product / size)
 }
 
-/// Each value's rank; equal values share the mean of theirs.
+/// Returns each value's rank; equal values share the mean of their ranks.
 fn ranks(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let rank = |value: f64| {
         let below = values.clone().filter(|other| *other < value).count() as f64;

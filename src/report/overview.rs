@@ -1,4 +1,4 @@
-//! Plots over several groups: every scene at a glance, device against device.
+//! Plots over several groups: all scenes, and pairs of devices.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -7,7 +7,7 @@ use super::words::{Looks, series_name, tip};
 use crate::record::{Group, HOST, Record, by, interval, median};
 use std::collections::HashMap;
 
-/// The best time of every strategy and baseline, scene by scene, for every device.
+/// Plots the best time of every strategy and baseline, scene by scene, for every device.
 pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let plot = |(place, device): (usize, &str)| {
         let shown: Vec<_> =
@@ -48,7 +48,7 @@ fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
     if one_size { scene.to_owned() } else { format!("{scene} {}x{}", size[0], size[1]) }
 }
 
-/// The devices that have records, the host aside.
+/// Returns the devices that have records, without the host.
 pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     let mut devices = Vec::new();
     for group in groups.iter().filter(|group| group.device != HOST) {
@@ -59,7 +59,8 @@ pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     devices
 }
 
-/// Each strategy's fastest point of every group; a mark's x is its group's place among the columns.
+/// Returns each strategy's fastest point of every group. A mark's x is the index of its group among the
+/// columns.
 pub(super) fn best_of_each(
     groups: &[&Group<'_>],
     columns: &[(&str, [u32; 2])],
@@ -71,7 +72,7 @@ pub(super) fn best_of_each(
             continue;
         };
         let mut seen: Vec<String> = Vec::new();
-        // Fastest first: the first of a name is its best. Points of few samples come last.
+        // Fastest first, so the first record of a name is its best. Points with few samples come last.
         for record in group.ranking().all() {
             let name = series_name(record);
             if seen.contains(&name) {
@@ -102,7 +103,7 @@ pub(super) fn best_of_each(
     series
 }
 
-/// Every point that two devices share, one against the other; a plot a pair.
+/// Plots the points that two devices share, one device's times against the other's; one plot per pair.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let devices = devices(groups);
     let mut plots = Vec::new();
@@ -147,7 +148,8 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
         diagonal: true,
         series,
     };
-    let caption =
-        format!("Every point measured on both. Below the line, {other} is faster; above it, {one}.");
+    let caption = format!(
+        "Each dot is a point that was measured on both. Below the line, {other} is faster; above it, {one}."
+    );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
 }

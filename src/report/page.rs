@@ -1,4 +1,4 @@
-//! The page: the data of its template, collected from records.
+//! Collects the data of the report's template from records.
 
 use super::answer::{self, Answer, answers, headline};
 use super::environment::{self, EnvironmentView, Program};
@@ -16,12 +16,12 @@ use crate::record::{
 use askama::Template;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 
-/// The style sheet every page carries.
+/// The style sheet of every page.
 pub const STYLE: &str = include_str!("templates/page.css");
-/// The script every page carries; pages are readable without it.
+/// The script of every page; pages are readable without it.
 pub const SCRIPT: &str = include_str!("templates/page.js");
 
-/// Everything the report shows.
+/// The data of the report.
 #[derive(Template)]
 #[template(path = "report.html")]
 pub struct Page {
@@ -43,13 +43,13 @@ pub struct Page {
     version: &'static str,
 }
 
-/// One group's plots and table.
+/// The plots and the table of one group.
 pub struct View {
     id: String,
-    /// Whether the page shows it first: the largest scene has most to tell.
+    /// Whether it is open at first, which is so for the largest scene.
     first: bool,
     title: String,
-    /// The notes on reading its scene.
+    /// Notes from reading its scene.
     notes: Vec<String>,
     heat: Option<Plot>,
     lines: Option<[Plot; 2]>,
@@ -78,7 +78,7 @@ pub struct Row {
     wins: bool,
 }
 
-/// What a machine took for a control point.
+/// The time of a machine for a control point.
 pub struct HostRow {
     point: String,
     host: String,
@@ -90,7 +90,7 @@ pub struct HostRow {
 }
 
 impl Page {
-    /// Puts the page together.
+    /// Collects the data.
     pub fn of(folders: &[Folder]) -> Self {
         let records = merged(folders);
         let groups = groups(&records);
@@ -127,12 +127,12 @@ impl Page {
         }
     }
 
-    /// The page as HTML.
+    /// Returns the page as HTML.
     pub fn html(&self) -> Result<String> {
         self.render().map_err(|error| Error::fault(format!("the report could not be written: {error}")))
     }
 
-    /// Every plot on it.
+    /// Returns every plot of the page.
     pub fn plots(&self) -> Vec<&Plot> {
         let views = self
             .views
@@ -142,14 +142,14 @@ impl Page {
     }
 }
 
-/// A nonce that lets only the page's own script run: 128 bits that the standard library makes from the system's random
-/// numbers, so that no data of the page can know them.
+/// Returns a nonce, so that only the page's own script is allowed to run: 128 bits that the standard library
+/// derives from the system's random numbers, so that no data in the page can contain them.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
 }
 
-/// The notes on the folders, under their names where there are several.
+/// Returns the folders' notes, with the folders' names if there are several.
 pub fn notes(folders: &[Folder]) -> Vec<String> {
     let of = |(folder, label): (&Folder, String)| -> Vec<String> {
         let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
@@ -158,7 +158,7 @@ pub fn notes(folders: &[Folder]) -> Vec<String> {
     folders.iter().zip(labels(folders)).flat_map(of).collect()
 }
 
-/// The questions and expectations of the folders' configs.
+/// Returns the questions and expectations of the folders' configs.
 fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     let mut questions = Vec::new();
     for folder in folders {
@@ -171,7 +171,7 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     questions
 }
 
-/// What the machines of a folder took for its control points.
+/// Returns the times of a folder's machines for its control points.
 fn hosts(folder: &Folder) -> Vec<HostRow> {
     let row = |point: &str, at: &AtHost| HostRow {
         point: point.to_owned(),
@@ -267,7 +267,7 @@ fn one_view(
     }
 }
 
-/// The notes on reading a group's scene, each once.
+/// Returns the notes from reading a group's scene, each once.
 fn scene_notes(group: &Group<'_>) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for note in group.records.iter().flat_map(|record| &record.scene_notes) {
@@ -278,14 +278,14 @@ fn scene_notes(group: &Group<'_>) -> Vec<String> {
     notes
 }
 
-/// A device's compute capability, where the environment tells it.
+/// Returns a device's compute capability, if the environment has it.
 fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
     let mut same = devices.filter(|one| one["device"].as_str().is_some_and(|name| device.starts_with(name)));
     same.find_map(|one| one["compute_capability"].as_str().map(str::to_owned))
 }
 
-/// A name that is one file in one folder on any system.
+/// Returns a name that is valid as a single file name on every system.
 pub fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
@@ -322,7 +322,7 @@ fn row(record: &Record, best: Option<&Record>, wins: bool) -> Row {
 }
 
 impl Answer {
-    /// Its image size as text.
+    /// Returns its image size as text.
     pub fn size(&self) -> String {
         by(self.image_size)
     }

@@ -1,5 +1,6 @@
-//! The paper's published run times, read off its Figures 6 to 8 by the authors of raycl, in milliseconds; and the configs
-//! that repeat its experiments, which are part of the program, so that it runs anywhere.
+//! The run times that the paper published, which the authors of raycl read off its Figures 6 to 8, in
+//! milliseconds. Also the configs that repeat its experiments; they are built in, so that the command needs
+//! no other files.
 
 use include_dir::{Dir, include_dir};
 
@@ -12,10 +13,10 @@ pub const CONFIGS: [(&str, &str); 5] = [
     ("next-steps", include_str!("../../configs/next-steps.toml")),
 ];
 
-/// The scenes that they may name.
+/// The scenes that these configs use.
 pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
-/// The names of these scenes.
+/// Returns the names of these scenes.
 pub fn scenes() -> Vec<&'static str> {
     let files = SCENES.files().map(include_dir::File::path);
     let scenes = files.filter(|path| path.extension().is_some_and(|ending| ending == "toml"));
@@ -25,19 +26,19 @@ pub fn scenes() -> Vec<&'static str> {
 /// One published point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {
-    /// Figure 6, 7 or 8.
+    /// The paper's figure: 6, 7 or 8.
     pub figure: u32,
-    /// The figure's name of the series.
+    /// The series' name in the figure.
     pub series: String,
-    /// Work-items across and down.
+    /// Width of the square block in work-items.
     pub block: u32,
-    /// The run time.
+    /// The run time in milliseconds.
     pub ms: f64,
 }
 
 const CSV: &str = include_str!("assets/published_runtimes.csv");
 
-/// Every published point, in the file's order.
+/// Returns every published point, in the file's order.
 pub fn published() -> Vec<Published> {
     let parse = |line: &str| {
         let mut cells = line.split(',');
@@ -63,7 +64,7 @@ pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (8, "Opt2", "still-life", "local-triangles"),
 ];
 
-/// The curve of a scene and preset: the figure it is in and its points as (block, ms).
+/// Returns the curve for a scene and a preset: its figure, and its points as (block, ms).
 pub fn curve(scene: &str, preset: &str) -> Option<(u32, Vec<(u32, f64)>)> {
     let (figure, series, ..) =
         CURVES.iter().find(|(_, _, of_scene, of_preset)| *of_scene == scene && *of_preset == preset)?;

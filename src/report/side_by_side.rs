@@ -1,4 +1,5 @@
-//! Kinds of device side by side: what each strategy is on each of them, and what it costs to use on one what is best on another.
+//! Compares kinds of device: how fast each strategy is on each of them, and how much is lost by using one
+//! device's best strategy on another.
 
 use super::overview::devices;
 use super::plot::Plot;
@@ -7,10 +8,10 @@ use super::plot::legend::shorten;
 use super::words::title;
 use crate::record::{Group, HOST, Record, median, significant};
 
-/// The characters of a device's name that a column has room for.
+/// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;
 
-/// The two heat maps; none of one device.
+/// Returns the two heat maps; none for a single device.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -19,7 +20,7 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     vec![strategies(groups, &devices), losses(groups, &devices)]
 }
 
-/// How many times as slow as the best of its scene, size and device each strategy's best is, in the mean.
+/// For each strategy, shows the mean ratio of its best time to the best time of the scene, size and device.
 fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let mut names: Vec<&str> = Vec::new();
     for record in groups.iter().filter(|group| group.device != HOST).flat_map(|group| &group.records) {
@@ -39,12 +40,17 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         ((*name).to_owned(), devices.iter().map(cell).collect())
     };
     let rows = names.iter().map(row).collect();
-    let caption = "Each strategy at its best local size, by how many times it is as slow as the best of its scene, size and device: \
-                   the geometric mean over scenes and sizes. 1 is the best everywhere.";
-    plot("strategies-by-device", "Strategy by device: times the device's best", devices, rows, caption)
+    let caption = "Each strategy at its best local size: its time relative to the best of its scene, size and device; geometric mean over scenes and sizes. 1 means best everywhere.";
+    plot(
+        "strategies-by-device",
+        "Strategies by device: time relative to the device's best",
+        devices,
+        rows,
+        caption,
+    )
 }
 
-/// What it costs to use on one device what is best on another.
+/// Shows the loss from using one device's best strategy on another device.
 fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -63,12 +69,17 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "What is best on one device (row), used on another (column), by how many times it is as slow as that device's own \
-                   best: the geometric mean over scenes and sizes that both measured.";
-    plot("losses-by-device", "One device's best on another: times the own best", devices, rows, caption)
+    let caption = "The best strategy of one device (row), used on another (column): its time relative to that device's own best; geometric mean over the scenes and sizes that both measured.";
+    plot(
+        "losses-by-device",
+        "One device's best strategy on another: time relative to that device's best",
+        devices,
+        rows,
+        caption,
+    )
 }
 
-/// How many times as slow as its group's best a record is, and which it is.
+/// Returns the ratio of a record's time to the best of its group, and the name of that best.
 fn over_best(group: &Group<'_>, record: &Record) -> Option<(f64, String)> {
     let best = median(group.best_where(|_| true)?)?;
     Some((median(record)? / best, format!("{}: {}", group.scene, title(record))))

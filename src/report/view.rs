@@ -10,12 +10,12 @@ use super::plot::strip::{Row, Strip};
 use super::words::{Looks, group_title, size_name, tip, title};
 use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, word};
 
-/// The image size of the paper's figures: only there can its times be laid over ours.
+/// The image size in the paper's figures; its times are only shown at this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// Rows of the plot of samples.
+/// Number of rows in the plot of samples.
 const STRIPS: usize = 14;
 
-/// The local sizes of some records, smallest first.
+/// Returns the local sizes of some records, smallest first.
 pub fn sizes<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<[u32; 2]> {
     let mut sizes: Vec<_> = records.filter_map(|record| record.local_size).collect();
     sizes.sort_by_key(|[across, down]| (across * down, *across));
@@ -23,12 +23,12 @@ pub fn sizes<'a>(records: impl Iterator<Item = &'a Record>) -> Vec<[u32; 2]> {
     sizes
 }
 
-/// "16x16" of each.
+/// Formats each local size as "16x16".
 pub fn size_names(sizes: &[[u32; 2]]) -> Vec<String> {
     sizes.iter().map(|[across, down]| format!("{across}x{down}")).collect()
 }
 
-/// The names of a group's strategies, in its order.
+/// Returns the names of a group's strategies, in its order.
 pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in &group.records {
@@ -39,7 +39,8 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Time against local size, a line per strategy; with the paper's points where it has some and they are wanted.
+/// Plots time over local size, a line per strategy, with the paper's points if there are any and they are
+/// requested.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);
@@ -85,7 +86,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
     Some(Plot::of(name, caption, &chart))
 }
 
-/// The paper's curves for a group's scene and strategies.
+/// Returns the paper's curves for a group's scene and strategies.
 fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Option<f64>) -> Vec<Series> {
     if group.image_size != PAPER_SIZE {
         return Vec::new();
@@ -102,7 +103,7 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Strategies by local sizes, coloured by time; cells without a time say why.
+/// Makes a heat map of strategies by local sizes, coloured by time. Cells without a time have the reason.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let winners = group.ranking().winners;
@@ -147,7 +148,7 @@ fn cell(record: &Record, best: f64, wins: bool) -> Cell {
     }
 }
 
-/// Why there is no time, short enough for a cell.
+/// Returns the reason for a missing time, short enough for a cell.
 fn code(record: &Record) -> String {
     match record.outcome {
         Outcome::Measured => "?".into(),
@@ -164,7 +165,7 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// The meaning of a code, with an example.
+/// Returns the meaning of such a code, with an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
@@ -178,7 +179,7 @@ fn meaning(record: &Record) -> String {
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
 
-/// The samples of the fastest points, so that their noise can be seen.
+/// Plots the samples of the fastest points, to show their noise.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let all = group.ranking().all();
     let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();

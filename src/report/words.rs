@@ -1,16 +1,16 @@
-//! The words for a record that several parts of the report share.
+//! Texts about a record that several parts of the report use.
 
 use super::plot::look::Look;
 use crate::record::{
     Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant, to_mind,
 };
 
-/// Series names and their looks: a strategy looks the same wherever it is shown.
+/// Assigns a colour and a marker to each series name, so that a strategy looks the same everywhere.
 #[derive(Clone, Debug, Default)]
 pub struct Looks(Vec<String>);
 
 impl Looks {
-    /// A look for every strategy of the groups, in their order; then for the baselines.
+    /// Assigns one to every strategy of the groups in their order, then to the baselines.
     pub fn of(groups: &[Group<'_>]) -> Self {
         let mut names: Vec<String> = Vec::new();
         let (baselines, kernels): (Vec<_>, Vec<_>) = groups.iter().partition(|group| group.device == HOST);
@@ -23,23 +23,23 @@ impl Looks {
         Self(names)
     }
 
-    /// The look of a series.
+    /// Returns the colour and marker of a series.
     pub fn look(&self, name: &str) -> Look {
         Look::of(self.0.iter().position(|known| known == name).unwrap_or(self.0.len()))
     }
 }
 
-/// The name of a record's strategy in a legend.
+/// Returns the name of a record's strategy in a legend.
 pub fn series_name(record: &Record) -> String {
     if record.is_baseline() { format!("{} (host)", record.strategy) } else { record.name.clone() }
 }
 
-/// "16x16".
+/// Formats a local size: "16x16".
 pub fn size_name(record: &Record) -> String {
     record.local_size.map_or("-".to_owned(), |[across, down]| format!("{across}x{down}"))
 }
 
-/// "naive at 16 x 16".
+/// Formats as "naive at 16 x 16".
 pub fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", record.name, by(size)),
@@ -47,12 +47,12 @@ pub fn title(record: &Record) -> String {
     }
 }
 
-/// "teapot, 800 x 500, NVIDIA H200".
+/// Formats as "teapot, 800 x 500, NVIDIA H200".
 pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// The tooltip of a record: strategy, local size, median, interval, n, and warnings.
+/// Returns the tooltip of a record: strategy, local size, median, interval, n, and warnings.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {
@@ -71,7 +71,8 @@ pub fn tip(record: &Record) -> String {
     lines.join("\n")
 }
 
-/// The compiler's figures of its main kernel, if known: "168 registers, 12 B spilled, occupancy 19%".
+/// Returns the compiler's figures for its main kernel, if known: "168 registers, 12 B spilled, occupancy
+/// 19%".
 pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
     let registers = kernel.resources.registers.map(|count| format!("{count} registers"));
@@ -82,28 +83,29 @@ pub fn made(record: &Record) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// Which rule ended the sampling, in brackets.
+/// Returns the rule that ended the sampling, in brackets.
 fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }
 
-/// "95% interval 1.2 to 1.4 ms", or that there are not enough samples for one; nothing where there is no time.
+/// Returns "95% interval 1.2 to 1.4 ms", or that there are too few samples for one; `None` if there is no
+/// time.
 fn sureness(record: &Record) -> Option<String> {
     not_enough(record).or_else(|| Some(format!("95% interval {} ms", interval_text(interval(record)?))))
 }
 
-/// "1.2 to 1.4", in milliseconds.
+/// Formats milliseconds as "1.2 to 1.4".
 pub fn interval_text([low, high]: [f64; 2]) -> String {
     format!("{} to {}", ms(low), ms(high))
 }
 
-/// Why there is no time, in a line.
+/// Returns the reason for a missing time, in one line.
 pub fn first_line(record: &Record) -> &str {
     let reason = record.reason.as_deref().unwrap_or("no reason was recorded");
     reason.lines().next().unwrap_or_default()
 }
 
-/// "4.35 times": how many times as long `slow` takes.
+/// Returns the ratio of `slow` to `fast` as "4.35 times".
 pub fn times(slow: f64, fast: f64) -> String {
     format!("{}×", significant(slow / fast, 3))
 }

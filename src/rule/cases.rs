@@ -1,4 +1,4 @@
-//! The cases that the rule is held against: a scene, a size, and what may not leak.
+//! The cases with which the rule is compared: a scene, an image size, and whether rays may leak.
 
 use crate::error::{Error, Result};
 use crate::reader;
@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// A scene of fewer triangles is one of few.
+/// Scenes with fewer triangles than this have the kind `Few`.
 const FEW: usize = 50;
-/// More triangles per pixel than this are dense.
+/// Scenes with more triangles per pixel than this have the kind `Dense`.
 const DENSE: usize = 4;
 
 /// Kinds of devices.
@@ -23,33 +23,33 @@ const SIZES: RangeInclusive<u32> = 1..=65536;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// Under 50 triangles.
+    /// Fewer than 50 triangles.
     Few,
-    /// Surfaces all around the eye.
+    /// Surfaces lie all around the eye.
     Inside,
-    /// No ray may leak.
+    /// No ray may leak at edges and vertices.
     Watertight,
-    /// Over 4 triangles per pixel.
+    /// More than 4 triangles per pixel.
     Dense,
 }
 
-/// One of them.
+/// A case.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// The scene's file, relative to the cases'.
+    /// The scene's file, relative to the file of cases.
     pub scene: String,
-    /// Values set in it.
+    /// Values changed in the scene.
     #[serde(default)]
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// What makes it hard, which a test compares with the scene.
+    /// Its kinds, which a test compares with the scene.
     #[serde(default)]
     pub kinds: Vec<Kind>,
-    /// Kinds of devices that it is for.
+    /// The kinds of device that it is measured on.
     pub devices: Vec<String>,
 }
 
@@ -59,7 +59,7 @@ struct File {
     case: Vec<Case>,
 }
 
-/// The cases of a file.
+/// Reads the cases of a file.
 pub fn cases(path: &Path) -> Result<Vec<Case>> {
     let wrong = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the cases of '{}': {why}", path.display()))
@@ -82,7 +82,7 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
 }
 
 impl Case {
-    /// Loads its scene, whose file is named relative to the cases'.
+    /// Loads its scene; the scene's path is relative to the file of cases.
     pub fn scene(&self, cases: &Path) -> Result<Scene> {
         let path = cases.parent().unwrap_or(Path::new("")).join(&self.scene);
         let set: Vec<(String, toml::Value)> =
@@ -90,12 +90,12 @@ impl Case {
         Ok(load_scene_with(&path, &set)?.scene)
     }
 
-    /// What is to be cast.
+    /// Describes the work of casting it.
     pub fn task(&self, scene: &Scene) -> Task {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }
 
-    /// Whether it is what it says: each of its kinds, and no other.
+    /// Returns whether its kinds are exactly those of the task.
     pub fn is_of_its_kinds(&self, task: &Task) -> bool {
         let is = [
             (Kind::Few, task.triangles < FEW),
@@ -139,7 +139,7 @@ mod tests {
                 assert!(count >= 5, "{device}: {count} of {kind:?}");
             }
         }
-        // Making millions of triangles takes seconds; the command refuses what is not of its kinds.
+        // Making millions of triangles takes seconds; for large scenes the command itself makes this check.
         for case in
             cases.iter().filter(|case| !case.set.values().any(|value| value.as_integer() > Some(300_000)))
         {

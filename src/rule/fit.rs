@@ -1,18 +1,19 @@
-//! Constants fitted to sweeps: each in turn is put where the choices lose least, until none moves.
+//! Fits the rule's constants to sweeps. Each constant in turn is set to the value at which the choices lose
+//! least, until none changes.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
-/// What a way counts that a device refused: as if it took so many times as long as the best.
+/// The assumed time of a strategy that a device refused, as a multiple of the best time.
 const REFUSED: f64 = 100.0;
-/// The least gain that moves a constant: of the logarithms of all ratios to the best, added up.
+/// The least gain for which a constant is changed: in the sum of the logarithms of all ratios to the best.
 const GAIN: f64 = 1e-3;
-/// Cases that differ by less are no neighbours between which a constant could lie.
+/// Two cases whose values differ by a smaller factor count as equal; no constant is placed between them.
 const ALIKE: f64 = 1.01;
-/// Rounds over all constants at most: each depends on the others.
+/// Largest number of rounds over all constants; several are needed since each depends on the others.
 const ROUNDS: usize = 8;
 
-/// The constants of a class after its sweeps; what they do not tell stays as it is.
+/// Returns the constants of a class after fitting. Constants that the sweeps do not determine stay unchanged.
 pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Constants> {
     let mut constants = class.constants(watertight)?;
     let of_class: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.class == class).collect();
@@ -36,7 +37,7 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     Some(constants)
 }
 
-/// How much longer than the best the choices take, as the logarithms of the ratios, added up.
+/// Returns how much longer than the best the choices take: the sum of the logarithms of the ratios.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
@@ -45,7 +46,8 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Values that a constant may have: between two cases that are neighbours, rounded to two digits, or beyond all.
+/// Returns the candidate values of a constant: values between two neighbouring cases, rounded to two digits,
+/// and one beyond all cases.
 fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
     for sweep in sweeps {
@@ -53,27 +55,27 @@ fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usi
         seen.extend(cases.map(|case| constants.of(&case.task, sweep.compute_units)[place].2));
     }
     seen.sort_unstable_by(f64::total_cmp);
-    // Between cases that are all but alike there is no place.
+    // No value is placed between cases that are nearly equal.
     seen.dedup_by(|next, last| *next < *last * ALIKE);
     let between = seen.windows(2).map(|pair| between(pair[0], pair[1])).filter(|value| value.is_finite());
     [0.0, f64::INFINITY].into_iter().chain(between).collect()
 }
 
-/// About the geometric mean, of as few digits as lie between.
+/// Returns about the geometric mean, with as few digits as possible.
 fn between(low: f64, high: f64) -> f64 {
     let mean = (low * high).sqrt();
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse::<f64>().ok();
     (1..=6).filter_map(rounded).find(|value| *value > low && *value <= high).unwrap_or(high)
 }
 
-/// The text of src/strategy/constants.rs.
+/// Returns the source text of src/strategy/constants.rs.
 pub fn source(sweeps: &[Sweep]) -> String {
     let mut text = HEAD.to_owned();
     for (name, about, class, watertight) in [
-        ("CPU", "CPUs whose vectors hold the rays of tiles.", Class::TilesInVectors, false),
-        ("CPU_WATERTIGHT", "The same where no ray may leak.", Class::TilesInVectors, true),
-        ("GPU", "GPUs whose work-items can share tiles.", Class::SharedTiles, false),
-        ("GPU_WATERTIGHT", "The same where no ray may leak.", Class::SharedTiles, true),
+        ("CPU", "For CPUs: tiles in vectors.", Class::TilesInVectors, false),
+        ("CPU_WATERTIGHT", "For CPUs, with a watertight test.", Class::TilesInVectors, true),
+        ("GPU", "For GPUs whose work-items can share tiles.", Class::SharedTiles, false),
+        ("GPU_WATERTIGHT", "For GPUs, with a watertight test.", Class::SharedTiles, true),
     ] {
         let Some(mut constants) = fitted(sweeps, class, watertight) else { continue };
         text.push_str(&format!("\n/// {about}\npub const {name}: Constants = Constants {{\n"));
@@ -87,8 +89,9 @@ pub fn source(sweeps: &[Sweep]) -> String {
 }
 
 const HEAD: &str = "\
-//! Where one way of casting becomes faster than another: made of stored sweeps by `raycl rule --fit`, not by hand. A place between two
-//! cases of the sweeps is their geometric mean; what no sweep tells stays as it was.
+//! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
+//! stored sweeps; do not edit it. A limit between two cases of the sweeps is their geometric mean. A constant without
+//! a sweep keeps its former value.
 
 use super::fastest::Constants;
 ";
@@ -99,7 +102,7 @@ mod tests {
     use super::super::Measured;
     use super::*;
 
-    /// Triangles, pixels, and the time of each way.
+    /// Triangles, pixels, and the time of each strategy.
     type CaseTimes<'a> = (usize, usize, &'a [(&'a str, f64)]);
 
     fn sweep(cases: &[CaseTimes<'_>]) -> Sweep {

@@ -1,5 +1,5 @@
-//! The rule by which `render` chooses a strategy, held against measurements: cases in a file, sweeps of every way that may be chosen,
-//! and constants fitted to them.
+//! The rule by which `render` chooses a strategy, compared with measurements: cases in a file, sweeps that
+//! time every candidate strategy, and constants fitted to the sweeps.
 
 mod cases;
 mod fit;

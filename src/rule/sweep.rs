@@ -1,4 +1,5 @@
-//! A sweep: what every way that may be chosen takes for each case on a device, and how the rule's choice compares with the best.
+//! A sweep: the time of every candidate strategy for each case on a device, and the rule's choice compared
+//! with the best.
 
 use super::Case;
 use crate::device::Device;
@@ -11,30 +12,31 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A sample is as many frames as take so long: one frame of a GPU is shorter than what disturbs it.
+/// A sample has as many frames as take this long, since a single frame on a GPU is shorter than disturbances.
 const SAMPLE_MS: f64 = 10.0;
-/// More triangles than this are not all tested: that would take minutes, and no rule would choose it.
+/// Scenes with more triangles are not tested exhaustively, which would take minutes and which no rule would
+/// choose.
 const MOST_TESTED: usize = 2000;
-/// The most frames of a sample.
+/// Largest number of frames in a sample.
 const MOST_FRAMES: f64 = 200.0;
 
-/// What was measured on one device.
+/// The measurements on one device.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sweep {
     /// The device's label.
     pub device: String,
-    /// Which ways it has.
+    /// The device's class, which determines the candidates.
     pub class: Class,
-    /// Its compute units.
+    /// Number of its compute units.
     pub compute_units: u32,
-    /// When it was measured.
+    /// The date of the measurement.
     pub date: String,
-    /// Under which conditions, in words.
+    /// A description of the conditions.
     #[serde(default)]
     pub conditions: String,
-    /// Rounds, of which the least counts.
+    /// Number of rounds; the least time is used.
     pub rounds: u32,
-    /// What was measured of each case.
+    /// The measurements of each case.
     pub cases: Vec<Measured>,
 }
 
@@ -43,33 +45,35 @@ pub struct Sweep {
 pub struct Measured {
     /// The case's name.
     pub name: String,
-    /// What was cast.
+    /// The work that was cast.
     #[serde(flatten)]
     pub task: Task,
-    /// Milliseconds of a frame, the least of all rounds, by the way's name. Ways that the device refused are missing.
+    /// Milliseconds per frame, the least of all rounds, by the candidate's name. Candidates that the device
+    /// refused are missing.
     pub least_ms: BTreeMap<String, f64>,
 }
 
-/// The rule's choice beside the best.
+/// The rule's choice compared with the best.
 #[derive(Clone, Debug)]
 pub struct Verdict {
-    /// The way that was chosen.
+    /// The chosen candidate.
     pub choice: Way,
-    /// Its time; none where the device refused it.
+    /// Its time; `None` if the device refused it.
     pub choice_ms: Option<f64>,
-    /// The fastest way, and its time.
+    /// The fastest candidate, and its time.
     pub best: (String, f64),
 }
 
 impl Verdict {
-    /// How many times as long as the best the choice takes.
+    /// Returns the choice's time divided by the best time.
     pub fn ratio(&self) -> f64 {
         self.choice_ms.map_or(f64::INFINITY, |ms| ms / self.best.1)
     }
 }
 
 impl Measured {
-    /// What the rule chooses on a device of so many compute units, by some constants; none where nothing was measured.
+    /// Returns the rule's choice on a device with this many compute units, for some constants; `None` if
+    /// nothing was measured.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
         let choice = constants.way(&self.task, compute_units);
         let best = self.least_ms.iter().min_by(|a, b| a.1.total_cmp(b.1))?;
@@ -77,7 +81,7 @@ impl Measured {
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
     }
 
-    /// Measures a case: rounds in turns, there and back.
+    /// Measures a case in rounds, alternately forwards and backwards.
     pub fn of(case: &Case, scene: Scene, device: &Device, rounds: u32) -> Result<Self> {
         let (task, scene) = (case.task(&scene), Arc::new(scene));
         let limits = &device.info.limits;
@@ -90,7 +94,7 @@ impl Measured {
             let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
             match caster {
                 Ok(caster) => casters.push((way, caster, f64::INFINITY)),
-                // No time is what says that it cannot be chosen.
+                // A missing time shows that it cannot be chosen.
                 Err(Refused::Device(_) | Refused::Host(_)) => {}
                 Err(refused) => return Err(refused.into_error(&device.info.name)),
             }
@@ -115,7 +119,7 @@ impl Measured {
     }
 }
 
-/// As many as take long enough, by one that is warm.
+/// Returns how many frames take long enough, measured after warming up.
 fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::LaunchError> {
     let one_ms = caster.cast()?.frame_ms.max(1e-6);
     Ok((SAMPLE_MS / one_ms).ceil().clamp(1.0, MOST_FRAMES) as u32)

@@ -1,4 +1,4 @@
-//! From the wire types to a [`Scene`]: what TOML alone cannot check.
+//! Makes a [`Scene`] of the wire types, with the checks that TOML types cannot make.
 
 mod objects;
 
@@ -14,21 +14,21 @@ use crate::error::{Error, Result};
 use framing::{Ball, View};
 use glam::{DVec3, Vec3};
 
-/// A shadow ray starts this part of the scene's diagonal from its surface.
+/// The default shadow bias: this fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
-/// What a document describes.
+/// The result for a document.
 pub(super) struct Assembled {
     pub scene: Scene,
-    /// What it turns about.
+    /// The axis of a turntable.
     pub orbit: Orbit,
     /// The number of each object's first triangle.
     pub starts: Vec<u32>,
-    /// Whether a ground, soft light and a sky are around a bare mesh.
+    /// Whether a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
 }
 
-/// Builds the scene a document describes, for a shot.
+/// Builds the scene that a document describes, for a shot.
 pub(super) fn assemble(
     document: &Document,
     wire: SceneWire,
@@ -47,7 +47,8 @@ pub(super) fn assemble(
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
     match wire.two_sided.unwrap_or(document.bare) {
-        // What is seen from all around is turned as a whole, or some of it would be dark from behind.
+        // A scene that is seen from all sides is turned as a whole; otherwise parts of it would be dark from
+        // behind.
         true if shot.turns => normals::turn_outwards(&mut mesh),
         true => normals::turn_towards(&mut mesh, camera.position),
         false => {}
@@ -66,7 +67,8 @@ pub(super) fn assemble(
         None => lights(document, &wire, &seen, &camera, ball, notes),
     };
     let sky = wire.sky.as_ref().map(|sky| of_wire(sky, wire.camera.upright()));
-    // A picture with a background of its own is to be put on something else.
+    // A picture with a given background is probably to be combined with something else, so no ground is
+    // added.
     if let Some(ground) =
         studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())
     {
@@ -104,7 +106,7 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
     }
 }
 
-/// The objects of a scene as one mesh.
+/// The objects of a scene, joined to one mesh.
 struct Joined {
     mesh: Mesh,
     seen: Seen,
@@ -120,7 +122,7 @@ fn join(document: &Document, wire: &SceneWire, notes: &mut Vec<String>) -> Resul
         let first = joined.mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
             let message = format!("more than {} triangles in all", super::shapes::MAX_TRIANGLES);
-            return Err(document.error(object.span(), message, "this object is too many"));
+            return Err(document.error(object.span(), message, "this object exceeds the limit"));
         }
         check_positions(&file.mesh)
             .map_err(|error| document.place(object.span(), error, "of this object"))?;
@@ -139,7 +141,7 @@ fn join(document: &Document, wire: &SceneWire, notes: &mut Vec<String>) -> Resul
     Ok(joined)
 }
 
-/// The lights of a scene; a bare mesh has those of its file, or a key and a fill.
+/// Returns the lights of a scene. A bare mesh has those of its file, or a key light and a fill light.
 fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -165,7 +167,7 @@ fn lights(
     lights
 }
 
-/// Refuses lights of the file that are too far or too bright, at their places in it.
+/// Refuses lights of the file that are too far away or too bright, with their locations in the file.
 fn check_lights(
     document: &Document,
     wire: &SceneWire,
@@ -181,7 +183,7 @@ fn check_lights(
     Ok(())
 }
 
-/// The sky that a file asks for.
+/// Returns the sky that a file describes.
 fn of_wire(sky: &SkyWire, up: DVec3) -> Sky {
     let zenith = Vec3::from_array(sky.zenith.0);
     let horizon = sky.horizon.map_or(zenith, |horizon| Vec3::from_array(horizon.0));
@@ -198,7 +200,7 @@ fn light(wire: &LightWire) -> Light {
     Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius }
 }
 
-/// What a bare mesh's file says of how it is seen.
+/// The settings of a bare mesh's file that concern its view.
 #[derive(Default)]
 struct Seen {
     camera: Option<Camera>,
@@ -217,25 +219,28 @@ impl Seen {
         self.lights.extend(lights);
         if origin != DVec3::ZERO {
             let [x, y, z] = origin.to_array();
-            notes.push(format!("the mesh lies far from its origin: here ({x}, {y}, {z}) is the origin"));
+            notes.push(format!(
+                "the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions"
+            ));
         }
     }
 }
 
 impl CameraWire {
-    /// Whether it stands where it sees all of the scene from an angle.
+    /// Returns whether the camera is placed so that it sees the whole scene from an angle.
     fn is_framed(&self) -> bool {
         self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
     }
 
-    /// The scene's direction upwards.
+    /// Returns the scene's upward direction.
     fn upright(&self) -> DVec3 {
         let given = self.up.as_ref().map(|up| Vec3::from_array(up.get_ref().0).as_dvec3());
         given.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
     }
 }
 
-/// The camera that a file's keys change: the paper's; of what is framed the file's own, or one that sees all of it.
+/// Returns the camera that the file's keys modify: the paper's; for a framed scene, the camera of the mesh's
+/// file or one that sees the whole scene.
 fn base_camera(
     wire: &CameraWire,
     mesh: &Mesh,
@@ -257,7 +262,7 @@ fn base_camera(
     framing::camera(mesh, ball, &view)
 }
 
-/// The camera: what the file leaves out is the base's.
+/// Returns the camera; keys that are missing in the file are taken from the base camera.
 fn camera(document: &Document, wire: &CameraWire, base: Camera, ball: Option<Ball>) -> Result<Camera> {
     let z_near = wire.z_near.map_or(base.z_near, |value| value.0);
     let fov = field_of_view(document, wire)?;
@@ -277,7 +282,7 @@ fn camera(document: &Document, wire: &CameraWire, base: Camera, ball: Option<Bal
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
-/// The tangent of half the field of view, and whether it spans the height.
+/// Returns the tangent of half the field of view, and whether it applies to the height.
 fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, bool)>> {
     let tangent = |degrees: f32| (f64::from(degrees).to_radians() / 2.0).tan() as f32;
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
@@ -298,8 +303,8 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
         let message = format!("the camera is at {position} and looks at the same point");
         return document.error(at([1, 2, 0]), message, "no direction").with_help("move position or look_at");
     }
-    let message = format!("the camera's up {up} is zero or along its view {}", target - position);
+    let message = format!("the camera's up {up} is zero or parallel to its view {}", target - position);
     document
         .error(at([0, 1, 2]), message, "no upright")
-        .with_help("give an `up` across the view, such as [0, 0, 1]")
+        .with_help("give an `up` that is not parallel to the view, such as [0, 0, 1]")
 }

@@ -1,4 +1,4 @@
-//! From where a scene is seen, and which ray belongs to which pixel.
+//! Cameras, and the ray of each pixel.
 
 use glam::{DVec3, Vec3};
 
@@ -12,30 +12,31 @@ pub struct Camera {
     pub right: Vec3,
     /// Unit vector towards smaller pixel y.
     pub up: Vec3,
-    /// Unit vector along the view.
+    /// Unit vector in the viewing direction.
     pub forward: Vec3,
     /// Tangent of half the field of view.
     pub tan_half_fov: f32,
-    /// Whether the field of view spans the height (else the width).
+    /// Whether the field of view is measured across the height; otherwise across the width.
     pub fov_is_vertical: bool,
-    /// Only hits whose depth along `forward` is larger than this are seen.
+    /// Hits whose depth along `forward` is not larger than this are ignored.
     pub z_near: f32,
-    /// How far beside its centre a pixel's ray passes, in pixels to the right and down; zero but for one sample of several.
+    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero except for one
+    /// of several samples.
     pub shift: [f32; 2],
 }
 
-/// The rays of an image: the ray through pixel coordinates (x, y), with centres
-/// at half-integers, leaves `eye` along `corner + x * step_x + y * step_y`. That
-/// direction has depth 1 along the camera's forward axis and is not normalised.
+/// The rays of an image. The ray through pixel coordinates (x, y) starts at `eye` in the direction `corner +
+/// x * step_x + y * step_y`; pixels have their centres at half-integers. That direction has depth 1 along the
+/// camera's forward axis and is not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelFrame {
-    /// Where every ray starts.
+    /// The origin of all rays.
     pub eye: DVec3,
     /// The direction through the image's top left corner.
     pub corner: DVec3,
-    /// What one pixel to the right adds.
+    /// The change of direction per pixel to the right.
     pub step_x: DVec3,
-    /// What one pixel down adds.
+    /// The change of direction per pixel down.
     pub step_y: DVec3,
     /// The smallest visible depth.
     pub z_near: f64,
@@ -54,9 +55,9 @@ impl Camera {
         shift: [0.0; 2],
     };
 
-    /// A camera at `position` that looks at `target`, with a field of view of less
-    /// than 180 degrees across the height or the width, and a z_near of 0. `None`
-    /// where the two points or `up` decide no direction.
+    /// Returns a camera at `position` that looks at `target`, with a field of view of less than 180 degrees
+    /// across the height or the width, and a z_near of 0. `None` if the points or `up` do not determine a
+    /// direction.
     pub fn looking_at(
         position: Vec3,
         target: Vec3,
@@ -71,7 +72,7 @@ impl Camera {
             return None;
         }
         let right = right.normalize();
-        // Adding zero turns -0 into 0, so that equal cameras have equal bytes.
+        // Adding zero changes -0 to 0, so that equal cameras have equal bytes.
         let axis = |v: DVec3| v.as_vec3() + Vec3::ZERO;
         Some(Self {
             position,
@@ -85,7 +86,7 @@ impl Camera {
         })
     }
 
-    /// The rays of an image of `width` x `height` pixels.
+    /// Returns the rays of an image of `width` x `height` pixels.
     pub fn pixel_frame(&self, width: u32, height: u32) -> PixelFrame {
         let (width, height) = (f64::from(width), f64::from(height));
         let tan = f64::from(self.tan_half_fov);
@@ -105,7 +106,7 @@ impl Camera {
 }
 
 impl PixelFrame {
-    /// The direction through pixel coordinates (x, y), of depth 1.
+    /// Returns the direction through pixel coordinates (x, y), of depth 1.
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         self.corner + self.step_x * x + self.step_y * y
     }

@@ -1,4 +1,4 @@
-//! A scene file's text, ready to be read, and the mistakes at its lines.
+//! The text of a scene file, with the locations of mistakes.
 
 use super::{files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
@@ -11,34 +11,34 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 use toml::{Table, Value};
 
-/// The remedy of a scene file that does not parse.
+/// The remedy for a scene file that cannot be parsed.
 pub(super) const KEYS: &str = "docs/scenes.md has every key of a scene, with its type";
-/// The remedy where a scene cannot be read.
+/// The remedy for a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
-/// A scene file's text.
+/// The text of a scene file.
 pub(super) struct Document {
-    /// What messages call it.
+    /// Its name in messages.
     pub name: String,
-    /// TOML, with the overrides set.
+    /// The TOML text, including overrides.
     pub text: String,
-    /// What the paths in it are relative to.
+    /// The folder that its paths are relative to.
     pub folder: PathBuf,
-    /// The file's name without its ending.
+    /// The file's name without extension.
     pub stem: String,
-    /// Whether it stands for a mesh without a scene file.
+    /// Whether the document was made for a mesh without a scene file.
     pub bare: bool,
     /// Whether messages may quote it.
     pub quotes: bool,
-    /// The mesh that it stands for, until it is read: of a pipe there is no second reading.
+    /// The opened mesh of such a document, until it is read; a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 
-/// Edges of a bare mesh without normals stay sharp from this angle between their faces on.
+/// In a bare mesh without normals, edges stay sharp if their faces meet at more than this angle.
 const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
-    /// Reads a scene file, or writes the one that a bare mesh stands for.
+    /// Reads a scene file, or makes the document of a bare mesh.
     pub fn read(path: &Path, overrides: &[(String, Value)], quotes: bool) -> Result<Self> {
         let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
@@ -64,21 +64,22 @@ impl Document {
         Ok(document)
     }
 
-    /// A remark for a file that holds something else than its name says.
+    /// Returns a note if the file's contents do not match its extension.
     pub fn unexpected_ending(&self, path: &Path) -> Option<String> {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
         let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
         let held = held.map_or("a scene (TOML)", MeshFormat::name);
-        (!usual).then(|| format!("{}: read as {held}, which it holds whatever its name says", path.display()))
+        (!usual).then(|| format!("{}: read as {held}, by its contents and not by its name", path.display()))
     }
 
-    /// Opens a file that this document names; that of a bare mesh is open already.
+    /// Opens a file named in this document; a bare mesh is already open.
     pub fn open(&self, path: &Path) -> std::io::Result<Opened> {
         let held = self.held.borrow_mut().take_if(|(held, _)| held == path);
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
-    /// The mistake of a file that does not say it is TOML and is not: it is likely none of what raycl reads.
+    /// Returns the error for a file that is not TOML and does not have that extension, so that it is probably
+    /// of an unsupported format.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;
@@ -89,7 +90,7 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values and writes the text anew, so that a message shows what was read.
+    /// Sets values and formats the text again, so that messages show what was parsed.
     fn set(&mut self, values: &[(String, Value)]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, values)?;
@@ -100,7 +101,7 @@ impl Document {
         Ok(())
     }
 
-    /// The mistake of a text that is no scene.
+    /// Returns the error for a text that is not a scene.
     pub fn misread(&self, error: &toml::de::Error) -> Error {
         if self.quotes {
             return toml_error(&self.name, &self.text, error, KEYS);
@@ -109,16 +110,16 @@ impl Document {
         Error::withheld(&self.name, line, expectation(error).unwrap_or("what a scene has there"))
     }
 
-    /// Gives a mistake that has no place yet a place in this document.
+    /// Adds a location in this document to an error that has none.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
 
-    /// A mistake at a place in this document.
+    /// Returns an error with a location in this document.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
         if !self.quotes {
             let line = line_of(&self.text, span.start);
-            // Labels are the program's own words.
+            // Labels contain only raycl's own words.
             let label = if label == "here" { String::new() } else { format!(" ({label})") };
             return Error::withheld(&self.name, line, &format!("what a scene has there{label}"));
         }
@@ -126,7 +127,7 @@ impl Document {
     }
 }
 
-/// A file's name without its endings; standard input has none of its own.
+/// Returns a file's name without its extensions; standard input has a fixed name.
 fn stem(path: &Path) -> String {
     if path.as_os_str() == STANDARD_INPUT {
         return "picture".to_owned();
@@ -134,7 +135,7 @@ fn stem(path: &Path) -> String {
     unpacked_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The scene file that a bare mesh stands for.
+/// Returns the text of the scene file for a bare mesh.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
     let file = file.ok_or_else(|| {

@@ -1,12 +1,14 @@
-//! Whether surfaces are all around the eye: inside, more rays hit, and shadow rays go farther, than where an object stands before it.
+//! Whether surfaces lie all around the eye. If they do, more rays hit something, and shadow rays are longer,
+//! than with an object in front of the eye.
 
 use super::Scene;
 
-/// Triangles that are looked at; as many tell of a large scene what all would.
+/// Number of triangles that are tested; a large scene is judged by a sample of this size.
 const LOOKED_AT: usize = 4096;
 
 impl Scene {
-    /// Whether triangles lie in every direction from the eye: ahead and behind, left and right, above and below.
+    /// Returns whether there are triangles in every direction from the eye: in front and behind, left and
+    /// right, above and below.
     pub fn encloses_eye(&self) -> bool {
         let (mesh, eye) = (&self.mesh, self.camera.position);
         let step = mesh.triangles.len().div_ceil(LOOKED_AT).max(1);

@@ -1,31 +1,33 @@
-//! How much of what is seen faces away: such surfaces are lit from behind, so they are dark.
+//! How much of the visible surface faces away from the camera. Such surfaces are dark, since they are lit
+//! from behind.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Samples across a picture; enough to tell most from little.
+/// Number of samples across a picture; enough to distinguish most of a surface from little of it.
 const ACROSS: usize = 48;
-/// From this part of what is seen on it is worth a note.
+/// From this fraction of the visible surface on, a note is given.
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample: its distance in lengths of the sample's ray, and whether it faces away.
+/// The nearest surface at each sample: its distance in lengths of the sample's ray, and whether it faces
+/// away.
 type Nearest = Vec<(f64, bool)>;
 
-/// A note where most of what is seen faces away, in images of an aspect: width over height.
+/// Returns a note if most of the visible surface faces away, in images with this ratio of width to height.
 pub(super) fn note(scene: &Scene, aspect: f64) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     (part > MOST).then(|| {
         format!(
-            "{:.0}% of what is seen faces away from the camera, where no light of its side falls: \
-             --two-sided (two_sided = true) turns it",
+            "{:.0}% of the visible surface faces away from the camera and is dark, since its front is lit: --two-sided (two_sided = true) reverses its normals",
             100.0 * part
         )
     })
 }
 
-/// The part of the visible surface whose normals point away from the camera; none if no surface is visible.
+/// Returns the fraction of the visible surface whose normals point away from the camera; `None` if no surface
+/// is visible.
 fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     let down = (ACROSS as f64 / aspect).round().clamp(1.0, 4.0 * ACROSS as f64) as usize;
     let grid = Grid::new(camera, [ACROSS, down]);
@@ -42,12 +44,12 @@ fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     (hits > 0).then(|| averted as f64 / hits as f64)
 }
 
-/// A coarse picture.
+/// A picture of low resolution.
 struct Grid {
     size: [usize; 2],
     eye: DVec3,
     forward: DVec3,
-    /// Across the picture, and down it, as long as a sample is wide at depth 1.
+    /// The steps across and down the picture between two samples, at depth 1.
     step: [DVec3; 2],
     corner: DVec3,
     z_near: f64,
@@ -86,7 +88,7 @@ impl Grid {
         }
     }
 
-    /// The columns and rows of samples that a triangle may cover; none of one behind the eye.
+    /// Returns the columns and rows of samples that a triangle may cover; `None` for one behind the eye.
     fn bounds(&self, corners: [DVec3; 3]) -> Option<[std::ops::Range<usize>; 2]> {
         let depths = corners.map(|corner| corner.dot(self.forward));
         if depths.iter().all(|depth| *depth <= 0.0) {

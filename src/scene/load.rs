@@ -1,4 +1,4 @@
-//! From a path to a [`Scene`].
+//! Loads a [`Scene`] from a path.
 
 use super::assemble::{Assembled, assemble};
 use super::document::Document;
@@ -10,70 +10,67 @@ use crate::reader::lies_in;
 use std::path::Path;
 use toml::Value;
 
-/// A scene, and what a user may want to know about how it was read.
+/// A scene, with notes about how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The validated scene.
     pub scene: Scene,
-    /// What it turns about on a turntable.
+    /// The axis about which it turns on a turntable.
     pub orbit: Orbit,
-    /// The number of each object's first triangle: of a TOML scene its objects, of a bare glTF its nodes with meshes.
+    /// The number of each object's first triangle: for a TOML scene its objects, for a bare glTF file its
+    /// nodes with meshes.
     pub object_starts: Vec<u32>,
-    /// Whether it is a bare mesh with a ground, soft light and a sky around it.
+    /// Whether a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
-    /// Sentences about what was passed over or made up, such as a missing material file.
+    /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
     pub notes: Vec<String>,
 }
 
-/// What a scene without a camera of its own is framed for.
+/// The pictures for which a scene without a camera is framed.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot {
-    /// Width over height of the pictures.
+    /// The ratio of the pictures' width to their height.
     pub aspect: f64,
-    /// Whether it turns: it is then seen whole from all around.
+    /// Whether the scene turns; it is then framed so that it is visible from all sides.
     pub turns: bool,
-    /// Whether a bare mesh gets a ground, soft light and a sky where it has no lights of its own.
+    /// Whether a bare mesh without lights gets a ground, soft light and a sky.
     pub dressed: bool,
 }
 
 impl Shot {
-    /// What fits pictures of any shape at least as wide as high.
+    /// Suits pictures of any shape that are at least as wide as high.
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false };
 }
 
-/// Loads a scene file (TOML) or a bare mesh (OBJ, PLY, STL, glTF), told apart by what they hold. A bare mesh is seen whole
-/// from three quarters, in images at least as wide as high, lit by a key and a fill light, its normals turned to the viewer:
-/// plain, as experiments cast it.
+/// Loads a scene file (TOML) or a bare mesh (OBJ, PLY, STL, glTF), recognised by their contents. A bare mesh
+/// is framed as in experiments: seen from the right, above and in front, for images at least as wide as high,
+/// with a key light and a fill light, and with its normals turned to the viewer.
 ///
-/// # Errors
-/// The user's mistake with its file and line: a file that cannot be read, an
-/// unknown key, a value out of range, an index out of bounds, no triangles.
+/// # Errors A mistake of the user, with its file and line: a file that cannot be read, an unknown key, a
+/// value out of range, an index out of bounds, no triangles.
 pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }
 
-/// Loads a scene with values set first, each at a dotted path into the file, such as
-/// `camera.position` or `object.0.triangles`. For a bare mesh they are set in a
-/// scene file whose only entry is the mesh.
+/// Loads a scene after changing values, each given by a dotted path in the file, such as `camera.position` or
+/// `object.0.triangles`. A bare mesh is treated like a scene file with that mesh as its only entry.
 ///
-/// # Errors
-/// As [`load_scene`], and for a path that leads nowhere.
+/// # Errors As [`load_scene`]; also if a path does not exist.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     load(path, overrides, Shot::SQUARE, true)
 }
 
-/// The same for a shot: a bare mesh is seen as large as its pictures have room for.
+/// Does the same for given pictures: a bare mesh is framed to fill them.
 ///
-/// # Errors
-/// As [`load_scene_with`].
+/// # Errors As [`load_scene_with`].
 pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) -> Result<Loaded> {
     load(path, overrides, shot, true)
 }
 
-/// The same for a scene that a file names: its text is quoted only where it lies in that file's folder.
+/// Does the same for a scene that is named in a file. Messages quote the scene only if it lies in that file's
+/// folder.
 ///
-/// # Errors
-/// As [`load_scene_with`].
+/// # Errors As [`load_scene_with`].
 pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     load(path, overrides, Shot::SQUARE, lies_in(path, folder))
 }

@@ -1,25 +1,26 @@
-//! What a surface does with light.
+//! The materials of surfaces.
 
 use glam::Vec3;
 
-/// The k_L of a surface that says nothing else: the paper's ground.
+/// The default k_L: that of the paper's ground.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
 /// The k_G of the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;
 /// The s of the paper's figures.
 pub const PAPER_SHININESS: f32 = 100.0;
 
-/// k_L and k_G are at most this: a thousand times a thousand is brighter than any surface, and products stay in single precision.
+/// The largest k_L and k_G. It is brighter than any surface, and products with it stay within single
+/// precision.
 pub const MAX_REFLECTANCE: f32 = 1e6;
-/// So is s, at which a highlight is a point.
+/// The largest s, at which a highlight is a point.
 pub const MAX_SHININESS: f32 = 1e6;
 
-/// Which reflectance formula a surface follows.
+/// The reflectance formula of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaterialKind {
-    /// Diffuse only: `k_L / pi`.
+    /// Diffuse: `k_L / pi`.
     Lambertian,
-    /// Diffuse and a highlight: `(k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi`.
+    /// Diffuse with a highlight: `(k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi`.
     BlinnPhong,
 }
 
@@ -28,9 +29,9 @@ pub enum MaterialKind {
 pub struct Material {
     /// k_L, the diffuse reflectance.
     pub lambertian: Vec3,
-    /// k_G, the highlight's strength.
+    /// k_G, the strength of the highlight.
     pub glossy: Vec3,
-    /// s, the highlight's exponent.
+    /// s, the exponent of the highlight.
     pub shininess: f32,
     /// The formula.
     pub kind: MaterialKind,
@@ -43,20 +44,20 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Floats a material takes on a device: k_L, k_G, s, kind.
+    /// Number of floats of a material on a device: k_L, k_G, s, kind.
     pub const FLOATS: usize = 8;
 
-    /// A diffuse surface.
+    /// Returns a diffuse material.
     pub const fn lambertian(lambertian: Vec3) -> Self {
         Self { lambertian, glossy: Vec3::ZERO, shininess: 0.0, kind: MaterialKind::Lambertian }
     }
 
-    /// Diffuse, with a highlight.
+    /// Returns a diffuse material with a highlight.
     pub const fn blinn_phong(lambertian: Vec3, glossy: Vec3, shininess: f32) -> Self {
         Self { lambertian, glossy, shininess, kind: MaterialKind::BlinnPhong }
     }
 
-    /// The device's form: k_L (3), k_G (3), s, kind (0 Lambertian, 1 Blinn-Phong).
+    /// Returns the floats for a device: k_L (3), k_G (3), s, kind (0 Lambertian, 1 Blinn-Phong).
     pub fn to_floats(self) -> [f32; Self::FLOATS] {
         let kind = match self.kind {
             MaterialKind::Lambertian => 0.0,

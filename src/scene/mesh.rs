@@ -1,10 +1,10 @@
-//! Indexed triangles, as OBJ has them: one set of positions, one of normals.
+//! Indexed triangles, with separate sets of positions and normals as in OBJ files.
 
 use super::{Material, Textures};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Fewer triangles than this are not worth another thread.
+/// Smaller meshes are processed by one thread.
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
 /// One triangle of a [`Mesh`], as indices into its sets.
@@ -18,7 +18,7 @@ pub struct Triangle {
     pub material: u32,
 }
 
-/// Triangles with their materials. Normals need not have unit length.
+/// Triangles with their materials. Normals need not have length 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Corner positions, in the scene's units.
@@ -27,34 +27,34 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// The triangles.
     pub triangles: Vec<Triangle>,
-    /// The materials the triangles name.
+    /// The triangles' materials.
     pub materials: Vec<Material>,
-    /// Pictures that triangles take their colour from, too.
+    /// The triangles' textures.
     pub textures: Textures,
 }
 
 impl Mesh {
-    /// Bytes of a mesh with these numbers of triangles, positions and normals.
+    /// Returns the bytes of a mesh with these numbers of triangles, positions and normals.
     pub const fn bytes(triangles: u64, positions: u64, normals: u64) -> u64 {
         triangles * size_of::<Triangle>() as u64 + (positions + normals) * size_of::<Vec3>() as u64
     }
 
-    /// The three corners of a triangle.
+    /// Returns the three corners of a triangle.
     pub fn corners(&self, triangle: &Triangle) -> [Vec3; 3] {
         triangle.positions.map(|index| self.positions[index as usize])
     }
 
-    /// The normals at a triangle's corners.
+    /// Returns the normals at a triangle's corners.
     pub fn corner_normals(&self, triangle: &Triangle) -> [Vec3; 3] {
         triangle.normals.map(|index| self.normals[index as usize])
     }
 
-    /// A triangle's material.
+    /// Returns a triangle's material.
     pub fn material(&self, triangle: &Triangle) -> &Material {
         &self.materials[triangle.material as usize]
     }
 
-    /// The smallest and largest corner, or `None` without triangles.
+    /// Returns the smallest and the largest corner of the bounding box; `None` without triangles.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
         let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);
@@ -67,7 +67,7 @@ impl Mesh {
         self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
     }
 
-    /// Adds another mesh's triangles, shifting its indices.
+    /// Adds another mesh's triangles, with their indices shifted.
     pub fn append(&mut self, other: Mesh) {
         if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
             *self = other;

@@ -1,8 +1,8 @@
-//! The scene a ray is cast through: triangles, materials, lights, a camera.
+//! Scenes: triangles, materials, lights, a camera.
 //!
-//! A [`Scene`] is validated when it is made: every number is finite, every
-//! index in bounds, every triangle has normals. Nothing after it checks again.
-//! Its `f32` values are the truth for device and reference alike.
+//! A [`Scene`] is validated when it is made: every number is finite, every index in bounds, every triangle
+//! has normals. No later code checks this again. Its `f32` values are used by devices and by the reference
+//! alike.
 
 mod assemble;
 mod camera;
@@ -39,15 +39,15 @@ pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
 
-/// The JSON schema of a scene's file.
+/// Returns the JSON schema of a scene's file.
 pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light: a point, or with several samples of each pixel a ball.
+/// A light: a point, or a ball if there are several samples per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Where it is, in the scene's units.
+    /// Its position, in the scene's units.
     pub position: Vec3,
     /// Its power in red, green and blue.
     pub power: Vec3,
@@ -55,25 +55,25 @@ pub struct Light {
     pub radius: f32,
 }
 
-/// Light from all around, where nothing is in its way.
+/// A sky: light from all directions, unless something occludes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sky {
-    /// The radiance from straight above.
+    /// The radiance from directly above.
     pub zenith: Vec3,
-    /// From the horizon, and from below it.
+    /// The radiance from the horizon and from below it.
     pub horizon: Vec3,
     /// The direction of the zenith, of unit length.
     pub up: Vec3,
-    /// What is farther away than this, in the scene's units, hides nothing of it.
+    /// Surfaces farther away than this, in the scene's units, do not occlude the sky.
     pub reach: f32,
 }
 
 /// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// The factor before the curve; the paper's is 15.
+    /// The factor before the exponent is applied; the paper's is 15.
     pub exposure: f32,
-    /// The exponent's inverse; the paper's is 2.2.
+    /// The inverse of the exponent; the paper's is 2.2.
     pub gamma: f32,
 }
 
@@ -84,39 +84,39 @@ impl Default for Display {
 }
 
 impl Display {
-    /// Radiance that is shown as a colour of 255 a channel.
+    /// Returns the radiance that is displayed as an 8-bit colour.
     pub fn radiance_of(self, colour: [u8; 3]) -> Vec3 {
-        // Half a step on, as values are truncated.
+        // Half a step is added, since displayed values are rounded down.
         let shown = |value: u8| if value == 0 { 0.0 } else { (f64::from(value) + 0.5).min(255.0) / 255.0 };
         let radiance = |value| shown(value).powf(self.gamma.into()) / f64::from(self.exposure);
         let [red, green, blue] = colour.map(|value| radiance(value) as f32);
         let radiance = Vec3::new(red, green, blue);
-        // Nothing is shown without exposure.
+        // Without exposure everything is displayed as black.
         if radiance.is_finite() { radiance } else { Vec3::ZERO }
     }
 }
 
-/// The radiance of a ray that hits nothing, in the paper's figures.
+/// The radiance of a ray that hits nothing, as in the paper's figures.
 pub const PAPER_BACKGROUND: Vec3 = Vec3::new(0.0022, 0.0032, 0.0053);
 
 /// A validated scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What reports call it.
+    /// Its name in reports.
     pub name: String,
     /// All triangles, with their two index sets and materials.
     pub mesh: Mesh,
     /// The lights, in the order of the file.
     pub lights: Vec<Light>,
-    /// What shines from all around, if anything does.
+    /// The sky, if there is one.
     pub sky: Option<Sky>,
-    /// From where it is seen.
+    /// The camera.
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
-    /// How far a shadow ray starts from its surface, in the scene's units.
+    /// The distance from its surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
-    /// How radiance is shown.
+    /// The display transform.
     pub display: Display,
 }
 
@@ -149,7 +149,8 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // Of a scene without textures, soft lights and a sky nothing is hashed, so that it keeps the hash that records have.
+        // Scenes without textures, soft lights and a sky add nothing here, so their hashes are the same as in
+        // older records.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
@@ -169,7 +170,7 @@ impl Scene {
     }
 }
 
-/// Feeds 32-bit words to a hash in pieces worth its while.
+/// Adds 32-bit words to a hash in pieces of efficient size.
 fn hash_words(hasher: &mut blake3::Hasher, words: impl Iterator<Item = u32>) {
     let mut piece = Vec::with_capacity(1 << 16);
     for word in words {

@@ -1,4 +1,4 @@
-//! Normals where a mesh has none, and in place of those that are no direction.
+//! Makes normals for meshes without them, and replaces invalid ones.
 
 mod creases;
 
@@ -6,11 +6,11 @@ use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// In `Triangle::normals`, while a mesh is made: to be generated.
+/// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Gives every corner a finite normal that is not zero, in linear time. Those made for a mesh that has none are smooth; with a
-/// crease angle in degrees only over edges that are no sharper.
+/// Gives every corner a finite normal that is not zero, in linear time. Normals for a mesh that has none are
+/// smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)
@@ -27,7 +27,7 @@ pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     replace_zero(mesh);
 }
 
-/// Replaces all normals by the faces' own.
+/// Replaces all normals by those of the faces.
 pub(super) fn flatten(mesh: &mut Mesh) {
     mesh.normals = mesh.triangles.iter().map(|triangle| face_normal(mesh, triangle)).collect();
     for (index, triangle) in (0..).zip(&mut mesh.triangles) {
@@ -35,9 +35,9 @@ pub(super) fn flatten(mesh: &mut Mesh) {
     }
 }
 
-/// Turns the normals of every triangle whose front is not towards `eye`, so that a
-/// mesh with its faces wound inwards is not lit from behind. Whole triangles are
-/// turned: turning single normals would break the shading along outlines.
+/// Reverses the normals of every triangle whose front does not face `eye`, so that a mesh with inward-facing
+/// triangles is not lit from behind. All normals of a triangle are reversed together, since reversing single
+/// ones would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {
@@ -60,7 +60,7 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     }
 }
 
-/// Turns all normals of a mesh whose surface faces inwards, by the volume that it encloses.
+/// Reverses all normals of a mesh whose surface faces inwards, which is decided by the sign of its volume.
 pub(super) fn turn_outwards(mesh: &mut Mesh) {
     let centre = mesh.bounds().map_or(DVec3::ZERO, |(low, high)| (low.as_dvec3() + high.as_dvec3()) / 2.0);
     let outwards = |triangle: &Triangle| {
@@ -75,10 +75,10 @@ pub(super) fn turn_outwards(mesh: &mut Mesh) {
     }
 }
 
-/// Adds one normal a position, the mean of its faces' weighted by their area, and
-/// gives it to the triangles without normals.
+/// Adds one normal per position, the mean of its faces' normals weighted by area, and assigns it to the
+/// triangles without normals.
 fn generate(mesh: &mut Mesh) {
-    // In f64 the cross product of the smallest f32 edges is not zero.
+    // In f64, the cross product of the smallest f32 edges is not zero.
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     let base = mesh.normals.len() as u32;
     for triangle in &mut mesh.triangles {
@@ -95,7 +95,7 @@ fn generate(mesh: &mut Mesh) {
     mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
 }
 
-/// The normal itself, or, where its square would leave f32's range, its direction.
+/// Returns the normal, or its direction if its square would exceed the range of f32.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;
@@ -103,7 +103,7 @@ fn tame(normal: Vec3) -> Vec3 {
     normal.as_dvec3().normalize_or_zero().as_vec3()
 }
 
-/// Gives a triangle with a zero normal its face's.
+/// Gives triangles with a zero normal their face's normal.
 fn replace_zero(mesh: &mut Mesh) {
     if !mesh.normals.contains(&Vec3::ZERO) {
         return;
@@ -121,11 +121,11 @@ fn replace_zero(mesh: &mut Mesh) {
         }
     }
     mesh.triangles = triangles;
-    // What is left belongs to no triangle.
+    // The remaining ones belong to no triangle.
     mesh.normals.iter_mut().filter(|normal| **normal == Vec3::ZERO).for_each(|normal| *normal = Vec3::Z);
 }
 
-/// The unit normal of a triangle's plane; some unit vector where it has no plane.
+/// Returns the unit normal of a triangle's plane; an arbitrary unit vector if it has no plane.
 fn face_normal(mesh: &Mesh, triangle: &Triangle) -> Vec3 {
     let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
     (b - a).cross(c - a).try_normalize().unwrap_or(DVec3::Z).as_vec3()

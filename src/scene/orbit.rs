@@ -1,21 +1,21 @@
-//! A scene that turns before its camera, as on a turntable: the camera goes around it.
+//! Turns a scene as on a turntable, by moving the camera around it.
 
 use super::{Camera, Light, Scene};
 use glam::{DQuat, DVec3, Vec3};
 
-/// The axis that a scene turns about, and whether its lights stay where the camera is.
+/// The axis of the turntable, and whether lights move with the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// A point of the axis.
+    /// A point on the axis.
     pub centre: DVec3,
-    /// Its direction, of unit length.
+    /// The direction of the axis, of length 1.
     pub up: DVec3,
-    /// Lights made up for a bare mesh stand beside the camera; those of a scene belong to the scene.
+    /// Lights that were added to a bare mesh move with the camera; those of a scene do not.
     pub with_lights: bool,
 }
 
 impl Orbit {
-    /// Camera and lights after a part of a turn; the first, 0, is the scene's own.
+    /// Returns camera and lights after a fraction of a turn; at 0 they are the scene's own.
     pub fn at(&self, scene: &Scene, part: f64) -> (Camera, Vec<Light>) {
         if part == 0.0 {
             return (scene.camera, scene.lights.clone());

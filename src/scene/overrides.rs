@@ -1,13 +1,13 @@
-//! `--set camera.position=[0,0,1]`: values put into a document before it is read.
+//! `--set camera.position=[0,0,1]`: changes values in a document before it is parsed.
 
 use crate::error::{Error, Result};
 use toml::{Table, Value};
 
-/// The remedy of a path that leads nowhere.
+/// The remedy for a path that does not exist.
 const PATHS: &str = "a path is names and places joined by dots: camera.position, light.0.power";
 
-/// Sets each dotted path in turn. A number in a path is an array's element from 0,
-/// and the first number beyond an array adds to it, as in `light.0.power`.
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
+/// the last one adds an element, as in `light.0.power`.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
         let keys: Vec<&str> = path.split('.').collect();
@@ -73,7 +73,7 @@ fn set_in_array(
     set_in_value(&mut array[index], key, rest, value)
 }
 
-/// What a path that does not exist yet goes through: an array before a number, else a table.
+/// Returns the container for a path that does not exist yet: an array before a number, else a table.
 fn container(rest: &[&str]) -> Value {
     match rest.first().map(|key| key.parse::<usize>()) {
         Some(Ok(_)) => Value::Array(Vec::new()),

@@ -1,40 +1,41 @@
-//! What each sample of a pixel looks at: a place in the pixel, drawn from the filter itself, so that all samples weigh the same
-//! (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray Tracing 2006). All pixels
-//! share them (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that rays stay coherent.
+//! The samples of a pixel: positions drawn from the filter itself, so that all samples have the same weight
+//! (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray Tracing
+//! 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that
+//! rays stay coherent.
 
 /// The Blackman-Harris filter's width, in pixels.
 const WIDTH: f64 = 1.5;
 /// Its cosine series (Harris, "On the Use of Windows for Harmonic Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
-/// How often the filter is halved to find a place in it: below double precision's steps.
+/// Number of bisections when a position in the filter is searched; more than double precision needs.
 const HALVINGS: u32 = 54;
-/// Any two numbers: they decide how Owen's scrambling permutes.
+/// Arbitrary seeds of Owen's scrambling.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
-/// A sample of every pixel.
+/// One sample, for every pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// How far from a pixel's centre it lies, in pixels.
+    /// Its offset from a pixel's centre, in pixels.
     pub offset: [f32; 2],
-    /// Which it is, from 0.
+    /// Its number, from 0.
     pub number: u32,
-    /// Of how many.
+    /// The number of samples per pixel.
     pub count: u32,
 }
 
 impl Sample {
-    /// The only one, through pixels' centres.
+    /// The single sample at pixels' centres.
     pub const CENTRE: Self = Self { offset: [0.0; 2], number: 0, count: 1 };
 }
 
-/// Several samples of every pixel.
+/// Returns several samples for every pixel.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let offsets = (0..).zip(pixel_offsets(count));
     offsets.map(|(number, offset)| Sample { offset, number, count: count.max(1) }).collect()
 }
 
-/// How far from a pixel's centre its samples are, in pixels: one sample is at the centre, several are spread as Sobol's
-/// sequence is (Owen-scrambled), denser where the filter is higher.
+/// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
+/// samples are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
@@ -43,12 +44,13 @@ fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     (0..count).map(|number| [place(number, 0), place(number, 1)]).collect()
 }
 
-/// 32 bits as a number between 0 and 1.
+/// Converts 32 bits to a number between 0 and 1.
 fn unit(bits: u32) -> f64 {
     (f64::from(bits) + 0.5) / 4_294_967_296.0
 }
 
-/// The first two dimensions of Sobol's sequence: van der Corput's, and that of the polynomial x + 1.
+/// Returns a number of the first two dimensions of Sobol's sequence: van der Corput's, and that of the
+/// polynomial x + 1.
 pub fn sobol(number: u32, axis: usize) -> u32 {
     if axis == 0 {
         return number.reverse_bits();
@@ -63,8 +65,9 @@ pub fn sobol(number: u32, axis: usize) -> u32 {
     bits
 }
 
-/// Owen's scrambling by a hash of the reversed bits (Laine and Karras, "Stratified Sampling for Stochastic Transparency",
-/// 2011, with the constants of Burley, "Practical Hash-based Owen Scrambling", 2020).
+/// Applies Owen's scrambling by a hash of the reversed bits (Laine and Karras, "Stratified Sampling for
+/// Stochastic Transparency", 2011, with the constants of Burley, "Practical Hash-based Owen Scrambling",
+/// 2020).
 pub fn scrambled(bits: u32, seed: u32) -> u32 {
     let mut hash = bits.reverse_bits();
     hash = hash.wrapping_add(seed);
@@ -74,7 +77,7 @@ pub fn scrambled(bits: u32, seed: u32) -> u32 {
     hash.reverse_bits()
 }
 
-/// The place in the filter below which a part of it lies.
+/// Returns the position in the filter below which the given fraction of it lies.
 fn filtered(part: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {
@@ -84,7 +87,8 @@ fn filtered(part: f64) -> f64 {
     ((low + high) / 2.0 - 0.5) * WIDTH
 }
 
-/// The part of the filter below a place, its width being 1: the integral of the series over its whole.
+/// Returns the fraction of the filter below a position, for a filter of width 1: the integral of the series
+/// divided by its total.
 fn below(place: f64) -> f64 {
     let tau = std::f64::consts::TAU;
     let waves = (1..).zip(&BLACKMAN_HARRIS[1..]).map(|(k, a)| {
@@ -106,7 +110,7 @@ mod tests {
             let values = || offsets.iter().map(|offset| f64::from(offset[axis]));
             let mean = values().sum::<f64>() / 1024.0;
             let variance = values().map(|value| value * value).sum::<f64>() / 1024.0;
-            // By integrating the series numerically.
+            // Compared with a numerical integral of the series.
             assert!(
                 mean.abs() < 1e-3 && (variance / (WIDTH * WIDTH) - 0.019_18).abs() < 1e-3,
                 "{mean} {variance}"

@@ -1,4 +1,4 @@
-//! The JSON schemas of what `wire` reads by hand: numbers in ranges, vectors, colours.
+//! JSON schemas of values that `wire` deserialises by hand: numbers in ranges, vectors, colours.
 
 use super::shapes::Shape;
 use super::wire::{BackgroundWire, NonNegative, Number, Range, Triple, Vector};
@@ -40,7 +40,7 @@ impl<R: Range> JsonSchema for Triple<R> {
     }
 }
 
-/// A number in a range.
+/// Returns the schema of a number in a range.
 fn number<R: Range>() -> Schema {
     let mut schema = json_schema!({ "type": "number" });
     if let Value::Object(bounds) = R::bounds() {
@@ -59,7 +59,7 @@ fn background() -> Schema {
     json_schema!({ "anyOf": [{ "type": "string", "pattern": colour }, radiance, three(radiance.clone().to_value())] })
 }
 
-/// `mesh` is the key, and `obj` still works.
+/// The key is `mesh`; the old name `obj` still works.
 pub(super) fn both_names_of_mesh(object: &mut Schema) {
     let Some(Value::Object(keys)) = object.get_mut("properties") else { return };
     if let Some(mesh) = keys.get("obj").cloned() {

@@ -1,4 +1,4 @@
-//! How a bare mesh looks unless it is to be plain: on a ground, in a soft key light and a weak fill, under a sky.
+//! The default surroundings of a bare mesh: a ground, a soft key light, a weak fill light and a sky.
 
 use super::framing::{self, Ball};
 use super::mesh::PARALLEL_TRIANGLES;
@@ -6,40 +6,42 @@ use super::{Camera, Light, MAX_COORDINATE, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Key and fill, as parts of the lights of a plain mesh: the sky adds what they lack.
+/// Power of key and fill light, relative to the lights of a plain mesh; the sky provides the rest.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
-/// Of the key light: a little warmer than the sky.
+/// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
-/// Its radius, of that of the mesh's ball: ten radii away, it looks nine degrees wide. A larger one is grainy with four samples.
+/// Radius of the key light, in radii of the mesh's ball. At a distance of ten radii it has an apparent
+/// diameter of nine degrees. A larger light would look grainy with four samples.
 const KEY_RADII: f64 = 0.8;
-/// The sky's radiance. White is 1/15.
+/// The sky's radiance; white is 1/15.
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
-/// What is farther away than so many radii hides nothing of it; within a room, so many.
+/// Surfaces farther away than this many radii do not occlude the sky.
 const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
-/// The ground's k_L: darker than meshes without a colour of their own.
+/// The ground's k_L: darker than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// It is a square within frames, whose edges are so many radii from the middle; the last is beyond where a usual view ends.
-/// Rounding in a ray-triangle test grows with the triangle: on a single large one, shadow rays that leave at a low angle would
-/// meet the ground that they start from.
+/// The ground is a square within frames. These are the distances of their edges from the middle, in radii;
+/// the last one is beyond the end of a usual view. Rounding errors of a ray-triangle test grow with the
+/// triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which they
+/// start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
-/// It lies so much of the radius below the mesh, so that a flat bottom is not in it.
+/// Distance of the ground below the mesh in radii, so that a flat bottom does not coincide with it.
 const GAP_RADII: f64 = 1e-3;
 
-/// What stands around a mesh.
+/// The surroundings of a mesh.
 #[derive(Debug)]
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// Not under a room, nor where the eye is below it.
+    /// The ground; `None` for a room, or if the eye is below it.
     pub ground: Option<Mesh>,
-    /// Where nothing is hit: as the ground is far away.
+    /// The background: the colour of the ground far away.
     pub background: Vec3,
 }
 
 impl Studio {
-    /// Around a mesh that is seen from somewhere.
+    /// Makes the surroundings of a mesh for a camera.
     pub fn around(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Self {
         let (_, radius) = ball.place();
         let mut lights = framing::lights(camera, ball);
@@ -53,13 +55,15 @@ impl Studio {
         let reach = if ball.is_open() { REACH_RADII_INSIDE } else { REACH_RADII };
         let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach: (reach * radius) as f32 };
         let ground = (!ball.is_open()).then(|| ground(mesh, ball, camera, up)).flatten();
-        // A level surface sees the mean of the sky, weighed by the cosine: radiance grows with the height's sine.
+        // A horizontal surface receives the mean of the sky, weighted by the cosine. The radiance grows with
+        // the sine of the height.
         let background = GROUND * HORIZON.lerp(ZENITH, 2.0 / 3.0);
         Self { lights, sky, ground, background }
     }
 }
 
-/// A square under a mesh; none where the eye is not above it, nor where it would be larger than coordinates may be.
+/// Returns a square below a mesh; `None` if the eye is not above it, or if it would exceed the allowed
+/// coordinates.
 fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     let (centre, radius) = ball.place();
     let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);
@@ -91,8 +95,8 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     })
 }
 
-/// The corners of the ground's triangles: those of the inner square, then of each frame's four sides, between a square's corners
-/// and those of the next.
+/// Returns the corners of the ground's triangles: the inner square, then each frame's four sides, between the
+/// corners of one square and the next.
 ///
 /// ```text
 ///  7 ------------- 6
@@ -148,7 +152,7 @@ mod tests {
                 assert!(twice_area.normalize().dot(up) > 0.999);
                 area += twice_area.length() / 2.0;
             }
-            // Nothing is left out or covered twice.
+            // The triangles cover the area exactly once.
             let across = 2.0 * GROUND_RADII[GROUND_RADII.len() - 1] * radius;
             assert!((area / (across * across) - 1.0).abs() < 1e-4, "{up}: {area}");
         }

@@ -3,45 +3,46 @@
 use super::files::linear;
 use std::sync::Arc;
 
-/// How a texture goes on beyond its edges, along an axis.
+/// How a texture continues beyond its edges, along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// From its beginning.
+    /// Repeated from the beginning.
     #[default]
     Repeat = 0,
-    /// With its last texels.
+    /// The texels at the edge continue.
     Clamp = 1,
     /// Mirrored.
     Mirror = 2,
 }
 
-/// A picture with 8 bits a channel, as displays have them (sRGB), row by row from the top.
+/// A picture with 8 bits per channel, as displayed (sRGB), row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
-    /// Texels across and down.
+    /// Number of texels across and down.
     pub size: [u32; 2],
-    /// How it goes on across and down.
+    /// How it continues across and down.
     pub wrap: [Wrap; 2],
     /// Red in the lowest 8 bits, then green, blue and alpha.
     pub texels: Arc<[u32]>,
 }
 
-/// Where a triangle's corners lie in its texture: (0, 0) is its upper left corner, (1, 1) its lower right one.
+/// A triangle's texture coordinates: (0, 0) is the texture's upper left corner, (1, 1) the lower right one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mapped {
-    /// Across and down, of each corner.
+    /// Each corner's coordinates across and down.
     pub corners: [[f32; 2]; 3],
-    /// Its number in [`Textures::list`]; none where the triangle has its material's colour alone.
+    /// The texture's number in [`Textures::list`]; `None` if the triangle only has its material's colour.
     pub texture: Option<u32>,
 }
 
 impl Mapped {
-    /// Floats that it takes on a device.
+    /// Number of floats on a device.
     pub const FLOATS: usize = 8;
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None };
 
-    /// A triangle of a texture that goes on like this: near its beginning, where single precision is finest.
+    /// Returns a triangle's coordinates in a texture with these wrap modes, shifted close to the beginning,
+    /// where single precision is finest.
     pub fn new(corners: [[f32; 2]; 3], texture: u32, wrap: [Wrap; 2]) -> Self {
         let mut corners = corners;
         for (axis, wrap) in wrap.into_iter().enumerate() {
@@ -56,7 +57,7 @@ impl Mapped {
         Self { corners, texture: Some(texture) }
     }
 
-    /// The device's form: u and v of the corners, the texture's number or -1, a word that means nothing.
+    /// Returns the words for a device: u and v of the corners, the texture's number or -1, an unused word.
     pub fn to_words(self) -> [u32; Self::FLOATS] {
         let [[a, b], [c, d], [e, f]] = self.corners.map(|corner| corner.map(f32::to_bits));
         [a, b, c, d, e, f, self.texture.unwrap_or(u32::MAX), 0]
@@ -68,17 +69,17 @@ impl Mapped {
 pub struct Textures {
     /// The pictures.
     pub list: Vec<Texture>,
-    /// One a triangle, in the mesh's order; none at all where no triangle has a texture.
+    /// One per triangle, in the mesh's order; empty if no triangle has a texture.
     pub mapped: Vec<Mapped>,
 }
 
 impl Textures {
-    /// Textures with the mapping of each triangle; empty if no triangle has a texture.
+    /// Makes textures with the mapping of each triangle; empty if no triangle has a texture.
     pub fn of(list: Vec<Texture>, mapped: Vec<Mapped>) -> Self {
         if mapped.iter().all(|row| row.texture.is_none()) { Self::default() } else { Self { list, mapped } }
     }
 
-    /// Adds those of a mesh whose triangles come after this one's.
+    /// Adds the textures of a mesh whose triangles follow this one's.
     pub fn append(&mut self, own_triangles: usize, other: Self, other_triangles: usize) {
         if self.list.is_empty() && other.list.is_empty() {
             return;
@@ -91,13 +92,13 @@ impl Textures {
         self.list.extend(other.list);
     }
 
-    /// Exchanges the second and the third corner of every triangle.
+    /// Swaps the second and the third corner of every triangle.
     pub fn mirror(&mut self) {
         self.mapped.iter_mut().for_each(|row| row.corners.swap(1, 2));
     }
 }
 
-/// The linear light of each value of a channel.
+/// Returns the linear light of each value of a channel.
 pub fn linear_values() -> [f32; 256] {
     std::array::from_fn(|value| linear(value as f32 / 255.0))
 }

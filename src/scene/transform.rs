@@ -1,4 +1,4 @@
-//! Where an object stands: scaled, then turned, then moved.
+//! The transform of an object: scale, then rotate, then translate.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DMat3, DVec3, Vec3};
@@ -7,22 +7,22 @@ use rayon::prelude::*;
 /// Scale along the object's axes, rotation about x, then y, then z, translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
-    /// No component is zero; a negative one mirrors.
+    /// The scale; no component is zero, and a negative one mirrors.
     pub scale: Vec3,
-    /// Angles about x, y and z.
+    /// Rotation angles about x, y and z.
     pub rotation_degrees: Vec3,
-    /// In the scene's units.
+    /// The translation, in the scene's units.
     pub translation: Vec3,
 }
 
 impl Transform {
-    /// Leaves everything where it is.
+    /// Changes nothing.
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 
-    /// Moves positions, from each of which `origin` was taken, and turns normals with them.
+    /// Transforms positions, from which `origin` had been subtracted, and normals.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
-        // A mesh that stays must keep its bits: the paper's scenes are given in exact numbers.
+        // An untransformed mesh must keep its bits, since the paper's scenes have exact coordinates.
         if *self == Self::IDENTITY && origin == DVec3::ZERO {
             return;
         }
@@ -32,7 +32,7 @@ impl Transform {
         let place =
             |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(place);
-        // Normals go with the inverse transpose; its size does not matter, its range does.
+        // Normals are transformed by the inverse transpose; its scale is irrelevant, but must stay in range.
         let inverse = scale.abs().min_element() / scale;
         let turn = |n: &mut Vec3| {
             let turned: DVec3 = rotation * (n.as_dvec3() * inverse);
@@ -41,7 +41,7 @@ impl Transform {
         mesh.normals.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(turn);
         if scale.x * scale.y * scale.z < 0.0 {
             mesh.triangles.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(|triangle| {
-                // A mirrored triangle is wound the other way.
+                // Mirroring reverses a triangle's winding.
                 triangle.positions.swap(1, 2);
                 triangle.normals.swap(1, 2);
             });
@@ -64,7 +64,7 @@ mod tests {
         let transform =
             Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: Vec3::ONE };
         transform.apply(&mut mesh, DVec3::ZERO);
-        // y turns to z about x, and z to x about y.
+        // About x, y turns to z and z to -y.
         assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
         assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
     }

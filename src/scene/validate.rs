@@ -1,4 +1,4 @@
-//! What every scene keeps to, however it was made.
+//! Checks that every scene must pass, however it was made.
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
@@ -7,26 +7,25 @@ use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Coordinates lie within plus and minus this: intersection multiplies three of
-/// them, which must stay below f32's 3.4e38.
+/// Limit for the absolute value of coordinates. Intersection tests multiply three of them, and the product
+/// must stay below f32's 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// A light's power is at most this: what lights a scene as large as coordinates allow.
+/// Largest power of a light; enough for a scene of the largest allowed size.
 pub const MAX_POWER: f32 = 1e28;
 
-/// No product on the way to a pixel is larger, and single precision holds 3.4e38.
+/// Largest allowed product in the computation of a pixel; single precision holds up to 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
 
-/// The least distance of a light from a surface, as a part of the scene's diagonal, at which they count as separate.
+/// Smallest distance between a light and a surface, relative to the scene's diagonal, at which they count as
+/// separate.
 const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {
-    /// Checks what every later room takes for granted: finite numbers in their
-    /// ranges, indices in bounds, a camera with a direction. [`super::load_scene`]
-    /// has done so already; a scene made in code should be checked once.
+    /// Checks what all later code relies on: finite numbers in their ranges, indices in bounds, a camera with
+    /// a direction. [`super::load_scene`] has done so already; a scene made in code should be checked once.
     ///
-    /// # Errors
-    /// The first thing that is wrong, in words.
+    /// # Errors A message about the first problem.
     pub fn validate(&self) -> Result<()> {
         let numbers = [
             ("the background", self.background.min_element(), self.background.is_finite()),
@@ -53,11 +52,11 @@ fn require(holds: bool, message: impl FnOnce() -> String) -> Result<()> {
     if holds { Ok(()) } else { Err(Error::input(message()).with_help(LIMITS)) }
 }
 
-/// The remedy of a value out of range.
+/// The remedy for a value out of range.
 const LIMITS: &str = "docs/scenes.md has the range of every value, and its default";
 
 fn in_range(position: Vec3) -> bool {
-    // A comparison with NaN is false.
+    // Comparisons with NaN are false.
     position.is_finite() && position.abs().max_element() <= MAX_COORDINATE
 }
 
@@ -69,7 +68,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     let units = [camera.right, camera.up, camera.forward];
     let orthonormal = units.iter().all(|v| (v.length() - 1.0).abs() < 1e-3)
         && units[0].cross(units[1]).dot(-units[2]) > 0.999;
-    require(orthonormal, || "the camera's axes are no orthonormal basis".to_owned())?;
+    require(orthonormal, || "the camera's axes are not an orthonormal basis".to_owned())?;
     let tan = camera.tan_half_fov;
     require(tan > 0.0 && tan.is_finite(), || {
         "the field of view is not between 0 and 180 degrees".to_owned()
@@ -100,24 +99,24 @@ fn check_sky(sky: &Sky) -> Result<()> {
         format!("the sky's radiance is {zenith} to {horizon}; expected values from 0 to {MAX_POWER:e}")
     })?;
     require((up.length() - 1.0).abs() < 1e-3, || {
-        format!("the sky's zenith is towards {up}, of no unit length")
+        format!("the sky's zenith is towards {up}, which is not a unit vector")
     })?;
     require(*reach > 0.0 && reach.is_finite(), || format!("the sky's reach is {reach}; expected more than 0"))
 }
 
-/// How bright a scene's lights make its surfaces at most.
+/// An upper bound of how bright a scene's lights make its surfaces.
 pub(super) struct Brightness {
-    /// The corners of the box that all surfaces lie in.
+    /// The bounding box of all surfaces.
     bounds: (Vec3, Vec3),
-    /// A light inside of it shines on no surface nearer than this.
+    /// A light inside the box illuminates no surface nearer than this.
     nearest: f32,
-    /// The largest value of any material's reflectance formula.
+    /// The largest value of the reflectance formula of any material.
     reflectance: f64,
     lights: usize,
 }
 
 impl Brightness {
-    /// That of a scene's parts.
+    /// Computes the bound for a scene.
     pub fn of(mesh: &Mesh, lights: usize, shadow_bias: f32) -> Self {
         let bounds = mesh.bounds().unwrap_or_default();
         let nearest = shadow_bias.max(RELATIVE_RESOLUTION * bounds.1.distance(bounds.0));
@@ -125,7 +124,8 @@ impl Brightness {
         Self { bounds, nearest, reflectance, lights }
     }
 
-    /// Refuses a light whose products, those of `cl/cast/shade.cl`, leave single precision where it is nearest to a surface.
+    /// Refuses a light if products in `cl/cast/shade.cl` would exceed single precision at the nearest
+    /// surface.
     pub fn check(&self, light: &Light) -> Result<()> {
         let outside = light.position.distance(light.position.clamp(self.bounds.0, self.bounds.1));
         let nearest = (outside - light.radius).max(self.nearest);
@@ -145,7 +145,7 @@ impl Brightness {
     }
 }
 
-/// The largest value of a material's reflectance formula.
+/// Returns the largest value of a material's reflectance formula.
 fn brightest(material: &Material) -> f64 {
     let highlight = f64::from(material.glossy.max_element()) * (f64::from(material.shininess) + 8.0) / 8.0;
     f64::from(material.lambertian.max_element()) + highlight
@@ -196,7 +196,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     })
 }
 
-/// Refuses a mesh beyond the coordinates that products of them allow.
+/// Refuses a mesh whose coordinates exceed the limit.
 pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
     let far = mesh.positions.par_iter().with_min_len(PARALLEL_TRIANGLES).find_first(|p| !in_range(**p));
     require(far.is_none(), || {

@@ -1,5 +1,5 @@
-//! The scene file as TOML has it. Its number types refuse what is out of range, so
-//! that `toml` points at the place.
+//! The types that a scene file's TOML is read into. The number types refuse values out of range, so that
+//! `toml` reports the location.
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::schema::{ShapeName, both_names_of_mesh};
@@ -18,28 +18,30 @@ use toml::Spanned;
 pub(super) struct SceneWire {
     /// The scene's name in records and reports [default: the file's].
     pub name: Option<String>,
-    /// A pinhole [default: the paper's, at the origin, looking along -z].
+    /// A pinhole camera [default: the paper's, at the origin, looking along -z].
     #[serde(default)]
     pub camera: CameraWire,
-    /// Meshes, generated shapes, and triangles of the file's own; at least one.
+    /// Meshes, generated shapes, and inline triangles; at least one.
     #[serde(default)]
     #[schemars(with = "Vec<ObjectWire>")]
     pub object: Vec<Spanned<ObjectWire>>,
-    /// Lights at points [default: none: everything that is hit is black].
+    /// Point lights [default: none, so that everything hit is black].
     pub light: Option<Vec<LightWire>>,
-    /// Light from all around, where nothing is in its way [default: none].
+    /// Light from all directions, unless something occludes it [default: none].
     pub sky: Option<SkyWire>,
     /// Radiance of a ray that hits nothing, one number or three, or a display colour such as "#204060".
     pub background: Option<BackgroundWire>,
-    /// Turn the normals of triangles whose back is to the camera, so that they are lit as fronts [default: false].
+    /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
+    /// [default: false].
     pub two_sided: Option<bool>,
-    /// Colour textures of meshes; false leaves them out [default: true].
+    /// Use the colour textures of meshes [default: true].
     pub textures: Option<bool>,
-    /// Degrees: edges of meshes without normals stay sharp where their faces meet at more [default: smooth everywhere].
+    /// Degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle [default:
+    /// all are smooth].
     pub crease: Option<Number<Crease>>,
     /// The distance from its surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box].
     pub shadow_bias: Option<Number<NonNegative>>,
-    /// How radiance becomes colours of 8 bits.
+    /// How radiance is converted to 8-bit colours.
     #[serde(default)]
     pub display: DisplayWire,
 }
@@ -63,15 +65,15 @@ pub(super) struct CameraWire {
     /// Field of view across the height, instead of fov_x_degrees.
     #[schemars(with = "Option<Number<Angle>>")]
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
-    /// Only hits deeper than this along the view are seen [default: 0].
+    /// Hits whose depth along the view is not larger than this are ignored [default: 0].
     pub z_near: Option<Number<NonNegative>>,
-    /// See all of the scene from this angle, from its front to its right.
+    /// See the whole scene from this direction: degrees to the right of its front.
     pub azimuth_degrees: Option<Number<Finite>>,
-    /// The same from this high.
+    /// See the whole scene from this height: degrees above the horizon.
     pub elevation_degrees: Option<Number<Elevation>>,
 }
 
-/// A mesh of a file, a generated shape, or triangles in the file itself; scaled, rotated, then moved.
+/// A mesh file, a generated shape, or inline triangles; scaled, rotated, then translated.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(transform = both_names_of_mesh)]
@@ -83,47 +85,47 @@ pub(super) struct ObjectWire {
     /// A generated shape.
     #[schemars(with = "Option<ShapeName>")]
     pub shape: Option<Spanned<String>>,
-    /// With a shape: how many triangles to aim for.
+    /// With a shape: the target number of triangles.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_TRIANGLES))]
     pub triangles: Option<Spanned<u32>>,
     /// With the teapot: quads along the side of each of its 32 patches.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_FINENESS))]
     pub fineness: Option<Spanned<u32>>,
-    /// With the terrain: which hills.
+    /// With the terrain: the seed for the shape of the hills.
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<u32>>,
-    /// Points of triangles in this file.
+    /// Points of inline triangles.
     #[schemars(with = "Option<Vec<Vector>>")]
     pub vertices: Option<Spanned<Vec<Vector>>>,
-    /// Corners of each face: places in `vertices`, from 0; more than three are a polygon.
+    /// Corners of each face: indices in `vertices`, from 0; a face with more than three is a polygon.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub faces: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
     /// Normals; without `face_normals`, one per vertex.
     #[schemars(with = "Option<Vec<Vector>>")]
     pub normals: Option<Spanned<Vec<Vector>>>,
-    /// For each corner of each face, which normal, from 0.
+    /// For each corner of each face: the index of its normal, from 0.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub face_normals: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
-    /// First: along the object's own axes; negative mirrors [default: 1].
+    /// Scale along the object's own axes, applied first; negative mirrors [default: 1].
     pub scale: Option<Triple<NonZero>>,
-    /// Then: degrees about x, then y, then z.
+    /// Rotation in degrees about x, then y, then z, applied second.
     pub rotation: Option<Vector>,
-    /// Last.
+    /// Translation, applied last.
     pub translation: Option<Vector>,
-    /// Give every triangle its own normal: facets [default: false].
+    /// Give every triangle its own normal, so that facets are visible [default: false].
     #[serde(default)]
     pub flat: bool,
-    /// With a mesh or vertices: as the scene's, for this object.
+    /// With a mesh or vertices: like the scene's key, for this object.
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
-    /// Replaces these of every material of the object.
+    /// Replaces these values in every material of the object.
     pub material: Option<MaterialWire>,
     /// With a mesh: also read MTL files and glTF buffers outside of its folder [default: false].
     #[schemars(with = "Option<bool>")]
     pub outside_materials: Option<Spanned<bool>>,
 }
 
-/// What a surface does with light.
+/// The material of a surface.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialWire {
@@ -135,39 +137,41 @@ pub(super) struct MaterialWire {
     pub shininess: Option<Number<Shininess>>,
 }
 
-/// A light at a point: a surface at distance r receives power / (4 pi r^2).
+/// A point light: a surface at distance r receives power / (4 pi r^2).
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
-    /// Where it is.
+    /// Its position.
     #[schemars(with = "Vector")]
     pub position: Spanned<Vector>,
     /// Its power: one number is white, three are red, green and blue.
     #[schemars(with = "Triple<Power>")]
     pub power: Spanned<Triple<Power>>,
-    /// The radius of the ball that it is, with several samples of each pixel [default: 0, a point].
+    /// The radius of a ball that replaces the point if there are several samples per pixel [default: 0, a
+    /// point].
     pub radius: Option<Number<NonNegative>>,
 }
 
-/// Light from all around: a surface under all of it, and with k_L 1, has its radiance.
+/// Light from all directions: a horizontal surface under the whole sky, with a k_L of 1, has the sky's
+/// radiance.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SkyWire {
-    /// Radiance from straight above: one number is white, three are red, green and blue.
+    /// Radiance from directly above: one number is white, three are red, green and blue.
     pub zenith: Triple<Power>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
-    /// What is farther from a surface than this hides nothing of it [default: however far].
+    /// Surfaces farther away than this do not occlude the sky [default: all occlude it].
     pub reach: Option<Number<Positive>>,
 }
 
-/// How radiance becomes colours of 8 bits: 255 * clamp(exposure * L, 0, 1)^(1 / gamma).
+/// How radiance is converted to 8-bit colours: 255 * clamp(exposure * L, 0, 1)^(1 / gamma).
 #[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DisplayWire {
-    /// The factor before the curve [default: 15].
+    /// The factor before the exponent is applied [default: 15].
     pub exposure: Option<Number<NonNegative>>,
-    /// The exponent's inverse [default: 2.2].
+    /// The inverse of the exponent [default: 2.2].
     pub gamma: Option<Number<Positive>>,
 }
 
@@ -175,7 +179,7 @@ pub(super) struct DisplayWire {
 pub(super) trait Range {
     const EXPECTED: &'static str;
     fn contains(value: f32) -> bool;
-    /// Its ends as a JSON schema has them.
+    /// Returns its ends for a JSON schema.
     fn bounds() -> Value;
 }
 
@@ -198,9 +202,9 @@ macro_rules! ranges {
 }
 
 ranges! {
-    /// Any that f32 holds.
+    /// Any f32 that is finite.
     Finite: "a finite number", |_| true, {};
-    /// For what has no sign.
+    /// For values without a sign.
     NonNegative: "a finite number of at least 0", |value| value >= 0.0, { "minimum": 0 };
     /// For k_L and k_G.
     Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value),
@@ -215,22 +219,22 @@ ranges! {
     Positive: "a finite number of more than 0", |value| value > 0.0, { "exclusiveMinimum": 0 };
     /// For scales.
     NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
-    /// For how high a camera stands.
+    /// For the height of a camera.
     Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value),
         { "minimum": -90, "maximum": 90 };
     /// For angles between faces.
     Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
-    /// For fields of view; near the ends their tangent leaves f32.
+    /// For fields of view; near the ends their tangent exceeds f32.
     Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }
 
-/// Radiance, or a colour as displays have it.
+/// Radiance, or a displayed colour.
 #[derive(Clone, Copy)]
 pub(super) enum BackgroundWire {
     Radiance([f32; 3]),
-    /// Red, green and blue of 255.
+    /// Red, green and blue from 0 to 255.
     Displayed([u8; 3]),
 }
 
@@ -269,7 +273,7 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     }
 }
 
-/// `#203040`, `#234`, `black` or `white`.
+/// Parses `#203040`, `#234`, `black` or `white`.
 fn displayed(text: &str) -> Option<[u8; 3]> {
     match text {
         "black" => return Some([0; 3]),
@@ -289,7 +293,7 @@ fn displayed(text: &str) -> Option<[u8; 3]> {
 #[derive(Clone, Copy)]
 pub(super) struct Number<R>(pub f32, PhantomData<R>);
 
-/// Three numbers in a range; one number stands for three of it.
+/// Three numbers in a range; a single number stands for all three.
 #[derive(Clone, Copy)]
 pub(super) struct Triple<R>(pub [f32; 3], PhantomData<R>);
 

@@ -1,4 +1,4 @@
-//! A device's clock, power, temperature and throttling, watched while frames are timed.
+//! Reads a device's clock, power, temperature and throttling while frames are timed.
 
 mod nvml;
 mod watch;
@@ -9,47 +9,47 @@ use crate::device::Hardware;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Something that can be asked how a device fares.
+/// A source of readings.
 pub trait Sensor: Send {
-    /// How it fares now.
+    /// Takes a reading.
     fn read(&mut self) -> Reading;
 }
 
-/// What a sensor shows at one moment; what it cannot tell is none.
+/// A reading at one moment; values that the device does not report are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// All but the energy of a frame, which no moment has.
+    /// All values except the energy of a frame, which is not defined for a moment.
     pub shown: SensorReading,
-    /// A counter of the energy the device has taken.
+    /// A counter of the energy that the device has used.
     pub energy_counter_mj: Option<f64>,
 }
 
-/// Watches a device's sensors, where it has any that raycl can read.
+/// Watches a device's sensors, if it has any that raycl can read.
 pub fn watch(hardware: &Hardware) -> Watch {
     let hardware = hardware.clone();
     Watch::start(move || nvml::find(&hardware))
 }
 
-/// What sensors showed while a sample was taken; a record has the means of its samples'.
+/// The sensors' values while a sample was taken; a record has the means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SensorReading {
-    /// The processors' clock.
+    /// Clock of the processors, MHz.
     pub clock_mhz: Option<f64>,
-    /// The memory's clock.
+    /// Clock of the memory, MHz.
     pub memory_clock_mhz: Option<f64>,
     /// Power of the whole device.
     pub power_w: Option<f64>,
     /// Temperature of the chip.
     pub temperature_c: Option<f64>,
-    /// Whether the device held its clock down for power, heat or a brake on its slot.
+    /// Whether the device reduced its clock because of power, heat or an external signal.
     pub throttled: bool,
     /// Energy of one frame.
     pub energy_mj: Option<f64>,
 }
 
 impl SensorReading {
-    /// The means of several; throttled where any was. None of none.
+    /// Returns the means of several readings, which count as throttled if any was; `None` without readings.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
         all.clone().next()?;
         let mean = |of: fn(&Self) -> Option<f64>| {

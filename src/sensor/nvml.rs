@@ -1,4 +1,4 @@
-//! Sensors of NVIDIA's management library, which is loaded when it is there.
+//! Reads sensors by NVIDIA's management library (NVML), if it is installed.
 
 use super::{Reading, Sensor, SensorReading};
 use crate::device::Hardware;
@@ -7,15 +7,16 @@ use nvml_wrapper::enum_wrappers::device::{Clock, TemperatureSensor};
 use nvml_wrapper::{Device, Nvml};
 use std::sync::OnceLock;
 
-/// One device's sensors.
+/// The sensors of one device.
 struct NvmlSensor(Device<'static>);
 
-/// The sensors of the device at this place on the bus, or of this UUID; none where there is no such library or device.
+/// Returns the sensors of the device with this PCI address or UUID; `None` if there is no such library or
+/// device.
 pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
     if hardware.pci_bus.is_none() && hardware.uuid.is_none() {
         return None;
     }
-    // Loaded once and never unloaded: handles live as long as the process.
+    // Loaded once and never unloaded, since handles live as long as the process.
     static LIBRARY: OnceLock<Option<Nvml>> = OnceLock::new();
     let library = LIBRARY.get_or_init(|| Nvml::init().ok()).as_ref()?;
     let by_bus = || library.device_by_pci_bus_id(hardware.pci_bus.clone()?).ok();
@@ -24,7 +25,7 @@ pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
     Some(Box::new(NvmlSensor(device)))
 }
 
-/// 32 hexadecimal digits as the library writes them: "GPU-01234567-89ab-...".
+/// Formats 32 hexadecimal digits in the library's form: "GPU-01234567-89ab-...".
 fn uuid_name(digits: &str) -> Option<String> {
     let part = |from: usize, to: usize| digits.get(from..to);
     let (a, b, c, d, e) = (part(0, 8)?, part(8, 12)?, part(12, 16)?, part(16, 20)?, part(20, 32)?);
@@ -34,7 +35,7 @@ fn uuid_name(digits: &str) -> Option<String> {
 impl Sensor for NvmlSensor {
     fn read(&mut self) -> Reading {
         let Self(device) = self;
-        // What slows it: not idleness, nor clocks that somebody has set.
+        // The reasons that slow it down; idleness and clocks set by a user are not among them.
         let slowing = ThrottleReasons::SW_POWER_CAP
             | ThrottleReasons::HW_SLOWDOWN
             | ThrottleReasons::SW_THERMAL_SLOWDOWN

@@ -1,4 +1,4 @@
-//! A thread that reads a sensor again and again, and what its readings say of a stretch of time.
+//! A thread that reads a sensor repeatedly, and the mean readings of an interval.
 
 use super::{Reading, Sensor, SensorReading};
 use std::collections::VecDeque;
@@ -6,24 +6,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// From one reading to the next.
+/// Time between two readings.
 const PERIOD: Duration = Duration::from_millis(20);
-/// Readings that are kept: a minute and more.
+/// Number of readings that are kept: more than a minute.
 const KEPT: usize = 4096;
-/// A counter of energy that is read over less time than this says little: it steps ten times per second.
+/// Shortest interval over which the energy counter is used, since it is updated ten times per second.
 const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;
 
-/// A sensor being watched; its thread ends after it.
+/// A sensor that is being read; its thread ends when this is dropped.
 pub struct Watch {
     readings: Arc<Mutex<Readings>>,
     ended: Arc<AtomicBool>,
 }
 
 impl Watch {
-    /// Watches the sensor that `find` finds, if any. Nobody waits for it: a library that knows all devices of a machine takes
-    /// seconds to start, and until then nothing is known.
+    /// Starts reading the sensor that `find` returns, if any. Callers do not wait for it: a library that
+    /// lists all devices of a machine takes seconds to start, and until then there are no readings.
     pub fn start(find: impl FnOnce() -> Option<Box<dyn Sensor>> + Send + 'static) -> Self {
         let (readings, ended) = (Arc::default(), Arc::new(AtomicBool::new(false)));
         let (kept, end) = (Arc::clone(&readings), Arc::clone(&ended));
@@ -37,8 +37,8 @@ impl Watch {
         Self { readings, ended }
     }
 
-    /// What the sensor showed between two times: in readings between them, or in the last before. Energy is that of
-    /// `frame_ms` of the device's time, at the mean power.
+    /// Returns the readings between two times, or the last one before. The energy is that of `frame_ms` of
+    /// device time at the mean power.
     pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }
@@ -70,12 +70,12 @@ fn sense(readings: &Readings, start: Instant, end: Instant, frame_ms: f64) -> Op
         if between.is_empty() { before.into_iter().collect() } else { between };
     let mut mean = SensorReading::mean(seen.iter().map(|(_, reading)| &reading.shown))?;
     mean.power_w = counted_power_w(&seen).or(mean.power_w);
-    // Watts times milliseconds.
+    // Watts times milliseconds give millijoules.
     mean.energy_mj = mean.power_w.map(|power_w| power_w * frame_ms);
     Some(mean)
 }
 
-/// Power from the energy counter, where it is read over long enough.
+/// Returns the power from the energy counter, if the interval is long enough.
 fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
     let ((from, first), (to, last)) = (seen.first()?, seen.last()?);
     let span = to.duration_since(*from);
@@ -87,7 +87,7 @@ fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// A sensor whose clock counts its readings.
+    /// A sensor whose clock is the number of its readings.
     struct Counting(f64);
 
     impl Sensor for Counting {
@@ -127,7 +127,7 @@ mod tests {
         let start = Instant::now();
         let sensed = sense(&readings(start, 60), at(start, 100), at(start, 1100), 1000.0).expect("readings");
         assert_eq!((sensed.clock_mhz, sensed.throttled), (Some(1600.0), false));
-        // 300 mJ a millisecond.
+        // 300 mJ per millisecond.
         let power_w = sensed.power_w.expect("power");
         assert!((power_w - 300.0).abs() < 1e-6 && (sensed.energy_mj.expect("energy") - 3e5).abs() < 1.0);
         let sensed = sense(&readings(start, 120), at(start, 100), at(start, 200), 100.0).expect("readings");

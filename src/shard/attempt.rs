@@ -1,5 +1,6 @@
-//! An attempt at a shard: one process, and the folder that it writes to. No other process writes there. So attempts
-//! share no file and need no lock, and a first attempt that still runs beside a second does no harm.
+//! An attempt at a shard: one process, and the folder that it writes to. No other process writes there.
+//! Attempts therefore share no file and need no lock, and a first attempt that still runs at the same time as
+//! a second does no harm.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -14,26 +15,26 @@ const PARTS: &str = "parts";
 const ABOUT: &str = "attempt.json";
 const END: &str = "end.json";
 
-/// Who makes an attempt.
+/// Describes an attempt.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct About {
     /// The shard's number, from 1.
     pub shard: u32,
-    /// How many shards there are.
+    /// Number of shards.
     pub of: u32,
     /// The machine.
     pub host: String,
-    /// The scheduler's number of the job; "0" without one.
+    /// The job's number in the scheduler; "0" without one.
     pub job: String,
-    /// How often the scheduler started the job before, or a higher number if that one is taken.
+    /// How often the scheduler has restarted the job, or a higher number if that one is in use.
     pub restart: u32,
-    /// The process's number on its machine.
+    /// The process's ID.
     pub process: u32,
-    /// The longest that one of its steps may take, in seconds.
+    /// The time limit for one of its steps, in seconds.
     pub hang_limit_s: f64,
-    /// The kinds of device that it measures on, each by its identity.
+    /// The identities of the kinds of device that it measures on.
     pub devices: Vec<String>,
-    /// The command, the program first.
+    /// The command line, starting with the program.
     pub command: Vec<String>,
 }
 
@@ -43,18 +44,18 @@ pub struct About {
 pub enum End {
     /// All its points have records.
     Done,
-    /// The user, or a scheduler's signal, ended it.
+    /// The user, or a signal of the scheduler, ended it.
     Interrupted,
     /// The program that started it died.
     LauncherLost(String),
-    /// It could not go on.
+    /// It failed.
     Failed(String),
 }
 
 /// The folder of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attempt {
-    /// Where it lies.
+    /// Its path.
     pub folder: PathBuf,
     /// Its name: shard, machine, job, restart.
     pub name: String,
@@ -65,7 +66,8 @@ impl About {
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
         let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(|name| variable(name));
-        // Slurm's virtual nodes share a machine, and so do pods, whose name is their host's.
+        // Slurm's virtual nodes share a machine, so the node's name is used. The name of a Kubernetes pod is
+        // the host name in it.
         let host = first(&["SLURMD_NODENAME"]).or(Host::read().name);
         let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
         Self {
@@ -84,7 +86,8 @@ impl About {
 }
 
 impl Attempt {
-    /// Makes the folder of a new attempt. If the folder of its restart number exists, takes the next free number.
+    /// Makes the folder of a new attempt. If the folder for its restart number exists, the next free number
+    /// is used.
     pub fn begin(out: &Path, about: &About) -> Result<Self> {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
@@ -109,7 +112,7 @@ impl Attempt {
         }
     }
 
-    /// All attempts of a folder, in the order of their names.
+    /// Returns all attempts in a folder, sorted by name.
     pub fn all(out: &Path) -> Vec<Self> {
         let entries = std::fs::read_dir(out.join(PARTS)).into_iter().flatten().flatten();
         let folders = entries.map(|entry| entry.path()).filter(|path| path.is_dir());
@@ -123,19 +126,19 @@ impl Attempt {
         all
     }
 
-    /// The other attempts at the same shard.
+    /// Returns the folders of other attempts at the same shard.
     pub fn earlier(&self, out: &Path) -> Vec<PathBuf> {
         let shard = |name: &str| name.split('.').next().map(str::to_owned);
         let same = |other: &Self| other.name != self.name && shard(&other.name) == shard(&self.name);
         Self::all(out).into_iter().filter(same).map(|other| other.folder).collect()
     }
 
-    /// Its description; none if it was killed before it wrote one.
+    /// Returns its description; `None` if it was killed before it wrote one.
     pub fn about(&self) -> Option<About> {
         self.read(ABOUT)
     }
 
-    /// How it ended; none if it still runs or was killed.
+    /// Returns how it ended; `None` if it still runs or was killed.
     pub fn end(&self) -> Option<End> {
         self.read(END)
     }
@@ -155,7 +158,7 @@ impl Attempt {
     }
 }
 
-/// "shard-00003.node7.4711.r00": sorting the names sorts the shards.
+/// Returns a name such as "shard-00003.node7.4711.r00"; sorting the names sorts the shards.
 fn name(about: &About) -> String {
     let plain = |text: &str| {
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()

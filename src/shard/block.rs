@@ -12,26 +12,27 @@ pub struct Block {
     pub shard: u32,
     /// Its points, as indices into the plan.
     pub points: Vec<usize>,
-    /// A point that all blocks of its group measure, so that the blocks can be compared. One block has it among its own
-    /// points. None if the group is not cut.
+    /// The control point, which all blocks of its group measure, so that the blocks can be compared. One
+    /// block has it among its own points. `None` if the group is not cut.
     pub control: Option<usize>,
 }
 
 impl Block {
-    /// Whether it measures the control point for comparison only: the point is another block's.
+    /// Returns whether it measures the control point for comparison only, since the point belongs to another
+    /// block.
     pub fn borrows_control(&self) -> bool {
         self.control.is_some_and(|control| !self.points.contains(&control))
     }
 }
 
-/// A point that a block has yet to take.
+/// A point to be assigned to a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
     /// Its index in the plan.
     pub point: usize,
     /// Its expected time. The unit does not matter, as long as all points use the same one.
     pub ms: f64,
-    /// Whether it can be a control point: as far as is known, every device can measure it.
+    /// Whether it can be a control point: every device can measure it, as far as is known.
     pub may_control: bool,
 }
 
@@ -67,15 +68,15 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
 /// Returns the group as one piece, or, if it is larger than `most`, as several pieces of neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
-    // A slightly larger piece costs less than measuring a control point twice. A piece of a single point is not worth a
-    // control point either.
+    // A slightly larger piece costs less than measuring a control point twice. A piece of a single point is
+    // not worth a control point either.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // The middle of its cost decides: a point that crosses a border goes to the piece that holds most of it.
+        // A point at a border goes to the piece that contains the middle of its cost.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;
@@ -93,13 +94,14 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// The fastest of the points that every device can measure.
+/// Returns the fastest of the points that every device can measure.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
     group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))
 }
 
-/// Gives the longest block first, each block to the shard with the least work. Returns the work of the longest shard.
+/// Assigns blocks to shards, the longest first, each to the shard with the least work. Returns the work of
+/// the longest shard.
 fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));
@@ -138,7 +140,7 @@ mod tests {
         costs.iter().map(|group| group.iter().map(&mut cost).collect()).collect()
     }
 
-    /// The work of each shard, with borrowed control points.
+    /// Returns the work of each shard, including borrowed control points.
     fn loads(costs: &[Vec<f64>], blocks: &[Block], shards: u32) -> Vec<f64> {
         let costs: Vec<f64> = costs.concat();
         let of = |block: &Block| {

@@ -1,4 +1,5 @@
-//! A kind of device that takes part in an experiment, and what its points are called: a file a kind, written by its first shard.
+//! The kinds of device that take part in an experiment, with the keys and names of their points. Each kind
+//! has a file, written by its first shard.
 
 use crate::error::{Error, Result};
 use crate::record::{PlannedPoint, read_lines, write_new};
@@ -9,12 +10,13 @@ use std::path::{Path, PathBuf};
 /// The folder of the files.
 const FOLDER: &str = "kinds";
 
-/// A kind of device: all that are the same by every name and state that decides a time. The host's processors are one, too.
+/// A kind of device: all devices that are equal in every name and state that affects times. The host's
+/// processors are a kind too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kind {
-    /// What records call it.
+    /// Its name in records.
     pub device: String,
-    /// Platform, device, driver, and the state that decides its times.
+    /// Platform, device, driver, and the state that affects its times.
     pub identity: String,
     /// Its points, in the plan's order.
     pub points: Vec<KindPoint>,
@@ -23,7 +25,7 @@ pub struct Kind {
 /// A point of the plan on a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KindPoint {
-    /// Its place in the plan.
+    /// Its index in the plan.
     pub point: usize,
     /// Its key and its names.
     #[serde(flatten)]
@@ -31,7 +33,8 @@ pub struct KindPoint {
 }
 
 impl Kind {
-    /// The file's name: the device's, and a hash of what tells it from others, the program among it.
+    /// Returns the path of the file: it contains the device's name and a hash of everything that identifies
+    /// the kind, including the program.
     pub fn file(out: &Path, device: &str, identity: &str) -> PathBuf {
         let program = option_env!("RAYCL_GIT_REVISION").unwrap_or(env!("CARGO_PKG_VERSION"));
         let hash = blake3::hash(format!("{device}\n{identity}\n{program}").as_bytes()).to_hex();
@@ -40,7 +43,7 @@ impl Kind {
         out.join(FOLDER).join(format!("{}-{}.jsonl", words.join("-").to_lowercase(), &hash[..8]))
     }
 
-    /// Writes it unless another shard has.
+    /// Writes the file, unless another shard has done so.
     pub fn write(&self, path: &Path) -> Result<()> {
         let failed =
             |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
@@ -50,8 +53,8 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// All that took part in a folder, in the order of their files' names, the host first. Where several are called the same, each is
-    /// told with what differs.
+    /// Returns all kinds in a folder, sorted by file name, the host first. If several have the same name,
+    /// their differences are added to it.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files: Vec<PathBuf> = std::fs::read_dir(out.join(FOLDER))
             .into_iter()
@@ -64,7 +67,8 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(|path| Ok(read_lines::<Self>(path)?.lines)).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // Another build of the same program, or another name of the device on its machine: the same is measured.
+        // Another build of the same program, or another name of the device on its machine, still measures the
+        // same.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)
@@ -74,7 +78,8 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// What tells kinds of one name apart: the parts of their identities that not all of them have; none where a name is one's only.
+    /// Returns what distinguishes kinds of equal name: the parts of their identities that differ. `None` for
+    /// a name that is unique.
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {

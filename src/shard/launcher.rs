@@ -1,5 +1,6 @@
-//! Which number a launcher gave this process. Every launcher that starts n processes tells each its number in variables, under names,
-//! origins and steps of its own; this is the table of them.
+//! Reads the number that a launcher gave this process. Every launcher that starts several processes sets
+//! environment variables, but the names differ, and so does whether numbers start at 0 or 1. This file has
+//! the table.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -7,30 +8,31 @@ use crate::error::{Error, Result};
 /// Reads a variable of the environment.
 type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 
-/// What a launcher told.
+/// The numbers that a launcher gave.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Told {
-    /// Who, and by which variables: for messages.
+    /// The launcher and its variables, for messages.
     launcher: &'static str,
     /// The process's number, from 0; and the number of processes, if the launcher gives it.
     place: u32,
     count: Option<u32>,
-    /// Whether it is an element of an array, whose number stands for itself where the count is given.
+    /// The element's own number in a Slurm array, which is used directly if the number of shards is given.
     number: Option<u32>,
 }
 
-/// A launcher that counts its processes from 0 or 1 in one variable, and tells how many there are in another.
+/// A launcher with a variable that numbers its processes from 0 or 1, and possibly another one for their
+/// count.
 struct Ranks {
     launcher: &'static str,
     place: &'static str,
     count: Option<&'static str>,
     origin: u32,
-    /// A variable without which the others do not count.
+    /// A variable that must be set too.
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`. A batch
-/// script has a `SLURM_PROCID` too, but it is not the number of a task.
+/// Launchers that number the processes of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`.
+/// A batch script has a `SLURM_PROCID` too, but that is not the number of a task.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -80,12 +82,14 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// The shard that the innermost launcher gave this process: one of `of` where that is given, else of as many as the launcher says.
+/// Returns the shard that the innermost launcher gave this process: one of `of` if given, else one of the
+/// launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // One process alone is not numbered by what started it: an element of an array may well be a step of one task.
+    // A launcher that started a single process did not number it: an element of an array may be a step with
+    // one task.
     let numbered = inner.into_iter().find(|told| told.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
@@ -114,13 +118,14 @@ impl Ranks {
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
         let place = place.checked_sub(self.origin).ok_or_else(|| {
             Error::input(format!("{} is {place}, but it counts from {}", self.place, self.origin))
-                .with_help("number the tasks from 1, or say which shard it is: --shard 3/16")
+                .with_help("number the tasks from 1, or give the shard: --shard 3/16")
         })?;
         Ok(Some(Told { launcher: self.launcher, place, count, number: None }))
     }
 }
 
-/// An element of a Slurm array. With the count given its number is the shard's: a part of an array may be repeated.
+/// Reads the element of a Slurm array. If the number of shards is given, the element's number is the shard's,
+/// so that a part of an array can be repeated.
 fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
@@ -138,9 +143,9 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     match place.filter(|place| whole && *place < count) {
         Some(place) => Ok(Some(Told { launcher, place, count: Some(count), number: None })),
         None => Err(Error::input(format!(
-            "element {task} of a Slurm array of {count} that has gaps: which shard that is cannot be told"
+            "element {task} of a Slurm array of {count} that has gaps: its shard cannot be determined"
         ))
-        .with_help("--shard auto/16 takes the element's number for the shard's, from 1 to 16")),
+        .with_help("--shard auto/16 uses the element's number as the shard's, from 1 to 16")),
     }
 }
 
@@ -157,19 +162,19 @@ impl Told {
         let number = self.number.unwrap_or(self.place.saturating_add(1));
         let error = |_| {
             let from = self.number.map_or(self.place, |number| number);
-            Error::input(format!("{launcher} says {from}, which is none of {of} shards"))
+            Error::input(format!("{launcher} says {from}, which is not one of {of} shards"))
                 .with_help(format!("number the tasks so that they are the shards 1 to {of}"))
         };
         Shard::new(number, of).map_err(error)
     }
 }
 
-/// A variable's value; one that is no number is an error.
+/// Returns a variable's value; a value that is not a number is an error.
 fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
     let Some(text) = variable(name) else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| {
-        Error::input(format!("{name} is '{text}', which is no number"))
-            .with_help("say which shard it is: --shard 3/16")
+        Error::input(format!("{name} is '{text}', which is not a number"))
+            .with_help("give the shard: --shard 3/16")
     })
 }
 
@@ -189,16 +194,17 @@ fn twice(array: &Told, inner: &Told) -> Error {
         ),
     };
     Error::input(format!("two launchers number this process: {}, and {}", told(array), told(inner)))
-        .with_help("let each element of the array start one process, or leave out the array; or say which shard it is: --shard 3/16")
+        .with_help("let each element of the array start one process, or leave out the array; or give the shard: --shard 3/16")
 }
 
-/// A script of several tasks that starts raycl itself: without `srun` it runs once, and its number is that of nothing.
+/// Returns an error for a batch script of several tasks that starts raycl without `srun`: it would run only
+/// once, and `SLURM_PROCID` would not be the number of a task.
 fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let place = variable("SLURM_PROCID").filter(|_| variable("SLURM_STEP_ID").is_none())?;
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
-            "SLURM_PROCID is {place} of {tasks} tasks, but this is no step: raycl runs once here"
+            "SLURM_PROCID is {place} of {tasks} tasks, but srun did not start raycl: it runs only once here"
         ))
         .with_help("start it with srun: srun raycl run ... --shard auto"),
     )
@@ -208,14 +214,14 @@ fn nobody() -> Error {
     let known = INNER.iter().map(|ranks| ranks.launcher).chain(["a Slurm array (SLURM_ARRAY_TASK_ID)"]);
     let known: Vec<_> = known.chain(OUTER.iter().map(|ranks| ranks.launcher)).collect();
     Error::input("--shard auto, but no launcher numbered this process")
-        .with_help(format!("say which shard it is: --shard 3/16. Known launchers: {}", known.join(", ")))
+        .with_help(format!("give the shard: --shard 3/16. Known launchers: {}", known.join(", ")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The shard, or the beginning of the message.
+    /// Returns the shard, or the beginning of the message.
     fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
         let variable = |name: &str| {
             variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
@@ -282,11 +288,11 @@ mod tests {
             (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
-            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is none of 8 shards"),
+            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is not one of 8 shards"),
             (Some(8), "HQ_TASK_ID=0".to_owned(), "counts from 1"),
-            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "says 0, which is none of 8"),
+            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "says 0, which is not one of 8"),
             (Some(8), "OMPI_COMM_WORLD_RANK=0 OMPI_COMM_WORLD_SIZE=4".to_owned(), "started 4 processes"),
-            (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is no number"),
+            (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is not a number"),
         ];
         for (of, variables, expected) in table {
             let said = told(of, &variables).expect_err(&variables);

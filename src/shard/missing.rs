@@ -1,50 +1,51 @@
-//! What is yet to be measured, by the plan and never by an exit code, and the command that measures it.
+//! Finds what still has to be measured, by comparing records with the plan, and the command that measures it.
 
 use super::{Attempt, Kind, ShardPlan};
 use crate::record::HOST;
 use crate::report::quote;
 use std::collections::BTreeSet;
 
-/// What every kind of device lacks.
+/// The missing points of all kinds of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
-    /// Kinds that lack something.
+    /// Kinds with missing points.
     pub kinds: Vec<MissingKind>,
     /// Whether no shard has begun.
     pub nothing_began: bool,
-    /// The kinds that took part, where one is meant that did not: its name may be misspelt.
+    /// The kinds that took part; set if a selected one did not, since its name may be misspelt.
     pub took_part: Option<String>,
 }
 
-/// What a kind of device lacks.
+/// The missing points of a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingKind {
     /// The kind.
     pub device: String,
-    /// Its points without a record, for people, and how many it has in all.
+    /// Its points without a record, in a readable form.
     pub points: Vec<String>,
-    /// How many points the plan has for it.
+    /// Number of points that the plan has for it.
     pub of: usize,
-    /// The shards that measure them.
+    /// The shards that contain these points.
     pub shards: Vec<u32>,
-    /// The command for all of these.
+    /// The command that measures all of them.
     pub command: String,
 }
 
 impl Missing {
-    /// Whether all is there.
+    /// Returns whether nothing is missing.
     pub fn is_empty(&self) -> bool {
         self.kinds.is_empty() && !self.nothing_began
     }
 
-    /// How many points they are.
+    /// Returns the number of missing points.
     pub fn count(&self) -> usize {
         self.kinds.iter().map(|kind| kind.points.len()).sum()
     }
 }
 
-/// Points of the plan that have no record, on each kind, and all of those that are meant by a word and have not begun. A caster on the host
-/// is there when any kind of host measured it: it belongs to no kind of device.
+/// Returns the points of the plan that have no record, on each kind, and all points of selected kinds that
+/// have not begun. A caster on the host belongs to no kind of device: it is not missing if any kind of host
+/// measured it.
 pub fn missing(
     plan: &ShardPlan,
     (kinds, not_begun): (&[Kind], &[String]),
@@ -86,14 +87,14 @@ pub fn missing(
     Missing { kinds: found, nothing_began: kinds.is_empty(), took_part: None }
 }
 
-/// Points that are not the host's.
+/// Returns the points that are not casters on the host.
 fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
     let hosts = kinds.iter().filter(|kind| kind.device == HOST).flat_map(|kind| &kind.points);
     let hosts: BTreeSet<usize> = hosts.map(|point| point.point).collect();
     (0..plan.points.len()).filter(|point| !hosts.contains(point)).collect()
 }
 
-/// Describes a kind of device that lacks these points, of `of` points in all.
+/// Describes a kind of device without records for these points, of `of` points in all.
 fn lacking(
     plan: &ShardPlan,
     device: String,
@@ -111,14 +112,14 @@ fn lacking(
     }
 }
 
-/// What an attempt on the kind, else any, was started with, but for the shard.
+/// Returns the command line of an attempt on the kind, or else of any attempt, without the shard.
 fn started_with(kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
     let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
     let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
     without_shard(&own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone()))
 }
 
-/// The command for the shards that are missing.
+/// Returns the command for the missing shards.
 fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String {
     let of = plan.header.shards;
     let words = words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
@@ -131,13 +132,13 @@ fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String
     }
 }
 
-/// A command's words under the name that the program has everywhere, without the option that says which shard.
+/// Returns a command line with the plain name of the program, and without the option for the shard.
 fn without_shard(command: &[String]) -> Vec<String> {
     let rest = command.iter().skip(1).cloned();
     without(&std::iter::once("raycl".to_owned()).chain(rest).collect::<Vec<_>>(), "--shard")
 }
 
-/// A command's words without an option and its value.
+/// Returns a command line without an option and its value.
 fn without(command: &[String], option: &str) -> Vec<String> {
     let mut words = Vec::new();
     let mut rest = command.iter();

@@ -1,10 +1,13 @@
-//! One experiment over many machines. Whatever starts n processes (Slurm, MPI, Kubernetes, a CI, a shell loop) places them; this splits
-//! the plan among them, lets each write to a folder of its own, and puts the pieces together.
+//! Measures one experiment on many machines. A launcher (Slurm, MPI, Kubernetes, a CI, a shell loop) starts
+//! the processes. This module splits the plan among them, lets each write to its own folder, and merges the
+//! results.
 //!
-//! `number` and `launcher`: which shard a process is. `block`: the plan cut into blocks, blocks dealt out to shards. `plan`: the file that
-//! all shards share, written by the first; `kind`: the points of one kind of device. `attempt`: the folder of one process, with `pulse`,
-//! by which others see whether it lives, and `watch`, by which it sees whether its launcher lives. `merge`: attempts to one folder of
-//! results; `missing`: what is yet to be measured, and by which command; `status`: how attempts are. `sbatch`: scripts for Slurm.
+//! `number` and `launcher`: which shard a process measures. `block`: cuts the plan into blocks and assigns
+//! them to shards. `plan`: the file that all shards share, written by the first; `kind`: the points of one
+//! kind of device. `attempt`: the folder of one process, with `pulse`, which shows others that the process is
+//! alive, and `watch`, which checks that its launcher is alive. `merge`: merges attempts into one folder of
+//! results; `missing`: finds what still has to be measured, and the command for it; `status`: the state of
+//! attempts. `sbatch`: scripts for Slurm.
 
 mod attempt;
 mod block;

@@ -1,4 +1,4 @@
-//! Which part of an experiment a process measures, as the option says it: `3/16`, `auto`, `auto/16`.
+//! The part of an experiment that a process measures, as given by the option: `3/16`, `auto`, `auto/16`.
 
 use super::launcher;
 use crate::error::{Error, Result};
@@ -14,11 +14,11 @@ pub struct Shard {
     pub of: u32,
 }
 
-/// More shards than any scheduler starts: a number with a digit too many is a mistake.
+/// More shards than any scheduler starts; a larger number is probably a typing mistake.
 const MOST: u32 = 100_000;
 
 impl Shard {
-    /// The one of this number, from 1.
+    /// Returns the shard of this number, from 1.
     pub fn new(number: u32, of: u32) -> Result<Self> {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
@@ -29,23 +29,23 @@ impl Shard {
 }
 
 impl fmt::Display for Shard {
-    /// "3/16".
+    /// Formats as "3/16".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.number, self.of)
     }
 }
 
-/// What `--shard` asks for.
+/// The value of `--shard`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The shard that the launcher numbered, of its number of shards or of this one.
+    /// The number comes from the launcher; the number of shards too, unless given here.
     Auto(Option<u32>),
 }
 
 impl Asked {
-    /// The shard of this process, by the variables that its launcher set.
+    /// Returns the shard of this process, from the variables that its launcher set.
     pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard> {
         match self {
             Self::Given(shard) => Ok(shard),
@@ -53,7 +53,7 @@ impl Asked {
         }
     }
 
-    /// Whether a launcher gave the number.
+    /// Returns whether a launcher gave the number.
     pub fn is_auto(self) -> bool {
         matches!(self, Self::Auto(_))
     }
@@ -63,7 +63,7 @@ impl FromStr for Asked {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let wrong = || format!("'{text}' is no shard; expected such as 3/16, auto or auto/16");
+        let wrong = || format!("'{text}' is not a shard; expected 3/16, auto or auto/16");
         let (number, of) = match text.split_once('/') {
             Some((number, of)) => (number, Some(of.parse().map_err(|_| wrong())?)),
             None => (text, None),

@@ -1,4 +1,5 @@
-//! `shards.json`: what all shards of an experiment share. The first one writes it, the others read it.
+//! `shards.json`: the data that all shards of an experiment share. The first shard writes it, the others read
+//! it.
 
 use super::Block;
 use crate::error::{Error, Result};
@@ -6,44 +7,46 @@ use crate::record::{ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Its name in the folder of results.
+/// The file's name in the folder of results.
 pub const FILE: &str = "shards.json";
 
-/// What must be the same for all shards.
+/// The data that must be equal for all shards.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
-    /// How many shards there are.
+    /// Number of shards.
     pub shards: u32,
-    /// The config's path, as the first shard was given it: for messages.
+    /// The config's path as given to the first shard, for messages.
     pub config: String,
-    /// The hash of the config's text and of the values laid over it.
+    /// The hash of the config's text and its overrides.
     pub config_hash: String,
-    /// The values laid over it, each as a line of TOML.
+    /// The overrides, each as a line of TOML.
     pub overrides: Vec<String>,
     /// The hash of each scene's content, in the config's order.
     pub scenes: Vec<String>,
-    /// The hash of the kernels' files; none of those built in.
+    /// The hash of the kernels' files; null for the built-in ones.
     pub kernels: Option<String>,
 }
 
-/// The plan of an experiment in shards. It knows of no device: each kind that takes part measures all of it.
+/// The plan of an experiment in shards. It does not depend on devices: each kind that takes part measures all
+/// of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShardPlan {
     /// What must be the same for all.
     #[serde(flatten)]
     pub header: Header,
-    /// The points, for people: scene, size, strategy, local size.
+    /// The points in a readable form: scene, size, strategy, local size.
     pub points: Vec<String>,
-    /// The scene and size of each point, numbered.
+    /// The number of each point's combination of scene and image size.
     pub cases: Vec<usize>,
-    /// The points in blocks, and which shard measures each.
+    /// The points in blocks, and the shard that measures each block.
     pub blocks: Vec<Block>,
-    /// What each shard is expected to take, in milliseconds; a guess where nothing was measured before.
+    /// The expected time of each shard in milliseconds; an estimate without earlier measurements.
     pub expected_ms: Vec<f64>,
 }
 
 impl ShardPlan {
-    /// That of a folder, or the one that `make` makes, which is written for the others. One of another plan is refused.
+    /// Reads the plan of a folder, or writes the one that `make` returns. If the folder has a different plan,
+    /// that is an error.
     pub fn open(out: &Path, header: &Header, make: impl FnOnce() -> Result<Self>) -> Result<Self> {
         if let Some(plan) = Self::read(out)? {
             return plan.checked(header, out);
@@ -55,13 +58,13 @@ impl ShardPlan {
         if write_new(&out.join(FILE), &text)? {
             return Ok(plan);
         }
-        // Another shard was first. Its blocks count: they may rest on other times.
+        // Another shard was first. Its blocks are used, since they may be based on other times.
         let first =
             Self::read(out)?.ok_or_else(|| Error::run(format!("{FILE} in {} is gone", out.display())))?;
         first.checked(header, out)
     }
 
-    /// That of a folder; none where it has none.
+    /// Reads the plan of a folder; `None` if it has none.
     pub fn read(out: &Path) -> Result<Option<Self>> {
         let path = path(out);
         if !path.is_file() {
@@ -75,12 +78,12 @@ impl ShardPlan {
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 
-    /// The blocks of a shard.
+    /// Returns the blocks of a shard.
     pub fn of_shard(&self, number: u32) -> Vec<Block> {
         self.blocks.iter().filter(|block| block.shard == number).cloned().collect()
     }
 
-    /// The block that a point is in as its own.
+    /// Returns the block to which a point belongs.
     pub fn block_of(&self, point: usize) -> Option<&Block> {
         self.blocks.iter().find(|block| block.points.contains(&point))
     }
@@ -108,13 +111,13 @@ impl ShardPlan {
             return Ok(self);
         };
         let message =
-            format!("{} holds another plan: {what} differs, {there} there and {here} here", out.display());
+            format!("{} has a different plan: {what} differs, {there} there and {here} here", out.display());
         Err(Error::input(message)
             .with_help("give every shard the same command, or name another folder with --out"))
     }
 }
 
-/// Where a folder has it.
+/// Returns the file's path in a folder.
 pub fn path(out: &Path) -> PathBuf {
     out.join(FILE)
 }
@@ -129,7 +132,7 @@ fn told(header: &Header) -> String {
     format!("{}{set} (hash {hash})", header.config)
 }
 
-/// Scenes by the begins of their hashes.
+/// Lists the first digits of the scenes' hashes.
 fn few(hashes: &[String]) -> String {
     let begins: Vec<_> = hashes.iter().take(4).map(|hash| hash.get(..8).unwrap_or(hash)).collect();
     format!("{} ({})", hashes.len(), begins.join(", "))

@@ -1,5 +1,5 @@
-//! A counter in an attempt's folder that goes on as long as its process lives: by it others tell an attempt that is at work from one that
-//! was killed, without comparing the clocks of two machines.
+//! A counter in an attempt's folder that increases while its process is alive. With it, other processes can
+//! distinguish a running attempt from one that was killed, without comparing the clocks of two machines.
 
 use crate::error::{Error, Result};
 use crate::experiment::Observer;
@@ -14,24 +14,24 @@ use std::time::Duration;
 
 /// The file's name.
 const FILE: &str = "pulse";
-/// How often it beats.
+/// Time between two counts.
 pub const BEAT: Duration = Duration::from_secs(1);
 /// How often the process checks for its end.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// What the file says.
+/// The contents of the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// Beats so far, one per second.
+    /// Counts so far, one per second.
     pub beats: u64,
-    /// Beats since the last step.
+    /// Counts since the last step.
     pub quiet: u64,
     /// Steps so far: checks begun, frames, points finished.
     pub steps: u64,
 }
 
 impl Beat {
-    /// That of an attempt's folder; none where it never began.
+    /// Reads the counter in an attempt's folder; `None` if it never started.
     pub fn read(folder: &Path) -> Option<Self> {
         let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
         let mut numbers = text.split_whitespace().map(|word| word.parse().ok());
@@ -43,19 +43,20 @@ impl Beat {
         Self { beats: self.beats + 1, quiet, steps }
     }
 
-    /// The line has a constant length, so that a reader at the same time finds either the old line or the new one.
+    /// The line has a constant length, so that a reader at the same time sees either the old line or the new
+    /// one.
     fn line(self) -> String {
         format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
     }
 }
 
-/// Counts steps for whoever listens, and passes everything on.
+/// An observer that counts steps and passes every call on.
 pub struct Steps<'a> {
     steps: Arc<AtomicU64>,
     listener: &'a mut dyn Observer,
 }
 
-/// Beats in a thread until dropped.
+/// Counts in a thread until dropped.
 pub struct Pulse {
     steps: Arc<AtomicU64>,
     ended: Arc<AtomicBool>,
@@ -63,7 +64,7 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Begins to beat in an attempt's folder.
+    /// Starts counting in an attempt's folder.
     pub fn start(folder: &Path) -> Result<Self> {
         let path = folder.join(FILE);
         let mut file = File::create(&path)
@@ -74,7 +75,7 @@ impl Pulse {
             std::thread::spawn(move || {
                 let mut beat = Beat::default();
                 loop {
-                    // A beat that cannot be written is one that is missed.
+                    // A count that cannot be written is skipped.
                     let _ =
                         file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(beat.line().as_bytes()));
                     if sleeps_through(BEAT, &ended) {
@@ -87,13 +88,13 @@ impl Pulse {
         Ok(Self { steps, ended, thread: Some(thread) })
     }
 
-    /// An observer whose every call is a step.
+    /// Returns an observer that counts every call as a step.
     pub fn listening<'a>(&self, listener: &'a mut dyn Observer) -> Steps<'a> {
         Steps { steps: Arc::clone(&self.steps), listener }
     }
 }
 
-/// Whether the end came meanwhile.
+/// Sleeps; returns whether the end came meanwhile.
 fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
     let mut left = time;
     while !left.is_zero() && !ended.load(Ordering::Relaxed) {

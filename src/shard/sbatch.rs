@@ -1,32 +1,35 @@
-//! Scripts for Slurm, printed and never submitted: the shards, the merge, and the two lines that submit them.
+//! Makes scripts for Slurm, which are printed and never submitted: the shards, the merge, and two lines that
+//! submit them.
 
 use crate::report::quote;
 use std::fmt::Write as _;
 use std::time::Duration;
 
-/// What the scripts are to do.
+/// The inputs of the scripts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wishes {
     /// The experiment's name.
     pub name: String,
-    /// How many shards.
+    /// Number of shards.
     pub shards: u32,
-    /// The command of a shard, without its number: the program, "run", the config, options.
+    /// The command of a shard without its number: the program, "run", the config, options.
     pub command: Vec<String>,
     /// The folder of results.
     pub out: String,
-    /// Whether a shard needs a GPU, or processors for itself; none where no device is known here.
+    /// Whether a shard needs a GPU, or else processors; `None` if no device is known here.
     pub on_gpu: Option<bool>,
-    /// What the longest shard is expected to take, and whether that rests on earlier times.
+    /// The expected time of the longest shard.
     pub longest: Duration,
-    /// Whether that rests on earlier times.
+    /// Whether that is based on earlier times.
     pub is_known: bool,
 }
 
-/// Elements of an array are started one after another, some seconds each; they are requeued singly. A step starts all at once.
+/// Shards that take longer than this become elements of a job array. Slurm starts elements one after another, which
+/// takes a few seconds each, and can requeue each of them. Shorter shards become tasks of one job step, which all
+/// start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
-/// A shell script that writes both scripts and submits them.
+/// Returns a shell script that writes both scripts and submits them.
 pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));
@@ -45,10 +48,10 @@ pub fn scripts(wishes: &Wishes) -> String {
     let minutes = (2 * seconds).div_ceil(60) + 10;
     let run = match is_array {
         true => format!("exec {command} --shard auto/{n}"),
-        // A task that is lost must not take the others with it.
+        // If a task is lost, the others must continue.
         false => format!("exec srun --kill-on-bad-exit=0 {command} --shard auto"),
     };
-    // A failure to write to a String is impossible, so the results are let go.
+    // Writing to a String cannot fail, so the results are ignored.
     let _ = write!(
         text,
         "#SBATCH {tasks}\n{}#SBATCH --time={minutes}\n#SBATCH --requeue\n#SBATCH --open-mode=append\n{run}\nEND\n",
@@ -71,7 +74,7 @@ fn devices(on_gpu: Option<bool>) -> &'static str {
     }
 }
 
-/// A job's name is one word.
+/// Returns a job's name as one word.
 fn plain(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' }).collect()
 }

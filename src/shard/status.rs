@@ -1,37 +1,38 @@
-//! How the attempts of a folder are: at work, hung, lost, or ended. Each counts in its own folder; whoever looks twice sees which counters
-//! go on.
+//! The state of each attempt in a folder: running, hung, lost, or ended. Each attempt counts in its own
+//! folder; two readings show which counters increase.
 
 use super::{Attempt, Beat, End};
 use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-/// How an attempt is.
+/// The state of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Its counter goes on, and so does its work.
+    /// Its counter increases, and it makes progress.
     Going,
-    /// Its counter goes on, but it has done nothing for longer than a step may take, in seconds.
+    /// Its counter increases, but it has made no progress for longer than the limit of a step; has the
+    /// seconds without progress.
     Hung(u64),
-    /// Its counter stands still, and it did not say how it ended: it was killed, or its machine is gone.
+    /// Its counter does not increase, and it did not report its end: it was killed, or its machine is down.
     Lost,
-    /// It said how it ended.
+    /// It reported how it ended.
     Ended(End),
 }
 
-/// An attempt, and how it is.
+/// An attempt and its state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Status {
     /// Its name: shard, machine, job, restart.
     pub name: String,
-    /// How it is.
+    /// Its state.
     pub state: State,
-    /// What it counted.
+    /// Its last count.
     pub beat: Beat,
 }
 
-/// How all attempts of a folder are, by looking twice with `between` in the middle, which should be some seconds: a file system on a
-/// network may show what it was like a while ago.
+/// Returns the state of all attempts in a folder, from two readings. The time `between` should be several
+/// seconds, since a network file system may show old data.
 pub fn status(out: &Path, between: Duration) -> Vec<Status> {
     let attempts = Attempt::all(out);
     let first: Vec<Beat> = attempts.iter().map(beat).collect();

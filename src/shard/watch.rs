@@ -1,12 +1,14 @@
-//! Whether what started this process still lives. A scheduler that lost a step never looks for its processes again; one that went on
-//! would measure beside its successor, for nobody.
+//! Checks whether the launcher of this process is still alive. A scheduler that lost a step does not look for
+//! its processes again. A process that continued would measure at the same time as its successor, and its
+//! results would not be used.
 
 use super::{Asked, Attempt, End};
 use std::time::Duration;
 
-/// How often the process looks for its launcher.
+/// How often the launcher is checked.
 const LOOK_UP: Duration = Duration::from_millis(500);
-/// Programs that start others on a machine for a launcher: what lies between one and this process may be shells.
+/// Programs that start processes on a machine for a launcher. Between such a program and this process there
+/// may be shells.
 const LAUNCHERS: [&str; 12] = [
     "slurmstepd",
     "orted",
@@ -22,12 +24,12 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
-/// A person types there, or a script ends before what it left running.
+/// Shells. A user types in one, or a script ends before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
-/// Watches in a thread for as long as the process lives. Where the launcher is lost that is written down in the attempt's folder, and the
-/// process ends with exit code 1; its workers end with it, and the point under way stays unmeasured. A shell that gave the shard's number
-/// itself is not watched.
+/// Checks in a thread for as long as the process runs. If the launcher is lost, that is recorded in the
+/// attempt's folder, and the process ends with exit code 1. Its workers end with it, and the current point
+/// stays unmeasured. If the shard's number was given explicitly by a shell, the shell is not checked.
 pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
@@ -37,7 +39,7 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
         loop {
             std::thread::sleep(LOOK_UP);
             if let Some(lost) = chain.lost() {
-                // Where not even that can be written there is nobody to tell.
+                // If not even that can be written, nobody can be told.
                 let _ = attempt.ended(&End::LauncherLost(lost.clone()));
                 eprintln_if_heard(&format!("launcher lost: {lost}"));
                 std::process::exit(1);
@@ -46,13 +48,13 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     });
 }
 
-/// Standard error may be a pipe that the launcher had.
+/// Standard error may be a pipe of the launcher that is closed now.
 fn eprintln_if_heard(line: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// A process, told from a later one of the same number by when it began.
+/// A process; its start time distinguishes it from a later one of the same ID.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Process {
     id: u32,
@@ -70,7 +72,7 @@ impl Chain {
         Self::from(parent(), asked, &read)
     }
 
-    /// Empty where nobody is to be watched.
+    /// Returns an empty chain if no process should be checked.
     fn from(mut id: u32, asked: Asked, read: &dyn Fn(u32) -> Option<Process>) -> Self {
         let mut chain: Vec<Process> = Vec::new();
         while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
@@ -90,7 +92,7 @@ impl Chain {
         self.0.is_empty()
     }
 
-    /// Which of them is gone.
+    /// Returns the one that has ended, if any.
     fn lost(&self) -> Option<String> {
         self.lost_by(&read)
     }
@@ -112,12 +114,13 @@ fn parent() -> u32 {
     0
 }
 
-/// What Linux tells of a process; one that has ended and that nobody has asked for is gone, too. Other systems tell nothing.
+/// Reads a process from Linux. One that has ended but was not waited for counts as ended. Other systems
+/// return nothing.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }
 
-/// `proc(5)`: number, name in brackets, state, parent, ..., and in the 22nd place when it began.
+/// Parses `proc(5)`: ID, name in brackets, state, parent, ..., and in field 22 the start time.
 fn parse(id: u32, stat: &str) -> Option<Process> {
     let (before, after) = stat.rsplit_once(')')?;
     let name = before.split_once('(')?.1.to_owned();

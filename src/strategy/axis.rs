@@ -1,41 +1,42 @@
-//! The axes. Values that are code are files under `cl/`, one in each family that takes them, whose headers say what they
-//! are; all others have their name and a line that explains it here. This is the only list of them.
+//! The axes of a strategy. If a value is code, it is a file under `cl/` in each kernel family that supports
+//! it, and the file's header describes it. All other values have their name and a description here. This is
+//! the only list of them.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
 use crate::error::{Error, Result, nearest};
 
-/// An axis of the strategy space, known by its name at run time.
+/// An axis, by its name at run time.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisInfo {
     /// The axis's name in configs.
     pub name: &'static str,
-    /// What it decides.
+    /// Its meaning.
     pub about: &'static str,
-    /// The name and the meaning of each value that is no file.
+    /// The name and the meaning of each value that is not a file.
     pub listed: &'static [(&'static str, &'static str)],
 }
 
 impl AxisInfo {
-    /// Each value's name and what it means.
+    /// Returns each value's name and meaning.
     pub fn values(&self) -> Vec<(&'static str, &'static str)> {
         let files = values_of(self.name).map(|header| (header.name.as_str(), header.meaning.as_str()));
         self.listed.iter().copied().chain(files).collect()
     }
 }
 
-/// A type whose values are those of one axis.
+/// A type whose values are the values of one axis.
 pub trait Axis: Sized + Copy + Eq + 'static {
-    /// Its name, and what it decides.
+    /// Its name and meaning.
     const INFO: AxisInfo;
 
     /// Every value.
     fn all() -> Vec<Self>;
 
-    /// The value's name in configs and records.
+    /// Returns the value's name in configs and records.
     fn name(self) -> &'static str;
 
-    /// The value called `name`; the error names the nearest one.
+    /// Returns the value with this name; the error suggests the most similar one.
     fn parse(name: &str) -> Result<Self> {
         Self::all().into_iter().find(|value| value.name() == name).ok_or_else(|| {
             let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
@@ -47,10 +48,10 @@ pub trait Axis: Sized + Copy + Eq + 'static {
             error.with_help(match nearest(name, names) {
                 Some(meant) => format!("did you mean '{meant}'?"),
                 None if Self::INFO.listed.is_empty() => {
-                    "`raycl strategies` says what each means; a file in a folder that --cl-dir names is a value, too"
+                    "`raycl strategies` explains each; a file in a folder given by --cl-dir is a value too"
                         .to_owned()
                 }
-                None => "`raycl strategies` says what each means".to_owned(),
+                None => "`raycl strategies` explains each".to_owned(),
             })
         })
     }
@@ -85,8 +86,8 @@ macro_rules! axis {
     };
 }
 
-/// An axis whose values are files. A value is its name, so that strategies are constants and can be copied; what the host
-/// knows of it says the file. Those named here are the ones that presets name.
+/// Declares an axis whose values are files. A value consists of its name, so that strategies are constants
+/// and can be copied; its properties are in the file. The values named here are those that presets use.
 macro_rules! file_axis {
     ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
         $($value:ident $name:literal,)+
@@ -98,7 +99,7 @@ macro_rules! file_axis {
         impl $type {
             $(#[doc = concat!("`", $name, "`")] pub const $value: Self = Self($name);)+
 
-            /// What its file says.
+            /// Returns the header of its file.
             pub(super) fn header(self) -> &'static Header {
                 header_of($axis, self.0)
             }
@@ -128,7 +129,7 @@ axis! {
     }
 }
 file_axis! {
-    /// Where a work-item's nine working vectors live.
+    /// The memory of a work-item's nine working vectors.
     Vectors "vectors" "where a work-item's nine working vectors live" {
         PRIVATE "private",
         GLOBAL "global",
@@ -137,7 +138,7 @@ file_axis! {
     }
 }
 file_axis! {
-    /// Where triangles are read from.
+    /// The memory that triangles are read from.
     Triangles "triangles" "where triangles are read from" {
         GLOBAL "global",
         CONSTANT "constant",
@@ -148,7 +149,7 @@ file_axis! {
     }
 }
 file_axis! {
-    /// How triangles are laid out in memory.
+    /// The layout of triangles in memory.
     Layout "layout" "how triangles are laid out in memory" {
         SOUP "soup",
         INDEXED_16 "indexed16",
@@ -156,17 +157,17 @@ file_axis! {
     }
 }
 file_axis! {
-    /// When a hit is shaded.
+    /// When hits are shaded.
     Shading "shading" "when a hit is shaded" {
         EAGER "eager",
         DEFERRED "deferred",
     }
 }
 axis! {
-    /// How many kernels a frame takes.
+    /// The number of kernels per frame.
     Passes "passes" "how many kernels a frame takes" {
         Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (tiles that work-items share are shaded after it)",
-        Separate "separate" "one kernel finds the nearest hits, another shades them: timed apart",
+        Separate "separate" "one kernel finds the nearest hits, another shades them; they are timed separately",
     }
 }
 file_axis! {
@@ -181,14 +182,14 @@ file_axis! {
     }
 }
 axis! {
-    /// When what the ray-triangle test reads of a triangle is prepared.
-    Records "records" "when what the test reads of a triangle is prepared" {
+    /// When the data that the ray-triangle test reads of a triangle is computed.
+    Records "records" "when the data that the test reads of a triangle is computed" {
         EachTest "each-test" "at each test, or with each tile of triangles: the scene's own corners are all that is kept",
         Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
 }
 axis! {
-    /// Which faces are seen.
+    /// Which faces are visible.
     Culling "culling" "which faces are seen" {
         None "none" "both sides, as the paper's figures need",
         Back "back" "front faces only, as the book's code does",
@@ -198,11 +199,11 @@ axis! {
     /// When a test counts as parallel or outside.
     Epsilons "epsilons" "when a test counts as parallel or outside" {
         Paper "paper" "the paper's absolute numbers: |a| <= 1e-7, weights < -1e-10",
-        Relative "relative" "none that depend on the scene's scale",
+        Relative "relative" "tolerances relative to the triangle, independent of the scene's scale",
     }
 }
 axis! {
-    /// Rays a work-item casts side by side.
+    /// The number of rays that a work-item casts side by side.
     Width "width" "rays a work-item casts side by side, in vector types" {
         W1 "1" "one, as the paper does",
         W2 "2" "2 x 1 pixels",
@@ -212,7 +213,7 @@ axis! {
     }
 }
 axis! {
-    /// Children of a tree's node.
+    /// The number of children of a tree node.
     NodeWidth "node_width" "children of a tree's node" {
         N2 "2" "one ray walks these fastest",
         N4 "4" "four",
@@ -222,7 +223,7 @@ axis! {
     }
 }
 axis! {
-    /// Triangles that a leaf of a tree holds at most.
+    /// The largest number of triangles in a leaf.
     LeafSize "leaf_size" "triangles that a tree's leaf holds at most" {
         L4 "4" "few: a ray tests each of them",
         L8 "8" "eight",
@@ -231,7 +232,7 @@ axis! {
     }
 }
 axis! {
-    /// The tile of rays that walks a tree together.
+    /// The size of a tile of rays that traverse a tree together.
     TileSize "tile" "pixels of a tile that walks the tree together" {
         T8x4 "8x4" "32 rays",
         T8x8 "8x8" "64 rays",
@@ -241,7 +242,7 @@ axis! {
     }
 }
 axis! {
-    /// What the compiler may do to arithmetic.
+    /// How the compiler may change arithmetic.
     Math "math" "what the compiler may do to arithmetic" {
         Strict "strict" "IEEE single precision as OpenCL C defines it",
         Fast "fast" "-cl-fast-relaxed-math",
@@ -249,21 +250,21 @@ axis! {
 }
 
 impl NodeWidth {
-    /// The number of children.
+    /// Returns the number of children.
     pub fn children(self) -> usize {
         2 << (self as usize)
     }
 }
 
 impl LeafSize {
-    /// The number of triangles.
+    /// Returns the number of triangles.
     pub fn triangles(self) -> usize {
         4 << (self as usize)
     }
 }
 
 impl TileSize {
-    /// Pixels across and down.
+    /// Returns the number of pixels across and down.
     pub fn pixels(self) -> (usize, usize) {
         match self {
             Self::T8x4 => (8, 4),
@@ -276,7 +277,7 @@ impl TileSize {
 }
 
 impl Width {
-    /// The number of rays.
+    /// Returns the number of rays.
     pub fn rays(self) -> usize {
         1 << (self as usize)
     }

@@ -1,9 +1,10 @@
-//! Where one way of casting becomes faster than another: made of stored sweeps by `raycl rule --fit`, not by hand. A place between two
-//! cases of the sweeps is their geometric mean; what no sweep tells stays as it was.
+//! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
+//! stored sweeps; do not edit it. A limit between two cases of the sweeps is their geometric mean. A constant without
+//! a sweep keeps its former value.
 
 use super::fastest::Constants;
 
-/// CPUs whose vectors hold the rays of tiles.
+/// For CPUs: tiles in vectors.
 pub const CPU: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 47.0,
@@ -15,7 +16,7 @@ pub const CPU: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// The same where no ray may leak.
+/// For CPUs, with a watertight test.
 pub const CPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 13.0,
@@ -27,7 +28,7 @@ pub const CPU_WATERTIGHT: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// GPUs whose work-items can share tiles.
+/// For GPUs whose work-items can share tiles.
 pub const GPU: Constants = Constants {
     tree_triangles: 4.9,
     single_triangles_a_pixel: 2.0,
@@ -39,7 +40,7 @@ pub const GPU: Constants = Constants {
     separate_pixels_inside: 12000000.0,
 };
 
-/// The same where no ray may leak.
+/// For GPUs, with a watertight test.
 pub const GPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 24.0,
     single_triangles_a_pixel: 2.0,

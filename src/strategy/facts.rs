@@ -1,11 +1,11 @@
-//! What the host asks of values that are files: their headers answer.
+//! Properties of values that are files, as described in their headers.
 
 use super::{
     Intersector, Layout, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width, Workload,
 };
 use crate::manifest::{BVH, EXHAUSTIVE, Fact, Family, RASTER, TILE_CPU, TILE_GPU};
 
-/// Where working vectors live.
+/// The memory of working vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WorkingMemory {
     /// Private memory.
@@ -19,7 +19,7 @@ pub enum WorkingMemory {
 }
 
 impl Vectors {
-    /// Where they live.
+    /// Returns their memory.
     pub fn memory(self) -> WorkingMemory {
         match self.header().word("memory") {
             "local" => WorkingMemory::Local,
@@ -29,29 +29,29 @@ impl Vectors {
         }
     }
 
-    /// Bytes of a ray's.
+    /// Returns the bytes of a ray's working vectors.
     pub fn bytes_per_ray(self) -> u64 {
         self.header().number("bytes_per_ray").unwrap_or(0).into()
     }
 }
 
-/// What a work-group copies to `__local` memory.
+/// The data that a work-group copies to `__local` memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Copied {
-    /// Nothing: triangles are read from where the host put them.
+    /// Nothing: triangles are read from the memory in which the host put them.
     Nothing,
-    /// All of the scene.
+    /// The whole scene.
     Scene,
     /// Positions.
     Vertices,
     /// Normals.
     Normals,
-    /// What a test reads, a tile of triangles at a time.
+    /// The data that a test reads, one tile of triangles at a time.
     Rows,
 }
 
 impl Triangles {
-    /// What is copied to `__local` memory.
+    /// Returns the data that is copied to `__local` memory.
     pub fn copied(self) -> Copied {
         match self.header().word("copied") {
             "scene" => Copied::Scene,
@@ -62,65 +62,67 @@ impl Triangles {
         }
     }
 
-    /// Whether the host puts them in `__constant` memory.
+    /// Returns whether triangles are in `__constant` memory.
     pub fn are_constant(self) -> bool {
         self.header().word("read_from") == "constant"
     }
 
-    /// Whether triangles, or parts of each, are copied to `__local` memory whole.
+    /// Returns whether all triangles, or a part of each, are copied to `__local` memory at once.
     pub fn are_staged(self) -> bool {
         matches!(self.copied(), Copied::Scene | Copied::Vertices | Copied::Normals)
     }
 
-    /// Whether what a test reads can come from a table in global memory: at once, or a tile at a time.
+    /// Returns whether the data for the test can come from a table in global memory, at once or one tile at a
+    /// time.
     pub fn take_tables(self) -> bool {
         !self.are_constant() && !self.are_staged()
     }
 }
 
 impl Layout {
-    /// Bits of an index, where there are indices.
+    /// Returns the number of bits of an index; `None` without indices.
     pub fn index_bits(self) -> Option<u32> {
         self.header().word("index_bits").parse().ok()
     }
 }
 
 impl Shading {
-    /// Whether every hit is shaded that is nearer than the best so far.
+    /// Returns whether every hit that is nearer than the best so far is shaded.
     pub fn is_eager(self) -> bool {
         self.header().word("shades") == "each-nearer-hit"
     }
 }
 
 impl Intersector {
-    /// Floats of a triangle that is prepared for the test.
+    /// Returns the number of floats in a triangle's record for the test.
     pub fn record_floats(self) -> usize {
         self.header().number("record_floats").unwrap_or(0) as usize
     }
 
-    /// Whether a row per triangle is prepared for the eye and each light.
+    /// Returns whether planes per triangle are prepared for the eye and each light.
     pub fn prepares_planes(self) -> bool {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Whether primary rays are counted in pixels: their planes are linear in the pixel, and t is depth.
+    /// Returns whether primary rays have pixel coordinates as their direction: their planes are linear in the
+    /// pixel, and t is depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }
 
-    /// Whether it needs exact signs, which math = fast does not keep.
+    /// Returns whether the test needs exact signs, which math = fast does not preserve.
     pub fn needs_exact_signs(self) -> bool {
         self.header().word("exact_signs") == "yes"
     }
 
-    /// Operations of a test up to the first proof of a miss, where its file counts them.
+    /// Returns how many operations a test takes to show that a ray misses, if the header of its file says so.
     pub fn operations(self) -> Option<u32> {
         self.header().number("operations")
     }
 }
 
 impl Strategy {
-    /// The kernels it is cast with.
+    /// Returns the family of kernels that casts it.
     pub fn family(&self) -> &'static Family {
         match self.traversal {
             Traversal::Exhaustive => &EXHAUSTIVE,
@@ -131,7 +133,7 @@ impl Strategy {
         }
     }
 
-    /// Whether a fact of the manifest is true of it.
+    /// Returns whether a fact of the manifest is true of the strategy.
     pub fn holds(&self, fact: Fact) -> bool {
         match fact {
             Fact::Always => true,
@@ -147,7 +149,7 @@ impl Strategy {
         }
     }
 
-    /// The same of it and of what it casts.
+    /// Returns whether a fact is true of the strategy and the workload.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         match fact {
             Fact::Textured => workload.is_textured(),

@@ -1,42 +1,42 @@
-//! The strategy to use when none is named.
+//! Chooses the fastest strategy if the user names none.
 
 use super::{Axis as _, Intersector, Passes, Strategy, TileSize, Width, constants, preset};
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// What of a picture decides how it is cast fastest.
+/// The properties of a picture that affect which strategy is fastest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Task {
-    /// Triangles of the scene.
+    /// Number of triangles in the scene.
     pub triangles: usize,
-    /// Pixels of the picture.
+    /// Number of pixels in the picture.
     pub pixels: usize,
-    /// Whether surfaces are all around the eye.
+    /// Whether surfaces lie all around the eye.
     pub inside: bool,
     /// Whether no ray may leak at edges and vertices.
     pub watertight: bool,
 }
 
-/// Ways of casting, of which a device's kind decides the presets.
+/// The candidates for the choice. The preset of a candidate depends on the kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Way {
     /// Every triangle is tested.
     Exhaustive,
-    /// A tree is walked by single rays on a GPU, by packets on a CPU.
+    /// A tree is traversed by single rays on a GPU, by packets on a CPU.
     Single,
-    /// Tiles of rays walk it together: large ones, or in passes apart.
+    /// Tiles of rays traverse a tree together.
     Tiles {
-        /// 16 x 8 pixels, not 8 x 8.
+        /// Tiles of 16 x 8 pixels instead of 8 x 8.
         large: bool,
-        /// Shadow rays after all rays from the eye.
+        /// Separate passes: shadow rays are cast after all rays from the eye.
         separate: bool,
     },
 }
 
 const TILES: Way = Way::Tiles { large: false, separate: false };
 
-/// Kinds of devices with ways of their own.
+/// Classes of devices, each with its own candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
@@ -50,32 +50,35 @@ pub enum Class {
     SingleRays,
 }
 
-/// From this many triangles on, a tree walked by single rays or packets beats testing them all.
+/// From this number of triangles on, traversing a tree with single rays or packets is faster than testing all
+/// triangles.
 const TREE_TRIANGLES: usize = 200;
 
-/// Where one way becomes faster than another, on devices of one class with tiles.
+/// The limits between the candidates, for one class of devices that support tiles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
-    /// Fewer triangles are all tested.
+    /// With fewer triangles, all are tested.
     pub tree_triangles: f64,
-    /// From so many triangles per pixel on, rays of a tile share too little.
+    /// From this number of triangles per pixel on, the rays of a tile share too little work.
     pub single_triangles_a_pixel: f64,
-    /// The same where surfaces are all around the eye: there is more behind each other.
+    /// The same limit if surfaces lie all around the eye, since more surfaces then lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
-    /// From so many pixels per compute unit on, there are enough tiles to keep it busy.
+    /// From this number of pixels per compute unit on, there are enough tiles to keep it busy.
     pub single_pixels_a_unit: f64,
-    /// From so many pixels on, and so many for each triangle, large tiles keep it busy, too, and share more.
+    /// From this number of pixels on, and the next limit per triangle, large tiles are enough to keep the
+    /// device busy, and share more work.
     pub large_pixels: f64,
-    /// The same for each triangle.
+    /// The same limit per triangle.
     pub large_pixels_a_triangle: f64,
-    /// From so many pixels on, passes are apart.
+    /// From this number of pixels on, passes are separate.
     pub separate_pixels: f64,
-    /// The same where surfaces are all around the eye.
+    /// The same limit if surfaces lie all around the eye.
     pub separate_pixels_inside: f64,
 }
 
 impl Constants {
-    /// Their names, values, and what of a task is compared with each on a device of so many compute units.
+    /// Returns, for each limit, its name, the limit itself, and the value of the task that is compared with
+    /// it. `units` is the device's number of compute units.
     pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 8] {
         let (triangles, pixels) = (task.triangles.max(1) as f64, task.pixels.max(1) as f64);
         [
@@ -94,13 +97,13 @@ impl Constants {
         ]
     }
 
-    /// The way that is fastest by them.
+    /// Returns the fastest candidate according to these limits.
     pub fn way(mut self, task: &Task, units: u32) -> Way {
         let inside = task.inside;
         let [tree, single, single_inside, unit, large, a_triangle, separate, separate_inside] =
             self.of(task, units).map(|(_, least, value)| value >= *least);
         let single = if inside { single_inside } else { single };
-        // Of nothing there is no tree.
+        // Without triangles there is no tree.
         let tree = tree && task.triangles > 0;
         match (tree, single || !unit) {
             (false, _) => Way::Exhaustive,
@@ -114,7 +117,7 @@ impl Constants {
 }
 
 impl Class {
-    /// That of a device.
+    /// Returns the class of a device.
     pub fn of(limits: &DeviceLimits) -> Self {
         match limits.is_cpu {
             true if widest(limits.native_width) == Width::W16 => Self::TilesInVectors,
@@ -124,7 +127,7 @@ impl Class {
         }
     }
 
-    /// The constants of its sweeps; none where there are no tiles.
+    /// Returns the class's constants; `None` if it does not support tiles.
     pub fn constants(self, watertight: bool) -> Option<Constants> {
         match (self, watertight) {
             (Self::TilesInVectors, false) => Some(constants::CPU),
@@ -135,7 +138,7 @@ impl Class {
         }
     }
 
-    /// All ways that may be chosen.
+    /// Returns all candidates.
     pub fn ways(self) -> Vec<Way> {
         let tiles = |large, separate| Way::Tiles { large, separate };
         let tiles = match self {
@@ -150,7 +153,7 @@ impl Class {
 }
 
 impl Way {
-    /// Its name in stored sweeps.
+    /// Returns the name in stored sweeps.
     pub fn name(self) -> &'static str {
         match self {
             Self::Exhaustive => "exhaustive",
@@ -162,7 +165,7 @@ impl Way {
         }
     }
 
-    /// The one that is fastest for a task.
+    /// Returns the fastest candidate for a task.
     pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
         match Class::of(limits).constants(task.watertight) {
             Some(constants) => constants.way(task, limits.compute_units),
@@ -171,7 +174,7 @@ impl Way {
         }
     }
 
-    /// Its strategy on a device, and the local size.
+    /// Returns the candidate's strategy on a device, and the local size.
     pub fn strategy(self, limits: &DeviceLimits, watertight: bool) -> Result<(Strategy, [u32; 2])> {
         let width = widest(limits.native_width);
         let of = |name: &str| preset(name).map(|preset| preset.strategy);
@@ -198,15 +201,17 @@ impl Way {
     }
 }
 
-/// The fastest strategy measured on devices of this kind for a task, and its local size. Small scenes are tested exhaustively: on a
-/// CPU as many rays per work-item as its vectors hold, on a GPU a few, with triangles streamed through `__local` memory. Larger
-/// ones have a tree, which tiles of rays walk together: on a CPU in vectors, on a GPU where 32 work-items can share one by the lane
-/// operations that were timed. Where triangles are much smaller than pixels, the rays of a tile go apart.
+/// Returns the fastest strategy for a task on devices of this class, according to measurements, and its local
+/// size. Small scenes are tested exhaustively: on a CPU with as many rays per work-item as its vectors hold;
+/// on a GPU with a few rays, and triangles streamed through `__local` memory. Larger scenes use a tree that
+/// tiles of rays traverse together: on a CPU in vectors; on a GPU only if 32 work-items can share a tile by
+/// lane operations that were measured. If triangles are much smaller than pixels, single rays are faster,
+/// since the rays of a tile take different paths.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Way::fastest(limits, task).strategy(limits, task.watertight)
 }
 
-/// The largest width that the hardware's vectors hold.
+/// Returns the largest width that the hardware's vectors support.
 fn widest(native: u32) -> Width {
     let holds = |width: &Width| width.rays() <= native.max(1) as usize;
     Width::all().into_iter().rfind(holds).unwrap_or(Width::W1)
@@ -219,7 +224,7 @@ mod tests {
 
     const PIXELS: usize = 1920 * 1080;
 
-    /// Constants of no sweep, so that a better sweep breaks no test.
+    /// Constants that are independent of the sweeps, so that new sweeps do not break these tests.
     const EXAMPLE: Constants = Constants {
         tree_triangles: 50.0,
         single_triangles_a_pixel: 2.0,

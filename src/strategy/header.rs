@@ -20,19 +20,19 @@ pub struct Header {
     facts: Vec<(&'static str, Said)>,
 }
 
-/// A value of another axis that a value cannot be combined with.
+/// A value of another axis that cannot be combined with this one.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Contradiction {
     /// The other axis.
     pub axis: &'static str,
     /// Its value.
     pub value: String,
-    /// Why, if the file says so.
+    /// The reason, if the file has one.
     pub because: Option<String>,
 }
 
 impl Header {
-    /// A header that says nothing.
+    /// An empty header.
     pub(super) const NONE: Self = Self {
         axis: "",
         name: String::new(),
@@ -42,7 +42,7 @@ impl Header {
         facts: Vec::new(),
     };
 
-    /// The word of a key; empty if the header does not have the key.
+    /// Returns the word of a key; empty if the header does not have the key.
     pub(super) fn word(&self, key: &str) -> &'static str {
         match self.fact(key) {
             Some(Said::Word(word)) => word,
@@ -50,7 +50,7 @@ impl Header {
         }
     }
 
-    /// The number of a key.
+    /// Returns the number of a key.
     pub(super) fn number(&self, key: &str) -> Option<u32> {
         match self.fact(key) {
             Some(Said::Number(number)) => Some(number),
@@ -109,7 +109,7 @@ impl Reader<'_> {
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: found.contradicts, facts })
     }
 
-    /// The keys of its axis.
+    /// Returns the keys of its axis.
     fn keys(&self) -> impl Iterator<Item = &'static Key> {
         KEYS.iter().filter(|key| key.axis == self.axis)
     }
@@ -131,7 +131,7 @@ impl Reader<'_> {
                     return Err(self.twice(line, key.name, *first));
                 }
                 let said = key.takes.parse(value).ok_or_else(|| {
-                    let message = format!("'{value}' is no '{}'; expected {}", key.name, key.takes);
+                    let message = format!("'{value}' is not a valid '{}'; expected {}", key.name, key.takes);
                     self.wrong(line, message, nearest(value, key.takes.words().iter().copied()))
                 })?;
                 found.facts.push((line, key.name, said));
@@ -140,7 +140,7 @@ impl Reader<'_> {
         }
     }
 
-    /// `axis=value, axis=value because why`.
+    /// Parses `axis=value, axis=value because why`.
     fn contradictions(&self, line: usize, text: &str) -> Result<Vec<Contradiction>> {
         let (pairs, because) = match text.split_once(" because ") {
             Some((pairs, because)) => (pairs, Some(because.trim().to_owned())),
@@ -174,7 +174,7 @@ impl Reader<'_> {
         })
     }
 
-    /// What a kernel of the host's prepares for origins has one length.
+    /// Checks the length of rows that a kernel prepares for origins, which is fixed.
     fn check_planes(&self, found: &Entries) -> Result<()> {
         let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
         let planes =
@@ -194,22 +194,22 @@ impl Reader<'_> {
         let own: Vec<_> =
             ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name)).collect();
         let message =
-            format!("'{key}' is no key of a header of {}; expected one of {}", self.axis, own.join(", "));
+            format!("'{key}' is not a key of a header of {}; expected one of {}", self.axis, own.join(", "));
         self.wrong(line, message, nearest(key, own))
     }
 
     fn twice(&self, line: usize, key: &str, first: usize) -> Error {
-        self.wrong(line, format!("'{key}' is said twice: first in line {first}"), None)
+        self.wrong(line, format!("'{key}' occurs twice: first in line {first}"), None)
     }
 
     fn wrong(&self, line: usize, message: String, meant: Option<&str>) -> Error {
         Error::input(format!("{}, line {line}: {message}", self.path)).with_help(match meant {
             Some(meant) => format!("did you mean '{meant}'?"),
-            None => "docs/own-kernels.md says what a header holds".to_owned(),
+            None => "docs/own-kernels.md describes headers".to_owned(),
         })
     }
 
-    /// A header with all keys that must be there.
+    /// Returns a header with all required keys, as an example.
     fn example(&self) -> String {
         let facts =
             self.keys().filter(|key| !key.optional).map(|key| format!("`// {}: {}`", key.name, key.takes));
@@ -217,10 +217,10 @@ impl Reader<'_> {
     }
 }
 
-/// Floats of a row of planes.
+/// Number of floats in a row of planes.
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
-/// Whether the text before a colon can be a key: one word of small letters.
+/// Returns whether the text before a colon can be a key: one word of lower-case letters.
 fn is_key(word: &str) -> bool {
     !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_')
 }

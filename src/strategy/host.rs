@@ -1,4 +1,5 @@
-//! What casting asks of the host's memory: the sum at its worst moment, before anything is allocated.
+//! Predicts the host's memory that casting needs: the largest sum at any moment, before anything is
+//! allocated.
 
 use super::requirements::{global, node_bytes, scratch};
 use super::sum::Sum;
@@ -7,25 +8,26 @@ use crate::accel::Bvh;
 use crate::memory::Available;
 use crate::scene::{Mapped, Mesh};
 
-/// The program, its libraries and a driver: 93 MB with PoCL 3.1 and its kernels cached, 239 MB where LLVM 15 compiles
-/// them (one triangle, 64 x 40 pixels; 2026-11-20).
+/// Bytes of the program, its libraries and a driver: 93 MB with PoCL 3.1 if its kernels are cached, 239 MB if
+/// LLVM 15 compiles them (one triangle, 64 x 40 pixels; 2026-11-20).
 const PROGRAM_BYTES: u64 = 240_000_000;
-/// The reference's tree: corners in double precision and a number per triangle, and at most a node of 72 bytes for each.
+/// Bytes per triangle of the reference's tree: corners in double precision and a number, and at most one node
+/// of 72 bytes.
 const REFERENCE_BYTES: u64 = 80 + 72;
-/// The reference's sample of a pixel (88 bytes), its radiance, whether it is certain.
+/// Bytes per pixel of the reference: a sample (88 bytes), the radiance, and whether the pixel is certain.
 const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
-/// Radiance read back, as 8 bits per channel, and the file made from it.
+/// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
-/// Bytes of the host's memory at every moment that could be the worst.
+/// The host's memory in bytes at every moment that may be the largest.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     moments: Vec<(&'static str, Sum)>,
 }
 
 impl HostNeeds {
-    /// What `strategy` needs for `workload`: with `shared`, where the device's memory is the host's; with
-    /// `verified`, where the image is compared with the reference.
+    /// Returns the needs of `strategy` for `workload`. `shared` means that the device uses the host's memory,
+    /// and `verified` that the image is compared with the reference.
     pub fn of(strategy: &Strategy, workload: &Workload, shared: bool, verified: bool) -> Self {
         let w = workload;
         let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
@@ -42,7 +44,7 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // As DeviceTree builds it: a wide node gathers larger leaves from these.
+            // As in DeviceTree: a wide node combines these leaves to larger ones.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree in the making", &[(build_bytes, " B")]);
@@ -72,13 +74,13 @@ impl HostNeeds {
         Self { moments }
     }
 
-    /// Bytes at the worst moment.
+    /// Returns the largest sum.
     pub fn bytes(&self) -> u64 {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
 
-    /// Refuses what does not fit into what is available and `own_bytes`, the part of the needs that this process has
-    /// already, such as the program and the mesh.
+    /// Returns an error if the needs exceed the available memory plus `own_bytes`, which is the part that
+    /// this process has already allocated, such as the program and the mesh.
     pub fn check(&self, available: &Available, own_bytes: u64) -> Result<(), Infeasible> {
         let limit = available.bytes.saturating_add(own_bytes);
         let Some((moment, sum)) = self.moments.iter().max_by_key(|(_, sum)| sum.bytes) else { return Ok(()) };
@@ -87,7 +89,7 @@ impl HostNeeds {
     }
 }
 
-/// Bytes of a mesh of a workload's sizes.
+/// Returns the bytes of a mesh with a workload's sizes.
 fn mesh_bytes(w: &Workload) -> u64 {
     Mesh::bytes(w.triangles as u64, w.positions as u64, w.normals as u64)
 }

@@ -1,22 +1,22 @@
-//! The keys of headers: what the host must know of a value of each axis whose values are files.
+//! The keys of headers: the properties that the host needs of values that are files, by axis.
 
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// What a header says of a key.
+/// The value of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Said {
-    /// One of the key's words.
+    /// One of the key's allowed words.
     Word(&'static str),
     /// A number.
     Number(u32),
 }
 
-/// What a key takes.
+/// The allowed values of a key.
 pub(super) enum Takes {
     /// One of these.
     Words(&'static [&'static str]),
-    /// A number from the first to the last, a multiple of the second field.
+    /// A number in the range that is a multiple of the second field.
     Numbers(RangeInclusive<u32>, u32),
 }
 
@@ -24,7 +24,7 @@ pub(super) enum Takes {
 pub(super) struct Key {
     pub axis: &'static str,
     pub name: &'static str,
-    /// What it says.
+    /// Its meaning.
     pub about: &'static str,
     pub takes: Takes,
     pub optional: bool,
@@ -34,7 +34,7 @@ const fn key(axis: &'static str, name: &'static str, about: &'static str, takes:
     Key { axis, name, about, takes, optional: false }
 }
 
-/// Every key but `meaning` and `contradicts`, which all axes have.
+/// Every key except `meaning` and `contradicts`, which all axes have.
 pub(super) static KEYS: [Key; 10] = [
     key(
         "vectors",
@@ -87,7 +87,7 @@ pub(super) static KEYS: [Key; 10] = [
 ];
 
 impl Takes {
-    /// The words, if it takes words.
+    /// Returns the allowed words; empty for numbers.
     pub fn words(&self) -> &'static [&'static str] {
         match self {
             Self::Words(words) => words,
@@ -95,7 +95,7 @@ impl Takes {
         }
     }
 
-    /// What a text says, if it is one of what is taken.
+    /// Parses a value; `None` if it is not allowed.
     pub fn parse(&self, text: &str) -> Option<Said> {
         match self {
             Self::Words(words) => words.iter().find(|word| **word == text).map(|word| Said::Word(word)),
@@ -127,7 +127,7 @@ mod tests {
 
     const DOCUMENT: &str = include_str!("../../docs/own-kernels.md");
 
-    /// The rows of the document's table with these column heads, each as its cells.
+    /// Returns the cells of each row of the document's table with these column headings.
     fn table(heads: &str) -> Vec<Vec<&'static str>> {
         let lines = DOCUMENT.lines().skip_while(|line| *line != heads).skip(2);
         let rows = lines.take_while(|line| line.starts_with('|'));
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn the_document_names_every_key_and_no_other() {
-        let rows = table("| key | of | must be there | says |");
+        let rows = table("| key | axis | required | meaning |");
         let known = |key: &Key| (key.name, key.axis, !key.optional);
         let all: BTreeSet<_> =
             KEYS.iter().map(known).chain([("meaning", "all", true), ("contradicts", "all", false)]).collect();
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_document_says_what_every_key_takes() {
-        for row in table("| key | of | must be there | says |") {
+        for row in table("| key | axis | required | meaning |") {
             let Some(key) = KEYS.iter().find(|key| key.name == row[0].trim_matches('`')) else { continue };
             let says = in_quotes(row[3]);
             for word in key.takes.words() {

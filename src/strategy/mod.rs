@@ -1,4 +1,4 @@
-//! A strategy: one value of every axis. Presets name the paper's rows.
+//! Strategies: one value of every axis. Presets are named strategies, among them the paper's.
 
 mod axis;
 mod constants;
@@ -33,7 +33,7 @@ use crate::device::{Builtins, DeviceLimits, LaneOperations};
 use crate::error::{Error, Result, nearest};
 use crate::manifest::GROUP_LANES;
 
-/// Declares [`Strategy`] and everything that must name each of its axes once.
+/// Declares [`Strategy`] and everything else that lists its axes.
 macro_rules! strategy {
     ($($(#[$doc:meta])* $field:ident: $type:ident,)+) => {
         /// One value of every axis.
@@ -42,11 +42,11 @@ macro_rules! strategy {
             $($(#[$doc])* pub $field: $type,)+
         }
 
-        /// Every axis, in the order a strategy is spelled out.
+        /// Every axis, in the order in which a strategy is written.
         pub const AXES: &[AxisInfo] = &[$($type::INFO),+];
 
         impl Strategy {
-            /// Changes one axis by name. An unknown name or value is the user's mistake.
+            /// Changes the value of one axis by name. An unknown name or value is a mistake of the user.
             pub fn set(&mut self, axis: &str, value: &str) -> Result<()> {
                 match axis {
                     $(stringify!($field) => self.$field = $type::parse(value)?,)+
@@ -55,7 +55,7 @@ macro_rules! strategy {
                 Ok(())
             }
 
-            /// Each axis's name and this strategy's value of it.
+            /// Returns each axis's name and this strategy's value of it.
             pub fn axes(&self) -> Vec<(&'static str, &'static str)> {
                 vec![$((stringify!($field), self.$field.name())),+]
             }
@@ -66,37 +66,37 @@ macro_rules! strategy {
 strategy! {
     /// How the triangles that a ray may hit are found.
     traversal: Traversal,
-    /// Where the nine working vectors live.
+    /// The memory of the nine working vectors.
     vectors: Vectors,
-    /// Where triangles are read from.
+    /// The memory that triangles are read from.
     triangles: Triangles,
-    /// How triangles are laid out.
+    /// The layout of triangles.
     layout: Layout,
-    /// When a hit is shaded.
+    /// When hits are shaded.
     shading: Shading,
-    /// How many kernels a frame takes.
+    /// The number of kernels per frame.
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,
-    /// When what the test reads of a triangle is prepared.
+    /// When the data that the test reads of a triangle is computed.
     records: Records,
-    /// Which faces are seen.
+    /// Which faces are visible.
     culling: Culling,
     /// When a test counts as parallel or outside.
     epsilons: Epsilons,
     /// Rays per work-item.
     width: Width,
-    /// Children of a tree's node.
+    /// The number of children of a tree node.
     node_width: NodeWidth,
-    /// Triangles a leaf holds at most.
+    /// The largest number of triangles in a leaf.
     leaf_size: LeafSize,
-    /// The tile of rays that walks a tree together.
+    /// The size of a tile of rays that traverse a tree together.
     tile: TileSize,
-    /// What the compiler may do to arithmetic.
+    /// How the compiler may change arithmetic.
     math: Math,
 }
 
-/// Where every name is that a strategy may be made of.
+/// The remedy for an unknown name of an axis, a value or a preset.
 const LISTED: &str = "`raycl strategies` lists every axis, its values and the presets";
 
 fn unknown_axis(axis: &str) -> Error {
@@ -104,12 +104,12 @@ fn unknown_axis(axis: &str) -> Error {
     let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
     error.with_help(match nearest(axis, names) {
         Some(meant) => format!("did you mean '{meant}'?"),
-        None => "`raycl strategies` says what each decides".to_owned(),
+        None => "`raycl strategies` explains each".to_owned(),
     })
 }
 
 impl std::fmt::Display for Strategy {
-    /// All axes spelled out: `traversal=exhaustive vectors=private ...`.
+    /// Writes all axes: `traversal=exhaustive vectors=private ...`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let axes: Vec<_> = self.axes().iter().map(|(axis, value)| format!("{axis}={value}")).collect();
         f.write_str(&axes.join(" "))
@@ -117,23 +117,26 @@ impl std::fmt::Display for Strategy {
 }
 
 impl Strategy {
-    /// Whether each primary ray is tested against every triangle, so that tests can be counted.
+    /// Returns whether each primary ray is tested against every triangle, so that the number of tests is
+    /// known.
     pub fn tests_every_triangle(&self) -> bool {
         self.traversal == Traversal::Exhaustive
     }
 
-    /// Whether rays walk a tree.
+    /// Returns whether rays traverse a tree.
     pub fn needs_tree(&self) -> bool {
         matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
     }
 
-    /// Whether its kernels read the mesh in its layout; tiles read the rows of their tree and nothing else.
+    /// Returns whether its kernels read the mesh in its layout; kernels for tiles only read the rows of their
+    /// tree.
     pub fn reads_mesh(&self) -> bool {
         self.traversal != Traversal::Tile
     }
 
-    /// The block of pixels whose rays a work-item casts side by side: (across, down). About square, so that they agree in
-    /// what they hit; but planes that are linear in the pixel have terms that a row shares, which a longer row saves.
+    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). It is nearly
+    /// square, so that its rays hit the same triangles. For planes that are linear in the pixel it is a
+    /// longer row, whose rays share terms.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,
@@ -145,28 +148,29 @@ impl Strategy {
         (across, self.width.rays() / across)
     }
 
-    /// Whether 32 work-items share a tile, not one work-item has it in vectors.
+    /// Returns whether 32 work-items share a tile; otherwise one work-item has it in vectors.
     pub fn shares_tiles(&self) -> bool {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }
 
-    /// Lights whose shadow rays work-items that share a tile cast at a time: a word has a bit for each of them and of a
-    /// work-item's rays, and one more.
+    /// Returns the number of lights per round for work-items that share a tile. A word has one bit for each
+    /// pair of a light and one of a work-item's rays, and one more.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;
         (u32::BITS as usize - 1) / rays.max(1)
     }
 
-    /// `other`, or the local size that a device with these limits does best with where the strategy leaves no choice: groups
-    /// of 32 that share tiles.
+    /// Returns the best local size on a device with these limits for work-items that share tiles in groups of
+    /// 32; for other strategies, returns `other`.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
-        // A CPU's work-group is one thread's loop: several tiles in it gain nothing, and PoCL 6.0 crashes on several sub-groups.
+        // On a CPU, a work-group is a loop of one thread, so several tiles per group gain nothing; and PoCL
+        // 6.0 crashes with several sub-groups.
         let groups = if limits.is_cpu { 1 } else { limits.lane_operations.usual_groups() };
         if self.shares_tiles() { [GROUP_LANES, groups] } else { other }
     }
 
-    /// How its work-items tell each other things on a device with these built-ins.
+    /// Returns how its work-items exchange values on a device with these built-ins.
     pub fn lane_operations(&self, builtins: Builtins) -> LaneOperations {
         if self.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers }
     }

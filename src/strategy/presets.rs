@@ -1,4 +1,4 @@
-//! Named strategies: the paper's rows and the fast ones.
+//! Named strategies: those of the paper and the fast ones.
 
 use super::{
     Culling, Epsilons, Intersector, LISTED, Layout, LeafSize, Math, NodeWidth, Passes, Records, Shading,
@@ -12,11 +12,12 @@ use crate::error::{Error, Result, nearest};
 pub struct Preset {
     /// Its name in configs.
     pub name: &'static str,
-    /// What it stands for.
+    /// Its meaning.
     pub about: &'static str,
-    /// Its value of every axis.
+    /// The value of every axis.
     pub strategy: Strategy,
-    /// The kind of device that it is for: on others it is measured where somebody asks for that. None where it is for all.
+    /// The kind of device that it is meant for; on others it is only measured if requested. `None` means all
+    /// kinds.
     pub meant_for: Option<DeviceKind>,
 }
 
@@ -39,7 +40,7 @@ const PAPER: Strategy = Strategy {
     math: Math::Strict,
 };
 
-/// What raycl starts from when it is free to choose.
+/// The base of strategies that are not the paper's.
 const MODERN: Strategy = Strategy {
     vectors: Vectors::PRIVATE,
     shading: Shading::DEFERRED,
@@ -48,7 +49,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// Tiles of rays in wide vectors. One pass, as a tile's hits are shaded while its triangles are in the caches.
+/// Tiles of rays in wide vectors. A single pass, since a tile's hits are best shaded while its triangles are
+/// in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -59,8 +61,9 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
-/// A tile shared by 32 work-items. One pass, so that tiles that are done with rays from the eye go on to shadow rays while
-/// the last ones are at it; the watertight test needs too many registers for that.
+/// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye continue
+/// with shadow rays while others still cast rays from the eye. The watertight test needs too many registers
+/// for that.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -246,7 +249,7 @@ pub const PRESETS: &[Preset] = &[
     },
 ];
 
-/// The preset called `name`; the error names the nearest one.
+/// Returns the preset with this name; the error suggests the most similar one.
 pub fn preset(name: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
         let names: Vec<_> = PRESETS.iter().map(|preset| preset.name).collect();

@@ -1,4 +1,4 @@
-//! What a strategy asks of a device, with its arithmetic, before anything is compiled.
+//! Computes what a strategy needs of a device, with the arithmetic for messages, before anything is compiled.
 
 mod fits;
 
@@ -13,52 +13,53 @@ use crate::device::DeviceLimits;
 use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
 use crate::scene::{Mapped, Material};
 
-/// A triangle of the soup. Its corners, or its normals: 9 floats. Its material.
+/// Bytes of a triangle without shared vertices.
 const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
 const CORNERS_BYTES: u64 = 9 * 4;
-/// A leaf's triangle, or what is prepared of one for an origin: three float4.
+/// Bytes of a leaf's triangle, or of the planes for a triangle and an origin: three float4.
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
-/// Where a triangle's corners lie in its texture.
+/// Bytes of a triangle's texture coordinates.
 const TEXTURE_ROW_BYTES: u64 = Mapped::FLOATS as u64 * 4;
 
-/// A ray of a tile: direction, inv_t, place, the direction's reciprocals, what the watertight test has of it; and while
-/// it is shaded the surface it hit, what arrives and the sum so far.
+/// Bytes of a ray of a tile: direction, inv_t, place, the reciprocals of the direction, and data for the
+/// watertight test; during shading also the surface it hit, the arriving light and the sum so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
-/// An entry of the stack of work-items that share a tile: a child's word and where it is entered.
+/// Bytes of a stack entry for work-items that share a tile: a child's word, and the distance at which its box
+/// is entered.
 const STACK_ENTRY_BYTES: u64 = 8;
-/// A word per lane, by which they tell each other things where they have no other way.
+/// Bytes of one word per lane, by which lanes exchange values if there is no other way.
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
-/// A leaf's triangle that has to be tested, and the lane that prepared it.
+/// Bytes of a leaf's triangle that has to be tested, and the lane that prepared it.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
-/// A pixel in the queue of shadow rays left over, and its lights.
+/// Bytes of an entry in the queue of leftover shadow rays: a pixel and its lights.
 const QUEUE_ENTRY_BYTES: u64 = 8;
-/// A pixel's word of lights that reach it.
+/// Bytes of a pixel's word with the lights that reach it.
 const LIT_BYTES: u64 = 4;
 
-/// What private arrays of a work-group may take on a CPU, whose threads have stacks of 8 MiB:
-/// drivers keep what lives across a barrier once for each work-item of a group, and overflow silently.
+/// Limit for the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. Drivers keep
+/// values that live across a barrier once per work-item of a group, and overflow the stack without an error.
 const CPU_STACK_BYTES: u64 = 5 << 20;
 
-/// Bytes a strategy needs.
+/// The bytes of memory that a strategy needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Requirements {
-    /// `__local` bytes per work-group.
+    /// Bytes of `__local` memory per work-group.
     pub local_bytes: u64,
-    /// `__constant` bytes.
+    /// Bytes of `__constant` memory.
     pub constant_bytes: u64,
-    /// Global scratch or heap bytes beside scene and image.
+    /// Bytes of global scratch or heap memory, in addition to scene and image.
     pub scratch_bytes: u64,
-    /// Private bytes of a whole work-group's working vectors.
+    /// Bytes of private memory for the working vectors of a whole work-group.
     pub private_bytes: u64,
-    /// Global bytes of scene, image and what passes between kernels.
+    /// Bytes of global memory for scene, image and data passed between kernels.
     pub global_bytes: u64,
 }
 
 impl Requirements {
-    /// What `strategy` needs for `workload`.
+    /// Returns the needs of `strategy` for `workload`.
     pub fn of(strategy: &Strategy, workload: &Workload) -> Self {
         Self {
             local_bytes: local(strategy, workload).recorded(),
@@ -69,12 +70,12 @@ impl Requirements {
         }
     }
 
-    /// Global bytes of a scene and its tree, which points share.
+    /// Returns the bytes of global memory for a scene and its tree, which points share.
     pub fn scene_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         scene(strategy, workload).recorded()
     }
 
-    /// What `strategy` needs for `workload`, if a device with these limits can hold it.
+    /// Returns the needs of `strategy` for `workload`, or an error if they exceed these limits.
     pub fn check(
         strategy: &Strategy,
         workload: &Workload,
@@ -98,7 +99,7 @@ impl Requirements {
     }
 }
 
-/// What a test reads of a triangle.
+/// Returns the bytes that a test reads of a triangle.
 fn record_bytes(strategy: &Strategy) -> u64 {
     4 * strategy.intersector.record_floats() as u64
 }
@@ -127,7 +128,7 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// The whole scene in one memory.
+/// Adds the whole scene in one memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.layout.index_bits().is_none() {
         sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);
@@ -190,12 +191,13 @@ pub(super) fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// What lives across barriers, if the strategy has any, and the rays of tiles.
+/// Returns the private memory: values that live across barriers, if the strategy has barriers, and the rays
+/// of tiles.
 fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal == Traversal::Tile {
         let (across, down) = strategy.tile.pixels();
-        // Without barriers, too, a driver was seen to keep those of all work-items at once (PoCL 3.1).
+        // Even without barriers, PoCL 3.1 was seen to keep the values of all work-items at once.
         let [x, y] = w.local_size.map(u64::from);
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
@@ -207,7 +209,7 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// The scene and its tree. Each term is one buffer.
+/// Returns the scene and its tree. Each term is one buffer.
 fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.reads_mesh() {
@@ -228,7 +230,7 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Scene, image and what passes between kernels. Each term is one buffer.
+/// Returns scene, image and the data passed between kernels. Each term is one buffer.
 pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = scene(strategy, w);
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
@@ -253,8 +255,9 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Bytes of a tree's node, and about how many there are: full nodes over leaves that are half full where they may be
-/// larger than four (places of a node that are left over make them smaller), and half as many again.
+/// Returns the bytes of a tree's node, and an estimate of the number of nodes. It assumes full nodes and, if
+/// leaves may have more than four triangles, half-full leaves (unused slots of a node make leaves smaller),
+/// and adds half as many nodes.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

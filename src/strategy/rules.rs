@@ -1,27 +1,27 @@
-//! Which combinations of values make sense.
+//! Which combinations of values are allowed.
 
 use super::{AXES, Copied, Header, Math, Passes, Records, Strategy, values_of};
 use crate::error::{Error, Result};
 use crate::manifest::Rule;
 
 impl Strategy {
-    /// Refuses combinations that make no sense on any device, with the reason.
+    /// Refuses combinations that are not allowed on any device, with the reason.
     pub fn check(&self) -> Result<()> {
         match self.contradiction() {
-            Some(reason) => Err(Error::input(format!("this strategy makes no sense: {reason}"))
+            Some(reason) => Err(Error::input(format!("this combination of axes is not allowed: {reason}"))
                 .with_help("change one of these axes; `raycl strategies` lists the values of each")),
             None => Ok(()),
         }
     }
 
-    /// Why this combination makes no sense on any device, if so: its family does not take a value, or two values
-    /// contradict each other.
+    /// Returns why this combination is not allowed on any device: its family does not support a value, or two
+    /// values contradict each other. `None` if it is allowed.
     pub fn contradiction(&self) -> Option<String> {
         let refused = self.family().rules.iter().find_map(|rule| self.refusal(rule));
         refused.or_else(|| self.conflict()).or_else(|| self.conflict_in_headers())
     }
 
-    /// Whether a rule of a family takes a value.
+    /// Returns whether a rule of a family allows a value.
     fn is_taken(&self, rule: &Rule, value: &str) -> bool {
         let mut with = *self;
         let has_file = |folder: &str| {
@@ -30,7 +30,8 @@ impl Strategy {
         with.set(rule.axis, value).is_ok() && rule.takes.take(value, has_file, |fact| with.holds(fact))
     }
 
-    /// The message if a family does not take a value: the axis, the family, the reason, and the values it takes.
+    /// Returns the message if a family does not support a value: the axis, the family, the reason, and the
+    /// supported values.
     fn refusal(&self, rule: &Rule) -> Option<String> {
         let Rule { axis, because, .. } = rule;
         let (_, value) = self.axes().into_iter().find(|(name, _)| name == axis)?;
@@ -43,7 +44,7 @@ impl Strategy {
         Some(format!("{axis} = {value}, but {label} {because}: {axis} = {}", taken.join(" or ")))
     }
 
-    /// Why two of its values contradict each other in any family, if so.
+    /// Returns why two of its values contradict each other in any family, if they do.
     fn conflict(&self) -> Option<String> {
         let eager = self.shading.is_eager();
         let planes = self.intersector.prepares_planes();
@@ -88,7 +89,7 @@ impl Strategy {
         Some(self.axes().into_iter().fold(reason.to_owned(), own))
     }
 
-    /// Why the file of one of its values says that another contradicts it, if so.
+    /// Returns why the header of one of its values contradicts another value, if it does.
     fn conflict_in_headers(&self) -> Option<String> {
         let axes = self.axes();
         let headers =
@@ -111,7 +112,7 @@ mod tests {
     use crate::manifest::FAMILIES;
     use std::collections::HashSet;
 
-    /// Strategies of each family, one of which takes whatever the family takes.
+    /// Returns strategies of each family, one of which accepts each value that the family supports.
     fn bases() -> impl Iterator<Item = Strategy> {
         let all = PRESETS.iter().map(|preset| preset.strategy);
         let deferred = |strategy: Strategy| Strategy {
@@ -125,19 +126,19 @@ mod tests {
         all.flat_map(move |strategy| [strategy, deferred(strategy)]).flat_map(passes)
     }
 
-    /// Every value that a rule of a family leaves out is refused there, whatever the rest; every other value is taken
-    /// by some strategy of the family.
+    /// Checks that every value which a rule excludes is refused in all strategies of the family, and that
+    /// every other value is accepted in one of them.
     #[test]
     fn a_family_refuses_what_it_does_not_take_and_takes_the_rest() {
         let mut refused = 0;
         for family in FAMILIES {
             for info in AXES {
-                // What chooses the family is no value of it.
+                // Axes that choose the family are not restricted within it.
                 let chooses =
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
                 for (value, _) in info.values().into_iter().filter(|_| !chooses) {
                     let of_family = bases().filter(|base| std::ptr::eq(base.family(), family));
-                    // A test may be one of the paper's guards alone.
+                    // A test may require the paper's guards.
                     let guards = |base| [base, Strategy { epsilons: Epsilons::Paper, ..base }];
                     let reasons: Vec<_> = of_family
                         .flat_map(guards)

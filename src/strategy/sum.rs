@@ -1,12 +1,12 @@
-//! Sums of bytes that can explain themselves.
+//! Sums of bytes that keep their arithmetic for messages.
 
 use super::infeasible::Infeasible;
 
-/// A sum of bytes with its terms. What no `u128` holds stays at its largest.
+/// A sum of bytes with its terms. Overflow gives the largest `u128`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,
-    /// Each term's bytes, and how they come about.
+    /// Each term's bytes, and its arithmetic.
     terms: Vec<(u128, String)>,
 }
 
@@ -19,13 +19,13 @@ impl Sum {
         self.terms.push((bytes, format!("{what} {}", factors.join(" x "))));
     }
 
-    /// Adds another's terms.
+    /// Adds another sum's terms.
     pub fn join(&mut self, other: Self) {
         self.bytes = self.bytes.saturating_add(other.bytes);
         self.terms.extend(other.terms);
     }
 
-    /// As recorded: what no `u64` holds is refused long before.
+    /// Returns the sum for records. A sum that exceeds `u64` is refused earlier.
     pub fn recorded(&self) -> u64 {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }
@@ -39,7 +39,7 @@ impl Sum {
         Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
     }
 
-    /// The same for each term by itself.
+    /// Does the same for each term separately.
     pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

@@ -1,4 +1,5 @@
-//! The values that are files: those built in, and those of a `--cl-dir`. A file in a folder of values is a value at once.
+//! The values that are files: built-in ones, and those of a `--cl-dir`. A new file in a folder of values is a
+//! new value.
 
 use super::AXES;
 use super::header::{Header, Reader};
@@ -7,8 +8,8 @@ use crate::sources::Sources;
 use std::path::PathBuf;
 use std::sync::{LazyLock, PoisonError, RwLock};
 
-/// The folders of values, and the axis whose values their files are. A value may have a file in several, one for each family
-/// that takes it; the first has its header.
+/// The folders of values, and the axis to which their files belong. A value may have a file in several
+/// folders, one per family that supports it; the first one has its header.
 pub const FOLDERS: [(&str, &str); 7] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
@@ -21,32 +22,34 @@ pub const FOLDERS: [(&str, &str); 7] = [
 
 type Headers = &'static [Header];
 
-/// Which values there are is a fact of the process, as what is built in is: it has one `--cl-dir`, which is read before any
-/// name of a value. They live as long as the process, so that a strategy holds their names and can be copied.
+/// The headers of all values. They are constant for the process, which has one `--cl-dir` and reads it before
+/// it parses any name of a value. They live as long as the process, so that a strategy can hold their names
+/// and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
-    // That those built in can be read is tested.
+    // A test checks that the built-in headers can be read.
     RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
 });
 
-/// All values that are files, axis by axis, by name.
+/// Returns all values that are files, by axis and name.
 fn known() -> Headers {
     *KNOWN.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The headers of an axis's values, by name.
+/// Returns the headers of an axis's values, by name.
 pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
     known().iter().filter(move |header| header.axis == axis)
 }
 
-/// What the file of a value says; nothing where there is no such file, which no name that was parsed comes to.
+/// Returns the header of a value; an empty one if there is no such file, which does not happen for names that
+/// were parsed.
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
 }
 
 impl Sources {
-    /// The kernel files of a command: those of its `--cl-dir`, if there is one, over those built in. Their values become
-    /// known.
+    /// Returns the kernel files for a command: the built-in ones, replaced or extended by those of its
+    /// `--cl-dir`. Their values become known.
     pub fn of(folder: Option<PathBuf>) -> Result<Self> {
         let sources = folder.map_or(Self::Embedded, Self::Folder);
         refuse_names(&sources)?;
@@ -60,7 +63,7 @@ impl Sources {
     }
 }
 
-/// A value before its header is read: axis, name, and the folders that it has a file in.
+/// A value before its header is read: axis, name, and the folders that have a file of it.
 struct Named {
     axis: &'static str,
     name: String,
@@ -68,14 +71,14 @@ struct Named {
 }
 
 impl Named {
-    /// The file that has its header.
+    /// Returns the file that has its header.
     fn file(&self) -> String {
         let folder = self.folders.first().copied().unwrap_or_default();
         format!("{folder}{}.cl", self.name.replace('-', "_"))
     }
 }
 
-/// The name of the value that a file is, if it lies in this folder.
+/// Returns the name of the value for a file, if the file lies in this folder.
 fn value_in(folder: &str, file: &str) -> Option<String> {
     let stem = file.strip_prefix(folder)?.strip_suffix(".cl")?;
     (!stem.contains('/')).then(|| stem.replace('_', "-"))
@@ -96,7 +99,7 @@ fn named(files: &[String]) -> Vec<Named> {
     all
 }
 
-/// The headers of all values, in order.
+/// Returns the headers of all values, in order.
 fn headers(sources: &Sources) -> Result<Vec<Header>> {
     let all = named(&sources.files()?);
     let names_of = |axis: &str| -> Vec<String> {
@@ -112,7 +115,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
     all.iter().map(read).collect()
 }
 
-/// A name has to stand in `--strategy`, in TOML and in records as it is.
+/// Refuses names that could not be written in `--strategy`, in TOML and in records.
 fn refuse_names(sources: &Sources) -> Result<()> {
     let fits = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     for file in sources.own_files()? {
@@ -123,7 +126,7 @@ fn refuse_names(sources: &Sources) -> Result<()> {
         if !fits(stem) || stem.is_empty() {
             let path = sources.path_of(&file);
             let message =
-                format!("{path}: a value is named as its file is, in small letters, digits and '_'");
+                format!("{path}: a value has its file's name, in lower-case letters, digits and '_'");
             let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
             return Err(
                 Error::input(message).with_help(format!("rename it, for example to {folder}{plain}.cl"))
@@ -133,7 +136,7 @@ fn refuse_names(sources: &Sources) -> Result<()> {
     Ok(())
 }
 
-/// A file that nothing includes, and that is no value, would change nothing, without a word.
+/// Refuses a file that nothing includes and that is not a value, since it would silently have no effect.
 fn refuse_unused(sources: &Sources) -> Result<()> {
     let files = sources.own_files()?;
     let built_in = Sources::names();
@@ -154,7 +157,8 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
 }
 
 fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
-    let message = format!("{path} is no file of raycl's, no value of an axis, and nothing includes it");
+    let message =
+        format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();

@@ -1,37 +1,38 @@
-//! The sizes of what is cast.
+//! The sizes of a scene, an image and a work-group.
 
 use super::{Strategy, Traversal};
 use crate::manifest::GROUP_LANES;
 
-/// The sizes a strategy's needs depend on.
+/// The sizes on which a strategy's needs depend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Workload {
-    /// Triangles in the scene.
+    /// Number of triangles in the scene.
     pub triangles: usize,
-    /// Entries of the mesh's set of positions.
+    /// Number of entries in the mesh's set of positions.
     pub positions: usize,
-    /// Entries of the mesh's set of normals.
+    /// Number of entries in the mesh's set of normals.
     pub normals: usize,
-    /// Entries of the mesh's set of materials.
+    /// Number of entries in the mesh's set of materials.
     pub materials: usize,
-    /// Lights in the scene.
+    /// Number of lights in the scene.
     pub lights: usize,
-    /// Words of all textures of the scene, 0 where it has none.
+    /// Number of words of all textures; 0 without textures.
     pub texture_words: usize,
     /// Whether lights with a radius are sampled.
     pub soft_lights: bool,
     /// Whether there is a sky.
     pub sky: bool,
-    /// Entries of a traversal's stack; 0 where there is no tree, or none is built yet.
+    /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
     pub stack_size: usize,
-    /// Pixels across and down.
+    /// Image size in pixels: across, down.
     pub image_size: [u32; 2],
-    /// Work-items of a work-group across and down.
+    /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
 }
 
 impl Workload {
-    /// A cube in a tree: what a program is made for where no scene is named. The image's size decides nothing that is compiled.
+    /// A cube in a tree, for which programs are made if no scene is named. The image size does not affect the
+    /// compiled code.
     pub const CUBE: Self = Self {
         triangles: 12,
         positions: 8,
@@ -46,17 +47,18 @@ impl Workload {
         local_size: [8, 8],
     };
 
-    /// Whether triangles have textures.
+    /// Returns whether triangles have textures.
     pub fn is_textured(&self) -> bool {
         self.texture_words > 0
     }
 
-    /// Whether rays are cast to points of lights, or to a sky, that each pixel has its own of.
+    /// Returns whether each pixel casts rays to its own points of lights, or its own direction of a sky.
     pub fn is_soft(&self) -> bool {
         self.soft_lights || self.sky
     }
 
-    /// Work-items across and down: one per block of pixels or 32 per tile, whole work-groups.
+    /// Returns the number of work-items across and down: one per block of pixels or 32 per tile, rounded up
+    /// to whole work-groups.
     pub fn global_size(&self, strategy: &Strategy) -> [usize; 2] {
         if strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
@@ -77,7 +79,7 @@ impl Workload {
         ]
     }
 
-    /// Numbers that separate passes hand on: one per pixel, or whole tiles of them.
+    /// Returns the number of values that separate passes hand on: one per pixel, rounded up to whole tiles.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.traversal == Traversal::Tile && !strategy.shares_tiles() {
             let (across, down) = strategy.tile.pixels();
@@ -87,20 +89,20 @@ impl Workload {
         }
     }
 
-    /// Origins, of the eye and of lights, that planes of all triangles are kept for at a time.
+    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at a time.
     pub fn prepared_origins(&self, strategy: &Strategy) -> usize {
         let at_once = if strategy.shares_tiles() { strategy.lights_of_round() } else { usize::MAX };
         if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }
     }
 
-    /// Tiles across and down of a work-group whose tiles are shared.
+    /// Returns the number of tiles across and down in a work-group that shares tiles.
     pub fn tiles_of_group(&self) -> [usize; 2] {
         let tiles = self.local_size[1] as usize;
         let across = if tiles.is_multiple_of(2) { 2 } else { 1 };
         [across, tiles / across]
     }
 
-    /// Rows of pixels that a row of work-groups covers.
+    /// Returns the number of pixel rows that a row of work-groups covers.
     pub fn group_height(&self, strategy: &Strategy) -> u32 {
         if strategy.shares_tiles() {
             return (strategy.tile.pixels().1 * self.tiles_of_group()[1]) as u32;
@@ -113,7 +115,7 @@ impl Workload {
     }
 }
 
-/// Pixels across and down that a work-item covers.
+/// Returns the size in pixels of the block that a work-item covers.
 fn block(strategy: &Strategy) -> (usize, usize) {
     if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.block() }
 }

@@ -1,39 +1,40 @@
-//! Whether an image is right: fast but wrong never enters the results.
+//! Verifies images: an image that is wrong never enters the results.
 //!
-//! Pixels the [`Reference`] is certain of agree within [`RELATIVE_LIMIT`] (see
-//! [`relative_difference`] for what it is relative to) and within 1 in 8 bits as displayed.
-//! The others, where a turn of the ray much farther than rounding changes something, look like the pixel under one of the nudges that go as far
-//! as rounding (they lie within the range that those span): where these change nothing, they agree as certain ones do. Those that do not are
-//! counted and have to be few. As many pixels hit something as can: `shadow_rays_per_s` counts them.
+//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`])
+//! and within one step of 256 as displayed. An uncertain pixel is one that changes if its ray is moved by
+//! much more than rounding does. It must lie within the range of its values under narrow nudges, which move
+//! the ray by about as much as rounding. If narrow nudges change nothing, it must agree like a certain pixel.
+//! Uncertain pixels outside that range are counted, and only few are allowed. The number of pixels that hit
+//! something must be possible too, since `shadow_rays_per_s` depends on it.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
 use crate::scene::Display;
 
-/// How far two certain pixels may be apart as displayed.
+/// Largest difference of a certain pixel as displayed, in steps of 256.
 const STEPS_OF_256: u8 = 1;
 
-/// What comparing an image with its reference found.
+/// The result of comparing an image with its reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The largest relative difference over certain pixels; infinite where one is not a number.
+    /// The largest relative difference over certain pixels; infinite if a value is not a number.
     pub max_difference: f64,
-    /// Where it is, as column and row; where any pixel is wrong, the worst of those.
+    /// The column and row of that difference, or of the worst wrong pixel.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Pixels that rounding may decide.
+    /// Number of pixels that depend on rounding.
     pub uncertain_pixels: usize,
-    /// Pixels that are not certain and outside the range that their nudges span.
+    /// Number of uncertain pixels outside the range of their nudges.
     pub unexplained_pixels: usize,
-    /// Certain pixels that disagree, and pixels that are not finite.
+    /// Number of certain pixels that disagree, and of pixels that are not finite.
     pub wrong_pixels: usize,
-    /// Whether the image is right.
+    /// Whether the image is correct.
     pub ok: bool,
-    /// Why it is not, in a sentence.
+    /// Why it is not correct, in a sentence.
     pub reason: Option<String>,
 }
 
-/// Judges an image of the scene, size and culling that `reference` is of, and where it is known the number of pixels that
-/// hit something, by all pixels that the reference has cast.
+/// Verifies an image against the reference for the same scene, size and culling, on all pixels that the
+/// reference has cast. `hits`, if known, is the number of pixels that hit something.
 pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, display: Display) -> Verdict {
     let uncertain_pixels = reference.uncertain_pixels();
     let expected = &reference.radiance;
@@ -64,7 +65,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     }
 }
 
-/// How many pixels that are not certain look like none of their nudges.
+/// Returns the number of uncertain pixels outside the range of their nudges.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let found = image.pixels[doubt.pixel];
@@ -75,12 +76,14 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// How many uncertain pixels may lie outside the range of their nudges: a ten-thousandth of those judged, at least 16.
+/// Returns how many uncertain pixels may lie outside the range of their nudges: one in ten thousand of the
+/// compared pixels, but at least 16.
 pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Why the number of pixels that hit something cannot be; uncertain ones may be strays here as well.
+/// Returns why the number of pixels that hit something is impossible, if it is. Uncertain pixels may be
+/// exceptions here too.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;
@@ -88,7 +91,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     let strays = unexplained_limit(reference.judged);
     let [fewest, most] = reference.hits_range;
     let apart = fewest.saturating_sub(hits).max(hits.saturating_sub(most));
-    (apart > strays).then(|| format!("{hits} pixels hit something, and {fewest} to {most} can"))
+    (apart > strays).then(|| format!("{hits} pixels hit something; expected {fewest} to {most}"))
 }
 
 /// A pixel that was compared.
@@ -98,7 +101,7 @@ struct Finding {
     wrong: bool,
     found: [f32; 3],
     expected: [f32; 3],
-    /// As displayed: found, expected.
+    /// The displayed colours: found, expected.
     shown: [[u8; 3]; 2],
 }
 
@@ -119,7 +122,7 @@ impl Finding {
     }
 }
 
-/// All certain pixels that differ, and all pixels that are not finite.
+/// Returns all certain pixels that differ, and all pixels that are not finite.
 fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Finding> {
     let shown = [to_rgb8(image, display), to_rgb8(&reference.radiance, display)];
     let pairs = image.pixels.iter().zip(&reference.radiance.pixels).zip(&reference.certain);
@@ -139,7 +142,7 @@ fn findings(image: &Radiance, reference: &Reference, display: Display) -> Vec<Fi
         .collect()
 }
 
-/// The largest difference of a channel as displayed.
+/// Returns the largest difference of a channel as displayed.
 fn steps([a, b]: [[u8; 3]; 2]) -> u8 {
     a.into_iter().zip(b).map(|(a, b)| a.abs_diff(b)).fold(0, u8::max)
 }
@@ -148,7 +151,7 @@ fn too_many_unexplained(unexplained: usize, judged: usize) -> Option<String> {
     let limit = unexplained_limit(judged);
     (unexplained > limit).then(|| {
         format!(
-            "{unexplained} of {judged} pixels are uncertain and look like none of their rays' nudges; at most {limit} may"
+            "{unexplained} of {judged} pixels are uncertain and outside the range of their slightly moved rays; at most {limit} may be"
         )
     })
 }

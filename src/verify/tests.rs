@@ -1,4 +1,4 @@
-//! What is right, what is wrong, and what is said of it.
+//! Tests of correct and wrong images, and of the messages.
 
 use super::*;
 use crate::reference::{fixtures, reference, reference_of, some_pixels};
@@ -52,7 +52,7 @@ fn one_wrong_pixel_is_named_with_both_values() {
     assert!(reason.contains("[0.0022, 0.0032, 0.0053]"), "{reason}");
 }
 
-/// Makes the first pixels uncertain, which may then be anything from black to 0.5.
+/// Makes the first pixels uncertain, with a range from black to 0.5.
 fn doubt_first(reference: &mut Reference, count: usize) {
     reference.certain[..count].fill(false);
     let doubt = |pixel| Doubt { pixel, nearly_certain: false, low: [0.0; 3], high: [0.5; 3] };
@@ -90,7 +90,7 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(verdict.reason.unwrap_or_default().contains("nudges"));
 }
 
-/// They are not among the pixels that rounding may decide, and have to be what they are.
+/// Such pixels do not depend on rounding, so they must agree.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     let scene = fixtures::random(300, 1);
@@ -176,7 +176,8 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
     assert_eq!((off_by(0.0011).wrong_pixels, off_by(-0.0011).wrong_pixels), (1, 1));
 }
 
-/// A steep curve shows as eight steps of 256 what is a thousandth of the floor: brighter or darker, that is wrong.
+/// With a steep curve, eight displayed steps of 256 correspond to a thousandth of the floor. Brighter or
+/// darker by that is wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     let display = Display { exposure: 1.0, gamma: 4.0 };
@@ -202,7 +203,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     reference.floor = 1e-3;
     reference.radiance.pixels[..2].fill([0.0; 3]);
     let mut image = reference.radiance.clone();
-    // Shown alike, nearly a thousandth off; and hardly off, shown as something else.
+    // A pixel displayed as equal that is off by nearly a thousandth; and one that is hardly off but displayed
+    // differently.
     reference.radiance.pixels[0] = [0.5; 3];
     image.pixels[0] = [0.5 * 1.0009; 3];
     image.pixels[1] = [5e-7; 3];

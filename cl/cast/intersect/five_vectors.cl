@@ -7,14 +7,14 @@
 //
 // Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The student's intersect
 // allocates its five vectors anew at each test, and frees them after it. OpenCL C has no malloc: here each test has five
-// arrays of its own. They are volatile, and begin at a place that only the scene decides: otherwise compilers keep them in
-// registers (NVIDIA's does even so if the place is a constant). On a GPU they are in the work-item's private memory, which is
+// arrays of its own. They are volatile, and begin at an offset that depends on the scene: otherwise compilers keep them in
+// registers (NVIDIA's does even so if the offset is a constant). On a GPU they are in the work-item's private memory, which is
 // off the chip.
 // Operations: direction x e2 6, a 3, origin - v0 3, first weight 3.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
-// This test prepares nothing per ray: a probe holds only the least distance.
+// This test prepares nothing per ray: a probe contains only the smallest distance.
 typedef struct {
     varying t_min;
 } Probe;
@@ -25,7 +25,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// A row is the triangle's three corners. The edges are made at each test.
+// A row contains the triangle's three corners. The edges are computed at each test.
 Row row_of(Corners corners) {
     Row row;
     const Uniform3 corner[3] = { corners.a, corners.b, corners.c };
@@ -37,7 +37,7 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Writes a vector to memory, and returns what is read back.
+// Writes a vector to memory, and returns the value that is read back.
 Vec3 kept(volatile varying *at, Vec3 value) {
     at[0] = value.x;
     at[1] = value.y;
@@ -45,11 +45,12 @@ Vec3 kept(volatile varying *at, Vec3 value) {
     return vec3(at[0], at[1], at[2]);
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
-// there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
+// otherwise there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // Where a vector begins: at 0, for no coordinate of a scene is as large; but the compiler does not know.
+    // The index at which vectors begin. It is always 0, since no coordinate of a scene is that large, but the
+    // compiler cannot know this.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
@@ -64,7 +65,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
-    // The weight of the third corner; what is left to 1 is the first's.
+    // The weight of the third corner; the first corner has the rest to 1.
     const Vec3 r = kept(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;

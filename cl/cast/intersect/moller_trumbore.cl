@@ -12,7 +12,7 @@
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
 #endif
 
-// This test prepares nothing per ray: a probe holds only the least distance.
+// This test prepares nothing per ray: a probe contains only the smallest distance.
 typedef struct {
     varying t_min;
 } Probe;
@@ -24,8 +24,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 }
 
 // A row holds a corner, two edges, and three numbers:
-#define SLACK1(row) (row).u  // the rounding error allowed to w1, per unit of distance
-#define SLACK2(row) (row).v  // the rounding error allowed to w2, per unit of distance
+#define SLACK1(row) (row).u  // the rounding error allowed for w1, per unit of distance
+#define SLACK2(row) (row).v  // the rounding error allowed for w2, per unit of distance
 #define EDGE_ON(row) (row).w // the largest |a| of a triangle seen edge-on, which is not hit
 
 #if PAPER_EPSILONS
@@ -43,11 +43,11 @@ Row row_of(Corners corners) {
     row.b = uniform_difference(corners.b, corners.a);
     row.c = uniform_difference(corners.c, corners.a);
 #if PAPER_EPSILONS
-    // The paper's guards are constants, whatever the size of scene and triangle.
+    // The paper's guards are constants, independent of the size of scene and triangle.
     SLACK1(row) = SLACK2(row) = 1e-10f;
     EDGE_ON(row) = 1e-7f;
 #else
-    // These guards grow with the triangle, as the rounding errors do that they allow for.
+    // These guards are proportional to the triangle's size, like the rounding errors that they allow for.
     const float size1 = uniform_size(row.b), size2 = uniform_size(row.c);
     SLACK1(row) = ROUNDING * size2;
     SLACK2(row) = ROUNDING * size1;
@@ -56,14 +56,15 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
-// there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
+// otherwise there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // The determinant a = e1 . (d x e2). The textbook divides by it: w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Here numerators take the sign of a and are compared with |a|: no division yet, front and back faces alike.
+    // Here numerators get the sign of a and are compared with |a|. This avoids the division, and treats front and
+    // back faces alike.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
     // 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
@@ -75,7 +76,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // The second weight, and the third, 1 - w1 - w2 >= 0, in the same way. Most rays never come here.
+    // The second weight, and the third, 1 - w1 - w2 >= 0, in the same way. Most rays miss before this point.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;
@@ -86,7 +87,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // Within the edges is not yet a hit: also not edge-on, behind t_min, and nearer than the best so far.
+    // A ray within the edges hits only if the triangle is not seen edge-on, and the hit lies behind t_min and is
+    // nearer than the best so far.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

@@ -13,8 +13,8 @@
 
 #include "common/exact_signs.cl"
 
-// The rows of the shear. Any fixed function of ray and corner keeps the test watertight; as rows, lanes whose
-// dominant axes differ need no permutation.
+// The rows of the shear. Any fixed function of ray and corner keeps the test watertight. As rows, it needs no
+// permutation in lanes whose dominant axes differ.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;
@@ -32,7 +32,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     // With dominant axis k, and the others cyclically after it: rows e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., e_k / d_k.
     Probe probe;
     probe.t_min = t_min;
-    // All three shears are computed and one is chosen: lanes may differ, and a branch would take every way.
+    // All three shears are computed and one is selected: lanes may differ, and a branch would take every path.
     const Vec3 x_for_z = vec3(one, zero, -direction.x * per.z);
     const Vec3 y_for_z = vec3(zero, one, -direction.y * per.z);
     const Vec3 x_for_x = vec3(-direction.y * per.x, one, zero);
@@ -40,7 +40,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // A ray against its axis would mirror triangles, and take front faces for back faces.
+    // A ray that runs against its axis would mirror triangles, and confuse front and back faces.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));
@@ -49,7 +49,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Corners are tested as they are.
+// Corners are stored unchanged.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a, row.b = corners.b, row.c = corners.c;
@@ -57,21 +57,23 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
-// there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
+// otherwise there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // Corners seen from the origin, then sheared: x and y there, while z is left for the hits.
+    // Corners relative to the origin, then their sheared x and y. z is only computed for hits.
     const Vec3 a = subtract(splat(row.a), origin);
     const Vec3 b = subtract(splat(row.b), origin);
     const Vec3 c = subtract(splat(row.c), origin);
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
-    // Edge functions: twice the signed areas that the ray, now the point (0, 0), makes with each edge.
+    // Edge functions: twice the signed areas of the triangles between each edge and the ray, which is now the point
+    // (0, 0).
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
-    // Inside where no two have opposite signs. A zero counts as inside on both sides of an edge, so that nothing leaks.
+    // The ray is inside if no two have opposite signs. A zero counts as inside on both sides of an edge, so that
+    // nothing leaks.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;
@@ -82,7 +84,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
 #endif
     if (!ANY(inside)) return 0;
 
-    // Weights are the areas' shares; t is interpolated from the corners' z.
+    // The weights are the areas divided by their sum; t is interpolated from the corners' z.
     const varying per_det = 1.0f / det;
     hit->t = (u * dot3(probe->z, a) + v * dot3(probe->z, b) + w * dot3(probe->z, c)) * per_det;
     hit->w1 = v * per_det;

@@ -71,7 +71,7 @@ Corners corners(const Geometry *geometry, int triangle) {
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + triangle * MATERIAL_STRIDE;
-    // Columns as surface_of reads them: normals 0 to 8, the material from 9 on.
+    // Columns in the order of surface_of: normals 0 to 8, the material from 9 on.
     for (int i = 0; i < 9; i++) column[i].each[lane] = normals[i];
     for (int i = 0; i < MATERIAL_FLOATS; i++) column[9 + i].each[lane] = material[i];
 }

@@ -5,14 +5,14 @@
 // thrown away.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
-    // Only the lanes of `nearer` hit this triangle; the others keep the weights of their own nearest hit.
+    // Only the lanes of `nearer` hit this triangle; the others keep the weights of their nearest hit.
     const Vec3 weights = vec3(1.0f - hit->w1 - hit->w2, hit->w1, hit->w2);
     working_set(working, WEIGHTS, select3(nearer, weights, working_get(working, WEIGHTS)));
     Lanes column[FLOATS_OF_SURFACE];
     for (int lane = 0; lane < WIDTH; lane++) gather_surface(&scene->geometry, triangle, lane, column);
     const Surface surface = TEXTURED(surface_of(column), &scene->textures,
                                      SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT)), hit->w1, hit->w2);
-    // A nearer hit, found later, overwrites this result: its shadow rays were cast for nothing.
+    // A nearer hit that is found later overwrites this result; its shadow rays were then cast in vain.
     shade(working, scene, &surface, hit->t, nearer);
 }
 

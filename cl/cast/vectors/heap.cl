@@ -23,7 +23,7 @@ uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count)
     return at + count <= heap_size ? at : 0;
 }
 
-// Volatile: as in in_memory.cl, so that the memory is really used.
+// Volatile, as in working_in_memory.cl, so that the memory is really used.
 Vec3 working_get(const Working *working, int which) {
     volatile __global varying *at = working->vector[which];
     return vec3(at[0], at[1], at[2]);

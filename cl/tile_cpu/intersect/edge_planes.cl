@@ -19,8 +19,8 @@
 
 typedef struct {
     float a[3][PREPARED];
-    float edges[3][3][PREPARED]; // the planes of its edges
-    float edge_on[PREPARED];     // the least a of a ray that does not see it edge-on
+    float edges[3][3][PREPARED]; // the planes of the edges
+    float edge_on[PREPARED];     // the smallest a of a ray that does not see the triangle edge-on
     float per_height[PREPARED];  // 1 / t = a per_height
 } Prepared;
 
@@ -48,7 +48,7 @@ Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
 
 float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
 
-// One corner of eight triangles. Past the leaf's last there are others, or padding.
+// Loads one corner of eight triangles. After a leaf's last triangle there are others, or padding.
 Lanes3 load_corners(const __global float4 *rows) {
     // Rows are x y z and a word. Taking every second lane, twice, transposes eight of them:
     //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
@@ -68,7 +68,8 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     return lanes_difference(corner, from);
 }
 
-// The plane of an edge p - q whose ends are seen at p and q. Swapping them changes all signs and nothing else.
+// Returns the plane of an edge p - q with the ends p and q, relative to the origin. Swapping p and q only changes all
+// signs.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
@@ -77,34 +78,36 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// The largest powers of two that are not more: by them planes are divided without rounding.
+// Returns the largest powers of two that are not greater; division of planes by them does not round.
 float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
 
-// Prepares the triangles from `first` on. Returns those that a ray can hit: a bit each.
+// Prepares the triangles from `first` on. Returns those that a ray can hit, one bit each.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
-    // Edges come from the corners as stored: differences of corners seen from far away have lost their last digits.
+    // Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost
+    // their last digits.
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
     // The origin is shared by all rays, so that the subtraction is done once per tile and not once per ray.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // The origin's height over the plane, times |n|: its sign says which side the origin is on, and turns all planes alike.
+    // The origin's height above the plane, times |n|. Its sign shows on which side the origin is, and orients all
+    // planes.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // How far edges may be off for rounding; dividing by it, as a power of two, makes the overlap 1 and keeps every bit.
+    // The rounding error of edges. Division by it, as a power of two, makes the overlap 1 and keeps every bit.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
-    // 1 / t = d . n / height. Turned so that triangles in front of the origin have a positive d . n.
+    // 1 / t = d . n / height, oriented so that triangles in front of the origin have a positive d . n.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);
     store_plane(edge_plane(e1, b, a), turn, prepared->edges[0]);
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
     store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
-    // Where |d . n| is below this, rounding has left nothing of it: the triangle is seen edge-on.
+    // If |d . n| is less than this, only rounding errors are left of it: the triangle is seen edge-on.
     vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
     // Shadow rays run from the light, where front faces look like back faces.
@@ -114,7 +117,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// Tests a prepared triangle with the rays of the live vectors. With `any`, a ray that hits it is done; otherwise
+// Tests a prepared triangle with the rays of the live vectors. With `any`, a ray that hits it is finished; otherwise
 // the nearest hit is kept. Returns the vectors in which something changed.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
     // Twelve floats of one triangle, each a register that all live vectors share.
@@ -133,7 +136,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
         const varying inv_t = a * per_height;
-        // One comparison instead of six: masks wait for one another longer than minima do.
+        // One comparison instead of six, since operations on masks take longer than minima.
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
@@ -143,7 +146,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);
             changed |= 1u << vector;
         } else {
-            // No branch: hits are frequent where a tile meets a leaf, and hard to foresee.
+            // No branch: when a tile reaches a leaf, hits are frequent and hard to predict.
             bundle->inv_t[vector] = SELECT(hits, inv_t, bundle->inv_t[vector]);
             bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);
             changed |= ANY(hits) ? 1u << vector : 0;
@@ -152,5 +155,5 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
     return changed;
 }
 
-// These planes need directions only.
+// These planes only need directions.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {}

@@ -1,6 +1,6 @@
-// Woop, Benthin and Wald's test for a tile. The rays of a vector share the axis that they are sheared along, so that a
-// corner costs two products; corners seen from the origin are the same for all. Vectors whose rays share no axis
-// are tested as single rays are.
+// Woop, Benthin and Wald's test for a tile. The rays of a vector are sheared along a common axis, so that a corner
+// costs two products; the corners relative to the origin are the same for all rays. Vectors whose rays have no common
+// axis are tested like single rays.
 
 #define NO_AXIS 3
 
@@ -8,12 +8,13 @@ varying along_axis(const Bundle *bundle, int vector, int axis) {
     return axis == 0 ? bundle->x[vector] : axis == 1 ? bundle->y[vector] : bundle->z[vector];
 }
 
-// Finds the axis that a vector's rays run along most of all, all the same way, and their shears.
+// Finds the axis along which a vector's rays run most, all in the same direction, and the rays' shears.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
-        // An axis serves if all rays run the same way along it; the best is the one whose shortest component is longest.
+        // An axis is possible if all rays run in the same direction along it; the best is the one whose smallest
+        // component is largest.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
         const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
@@ -25,13 +26,15 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
-    // The shear x' = x - (d_x / d_z) z, once per ray; mirrored where rays run against the axis, for back faces to stay back faces.
+    // The shear x' = x - (d_x / d_z) z, once per ray; mirrored if rays run against the axis, so that back faces stay
+    // back faces.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
 }
 
-// Rays of a vector that hit the triangle of corners a, b, c, seen from the origin, and 1 / t there.
+// Returns the rays of a vector that hit the triangle with the corners a, b, c relative to the origin, and 1 / t of
+// the hits.
 Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
                   varying *inv_t) {
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
@@ -41,7 +44,7 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
     const varying ax = forward * a[across] + x * a[along], ay = a[up] + y * a[along];
     const varying bx = forward * b[across] + x * b[along], by = b[up] + y * b[along];
     const varying cx = forward * c[across] + x * c[along], cy = c[up] + y * c[along];
-    // Edge functions: exactly opposite in the triangle next door, as each product is rounded on its own.
+    // Edge functions: exactly opposite in the neighbouring triangle, since each product is rounded separately.
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
@@ -56,7 +59,7 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
     return inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
 }
 
-// The same for a vector without an axis.
+// Does the same for a vector without a common axis.
 Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *inv_t) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const varying t_max = 1.0f / max(bundle->inv_t[vector], (varying)(LEAST_INV_T));
@@ -67,7 +70,7 @@ Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *inv
     return hit.lanes & (bundle->inv_t[vector] < FAR);
 }
 
-// A triangle's corners seen from the origin, which is all there is to prepare.
+// Only a triangle's corners relative to the origin are prepared.
 #define PREPARED 1
 typedef struct {
     Corners corners;
@@ -76,7 +79,7 @@ typedef struct {
 
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
-    if (any) { // rays come from the light, and meet the back faces of triangles that face away from it
+    if (any) { // rays start at the light, so they hit the back faces of triangles that face away from it
         const Uniform3 b = corners.b;
         corners.b = corners.c;
         corners.c = b;
@@ -89,7 +92,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// Tests the triangle with the rays of the live vectors, as edge_planes.cl does.
+// Tests the triangle with the rays of the live vectors, like edge_planes.cl.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
     uint changed = 0;
     for (; live; live &= live - 1) {

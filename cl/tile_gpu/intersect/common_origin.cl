@@ -1,7 +1,7 @@
-// A leaf's triangle for the rays of a pass, the test of edge_planes.cl, from a table: tile_prepare makes the planes of
-// every triangle once per frame, for the eye and for each light. It has a row of quads for each axis of the scene; a triangle's
-// quad holds that component of its three planes and of 1/z. For any axes of a pass, three loads are therefore enough, side by
-// side for the triangles of a leaf.
+// Prepares and tests a leaf's triangle for the rays of a pass, as in edge_planes.cl, but with a table: tile_prepare
+// computes the planes of every triangle once per frame, for the eye and for each light. The table has a row of quads
+// for each axis of the scene. A triangle's quad contains that axis's component of its three planes and of 1/z. For
+// the axes of any pass, three loads are therefore enough, at neighbouring addresses for the triangles of a leaf.
 
 // The table for one origin. A row has a quad per triangle, in leaf order, so that a leaf's lanes load side by side:
 //
@@ -13,12 +13,12 @@
 // A pass along x takes the rows in the order y, z, x: turning axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// Half of the overlap of triangles elsewhere, as in edge_planes.cl.
+// Half of the overlap of triangles in other tests, as in edge_planes.cl.
 #define OVERLAP 0.5f
 
-// The largest value of each of four planes in an interval of slopes.
+// Returns the largest value of each of four planes over an interval of slopes.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
-    // The most of p s for a slope s in an interval: p times the middle, plus |p| times half the width.
+    // The largest p s for a slope s in an interval: p times the middle, plus |p| times half the width.
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
     most.x = MULTIPLY_ADD(fabs(plane.x), half_width, MULTIPLY_ADD(plane.x, middle, rest.x));
@@ -28,29 +28,29 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     return most;
 }
 
-// Prepares the triangle at a place of leaf order. Returns whether any ray of the shaft may hit it at a 1/z that is
-// more than `worst`. A candidate holds the planes' components along the pass's axes.
+// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
+// than `worst`. A candidate contains the planes' components along the pass's axes.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
-    const uint at = (uint)place; // three rows have less than 2^32
+    const uint at = (uint)place; // three rows have fewer than 2^32 quads
     const float4 across = quads[shaft->across_row + at], down = quads[shaft->down_row + at];
     const float4 along = quads[shaft->along_row + at];
     const float overlap = OVERLAP * shaft->longest;
     triangle->a = across;
     triangle->b = down;
-    // A ray is (x, y, 1), so that the third component is a constant: the overlap is added to it once.
+    // A ray is (x, y, 1), so the third component is a constant; the overlap is added to it once.
     triangle->c.x = MULTIPLY_ADD(shaft->sign, along.x, overlap);
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
     triangle->c.w = shaft->sign * along.w;
-    // Four functions in one go: three edges, and 1 / z.
+    // Four functions at once: three edges, and 1 / z.
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
-    // No ray of the shaft can hit if it is outside some edge everywhere, or behind every nearest hit.
+    // No ray of the shaft can hit if all are outside some edge, or if the triangle is behind every nearest hit.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
-// Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
+// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
@@ -59,13 +59,13 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
     *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
-    // A number that is not negative has no sign bit: one test for three.
+    // The bitwise or of the three has a sign bit if any of them is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }
 
-// The planes of every triangle (first dimension) for the eye, which is origin 0, and a round's lights (second dimension,
-// from `first_origin` on). Also empties the round's queue, which saves a command.
+// Prepares the planes of every triangle (first dimension) for the eye, which is origin 0, and a round's lights
+// (second dimension, from `first_origin` on). Also empties the round's queue, which saves a command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
@@ -74,7 +74,8 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // A shadow ray runs towards its light, away from where it is cast here: front faces face away from the light.
+    // A shadow ray runs towards its light, in the reverse of the direction tested here: front faces face away from
+    // the light.
     const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
     // Transposed: a quad holds one component of all four vectors.

@@ -1,30 +1,32 @@
-// A leaf's triangle for the rays of a pass, the test of tile_cpu/intersect/edge_planes.cl: edges are planes through the rays' origin, which
-// neighbours share to the last bit, and so is 1/z: linear in x and y all four. A candidate holds the planes of the edges
-// opposite a, b and c, not negative inside, and in their fourths the three numbers of 1/z.
+// Prepares and tests a leaf's triangle for the rays of a pass, as in tile_cpu/intersect/edge_planes.cl. Edges are
+// planes through the rays' origin, which neighbouring triangles share to the last bit. The edge functions and 1/z are
+// linear in x and y. A candidate contains the planes of the edges opposite a, b and c, which are not negative inside,
+// and in their fourth components the three numbers of 1/z.
 
-// The plane of an edge p - q, scaled so that triangles overlap by 1, which is half of the overlap elsewhere. Swapping p and q
-// changes all signs and nothing else. (Measured on a GPU: with all of it a pixel of two million is dark on terrain, with half none;
-// and none of 60,516 rays leaks.)
+// Returns the plane of an edge p - q, scaled so that triangles overlap by 1, which is half of the overlap in other
+// tests. Swapping p and q only changes all signs. (Measured on a GPU: with the full overlap, one pixel of two million
+// is dark on terrain; with half of it none is, and none of 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
 }
 
-// The reciprocal of the largest power of two that is not more.
+// Returns the reciprocal of the largest power of two that is not greater.
 INLINED float per_power_of_two_below(float positive) {
     return as_float(0x7f000000 - (as_int(positive) & 0x7f800000));
 }
 
-// Prepares the triangle at a place of leaf order. Returns whether any ray of the shaft may hit it at a 1/z that is
-// more than `worst`.
+// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
+// than `worst`.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
-    // Edges come from the corners as stored: differences of corners seen from far away have lost their last digits.
+    // Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost
+    // their last digits.
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a), e3 = uniform_difference(b, c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume between origin and triangle: its sign says which side is seen.
+    // Six times the volume between origin and triangle; its sign shows which side is visible.
     const float height = uniform_dot(a, n);
     const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
     const float per_unit = per_power_of_two_below(0.5f * SHARED_EDGE_SLACK * shaft->longest * size);
@@ -38,10 +40,10 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     triangle->c = quad(w, per_z.z);
     // A triangle seen edge-on is not hit, as in common/planes_of_origin.cl.
     int wanted = used & (fabs(height) > 1e-5f * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
-#if CULL_BACK // a shadow ray runs towards its light, away from where it is cast here; against its axis all is mirrored
+#if CULL_BACK // a shadow ray runs towards its light, in the reverse of the direction tested here; against its axis everything is mirrored
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
-    // No ray of the shaft can hit if it is outside some edge everywhere, or behind every nearest hit.
+    // No ray of the shaft can hit if all are outside some edge, or if the triangle is behind every nearest hit.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
@@ -50,12 +52,12 @@ INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
 
-// Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
+// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
-    // A number that is not negative has no sign bit: one test for three.
+    // The bitwise or of the three has a sign bit if any of them is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

@@ -1,16 +1,17 @@
-// A leaf's triangle for the rays of a pass, the test of cast/intersect/watertight.cl: corners sheared along the ray, and edge
-// functions that are the difference of two products, each rounded on its own. A pass's axis instead of each ray's own is as
-// good: for one ray it is the same at all triangles, and where they share a corner it is sheared alike.
-// A candidate holds the corners along the pass's axes, seen from the origin; a's fourth is the sign of det in front faces.
+// Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are
+// sheared along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis
+// is used instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all
+// triangles, so that a shared corner is sheared in the same way. A candidate contains the corners along the pass's
+// axes, relative to the origin; a's fourth component is the sign of det for front faces.
 
-// The most that v . (x, y, 1) can be in a shaft, with v's sign changed as `turn` says.
+// Returns the largest value of v . (x, y, 1) in a shaft, with v's sign changed by `turn`.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
 
-// Prepares the triangle at a place of leaf order. Returns whether any ray of the shaft may hit it at a 1/z that is
-// more than `worst`. Errs towards yes by many times the test's own rounding, so that it rules out no ray that the
-// test would let hit.
+// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
+// than `worst`. It allows for many times the rounding error of the test itself, so that it never excludes a ray that
+// hits.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
@@ -19,7 +20,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     triangle->b = quad(b, 0.0f);
     triangle->c = quad(c, 0.0f);
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
-    // Dot products with (x, y, 1) give the edge functions v, w and all three's sum; a . n is z times that sum.
+    // Dot products with (x, y, 1) give the edge functions v, w and the sum of all three; a . n is z times that sum.
     const Uniform3 v = uniform_cross(e2, a), w = uniform_cross(a, e1), n = uniform_cross(e1, e2);
     const Uniform3 u = uniform_difference(uniform_difference(n, v), w);
     const float distance = uniform_size(a), size1 = uniform_size(e1), size2 = uniform_size(e2);
@@ -28,17 +29,17 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const float slack = rounding * (distance + size1 + size2) * (size1 + size2);
     const float doubt = rounding * (distance + size1 + size2) * size1 * size2;
     const float height = uniform_dot(a, n), size = fabs(height) - doubt;
-    if (size <= 0.0f) return 1; // seen edge-on: anything may be hit
+    if (size <= 0.0f) return 1; // seen edge-on: rays may hit
     const float turn = height < 0.0f ? -1.0f : 1.0f;
     return used & (most_turned(shaft, u, turn) >= -slack) & (most_turned(shaft, v, turn) >= -slack) &
            (most_turned(shaft, w, turn) >= -slack) &
            (most_turned(shaft, n, turn) + rounding * size1 * size2 >= worst * size * 0.99999f);
 }
 
-// Whether a ray hits, nearer than 1/z = nearest and not nearer than ceiling, and where.
+// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any, float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
-    // The shear: corners where the ray meets their depth becomes the origin.
+    // The shear moves the point of the ray at a corner's depth to the origin.
     const float ax = MULTIPLY_ADD(-x, a.z, a.x), ay = MULTIPLY_ADD(-y, a.z, a.y);
     const float bx = MULTIPLY_ADD(-x, b.z, b.x), by = MULTIPLY_ADD(-y, b.z, b.y);
     const float cx = MULTIPLY_ADD(-x, c.z, c.x), cy = MULTIPLY_ADD(-y, c.z, c.y);
@@ -46,7 +47,7 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
     const float v = ax * cy - ay * cx;
     const float w = bx * ay - by * ax;
     const float det = u + v + w;
-    const float depth = MULTIPLY_ADD(u, a.z, MULTIPLY_ADD(v, b.z, w * c.z)); // times det
+    const float depth = MULTIPLY_ADD(u, a.z, MULTIPLY_ADD(v, b.z, w * c.z)); // multiplied by det
     const float size = fabs(det), turned = det < 0.0f ? -depth : depth;
     int inside = (fmin(fmin(u, v), w) >= 0.0f) | (fmax(fmax(u, v), w) <= 0.0f);
     inside &= (det != 0.0f) & (turned > 0.0f) & (size > nearest * turned) & (any || size < ceiling * turned);

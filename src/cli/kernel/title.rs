@@ -11,13 +11,13 @@ pub(super) struct Title<'a> {
     pub strategy: Strategy,
     pub workload: Workload,
     pub builtins: Builtins,
-    /// None where it is for any device.
+    /// `None` if the program is for any device.
     pub device: Option<Device>,
     pub options: &'a str,
 }
 
 impl Title<'_> {
-    /// The comment that the printed text begins with.
+    /// Returns the comment at the beginning.
     pub fn head(&self, program: &Preprocessed, kernels: &[&str]) -> String {
         let [across, down] = self.workload.local_size;
         let (defines, options) = parted(self.options);
@@ -52,7 +52,7 @@ impl Title<'_> {
     fn compiler(&self, program: &Preprocessed) -> String {
         let lanes = match self.strategy.shares_tiles() {
             true => {
-                format!("; work-items that share a tile tell each other by {}", self.builtins.lanes.about())
+                format!("; work-items that share a tile exchange values by {}", self.builtins.lanes.about())
             }
             false => String::new(),
         };
@@ -61,7 +61,7 @@ impl Title<'_> {
             None if program.asked.is_empty() => format!("for any device{lanes}"),
             None => {
                 format!(
-                    "for any device{lanes}; taken as absent of its compiler: {}",
+                    "for any device{lanes}; its compiler is assumed not to define: {}",
                     program.asked.join(", ")
                 )
             }
@@ -69,24 +69,24 @@ impl Title<'_> {
     }
 }
 
-/// The comment that the printed text ends with.
+/// Returns the comment at the end.
 pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     let has_code = |file: &&String| program.lines.iter().any(|line| line.is_code && *line.file == ***file);
     let without: Vec<&str> =
         program.files.iter().filter(|file| !has_code(file)).map(String::as_str).collect();
     let mut foot = String::new();
     if !without.is_empty() {
-        foot += &comment(&format!("only macros, used above: {}", without.join(", ")));
+        foot += &comment(&format!("files that contain only macros, expanded above: {}", without.join(", ")));
     }
     if left_out > 0 {
         foot += &comment(&format!(
-            "{left_out} lines that these kernels do not need are left out; --all keeps them"
+            "{left_out} lines that these kernels do not need are left out; --all prints them"
         ));
     }
     if foot.is_empty() { foot } else { format!("\n{foot}") }
 }
 
-/// Defines as `NAME=VALUE`, and the other options.
+/// Splits options into defines, as `NAME=VALUE`, and others.
 fn parted(options: &str) -> (String, String) {
     let (mut defines, mut others) = (Vec::new(), Vec::new());
     let mut words = options.split_whitespace();
@@ -99,10 +99,10 @@ fn parted(options: &str) -> (String, String) {
     (defines.join(" "), others.join(" "))
 }
 
-/// Characters of a comment's line.
+/// Longest line of a comment, in characters.
 const WIDEST: usize = 110;
 
-/// A text as lines of a comment.
+/// Returns a text as the lines of a comment.
 fn comment(text: &str) -> String {
     let mut lines = String::new();
     let mut line = "//".to_owned();

@@ -1,4 +1,5 @@
-//! The paper's Figure 5 by its caps, beside the occupancy that compute capability 2.0 allows.
+//! The paper's Figure 5, computed from its two limits, next to the occupancy that compute capability 2.0
+//! allows.
 
 use serde_json::{Value, json};
 
@@ -6,15 +7,15 @@ use super::{LocalSize, Question};
 use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
 use crate::error::Result;
 
-/// Resident groups and threads per multiprocessor: the only caps that Figure 5 uses.
+/// Resident groups and threads per multiprocessor: the only limits that Figure 5 uses.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
-/// The registers per thread that the paper gives with it.
+/// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// Bytes of a work-item's nine vectors, which its optimisation 1 keeps in `__local` memory.
+/// Bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
 const VECTOR_BYTES: u32 = 108;
 
-/// Threads a multiprocessor as Figure 5 predicts them: whole groups under its two caps.
+/// Returns the threads per multiprocessor that Figure 5 predicts: those of whole groups within both limits.
 fn predicted(items: u32) -> u32 {
     GROUPS.min(THREADS / items.max(1)) * items
 }

@@ -1,4 +1,4 @@
-//! Predicted occupancy beside measured speed, for the points of a run whose registers are known.
+//! Predicted occupancy next to measured times, for the points of a run whose registers are known.
 
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
@@ -21,7 +21,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .collect();
     if points.is_empty() {
         return Err(Error::run(format!("{} has no point whose registers are known", path.display())).with_help(
-            "OpenCL does not tell a kernel's registers: only a compiler that prints them into its build log does",
+            "OpenCL does not report a kernel's registers; they are only known if the compiler prints them into its build log",
         ));
     }
     if as_json {
@@ -33,7 +33,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     super::super::print(text(&points))
 }
 
-/// The kernel that decides a point's speed, with its prediction.
+/// Returns the kernel that determines a point's time, with its prediction.
 fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<CompiledKernel> {
     let kernel = record.main_kernel()?.clone();
     let items = record.local_size?.iter().product();
@@ -82,7 +82,7 @@ fn text(points: &[(&Record, CompiledKernel)]) -> String {
     table.to_string()
 }
 
-/// "12.30", or "12.30, not enough samples (n = 3)".
+/// Formats a time: "12.30", or "12.30, not enough samples (n = 3)".
 fn time(record: &Record) -> String {
     let few = not_enough(record).map_or(String::new(), |why| format!(", {why}"));
     median(record).map_or("-".to_owned(), |time| ms(time) + &few)

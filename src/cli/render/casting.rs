@@ -1,4 +1,4 @@
-//! Casting the frame and reading it.
+//! Casts the frame and reads the image.
 
 use super::Args;
 use super::timeline::Timeline;
@@ -12,37 +12,37 @@ use crate::output::Target;
 use crate::scene::{Display, Scene, pixel_samples};
 use image::RgbImage;
 
-/// An image as it is saved.
+/// An image, in the form in which it is saved.
 pub enum Picture {
     Radiance(Radiance),
     Shown(RgbImage),
     Incoming(Incoming),
 }
 
-/// How an image becomes one of 8 bits.
+/// How an image is converted to 8 bits.
 pub struct Shows<'a> {
     pub display: Display,
     pub target: &'a Target,
-    /// What shows it on a device that does not share the host's memory.
+    /// The program that converts it on a device with separate memory.
     pub program: Option<&'a ShowProgram>,
 }
 
-/// What is known of a cast frame.
+/// The times and counts of a cast frame.
 pub struct Cast {
     pub hits: usize,
     pub times: FrameTimes,
     pub from_cache: bool,
     pub records_ms: f64,
     pub read_ms: f64,
-    /// Samples of each pixel.
+    /// Number of samples per pixel.
     pub samples: u32,
 }
 
-/// The first frame pays for memory that is touched, and often for code that is compiled, for the first time: it
-/// is timed only where it took longer than this, beside which neither counts.
+/// The first frame includes the first use of memory and often compilation. Its time is only used if it is
+/// longer than this, so that both are negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-/// Casts the frame, as often as asked for, and reads the image.
+/// Casts the frame as often as requested, and reads the image.
 pub fn cast(
     args: &Args,
     device: &Device,
@@ -54,7 +54,7 @@ pub fn cast(
     let caster = prepared.caster().map_err(refused)?;
     let records_ms = caster.records_ms().unwrap_or(0.0);
     timeline.ends_with("buffers", &[("records", records_ms)]);
-    // A picture alone disturbs, but it is no measurement: it never waits.
+    // With a single frame nothing is measured, so no lock is needed.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
     let samples = pixel_samples(prepared.samples);
     let mut summed = None;
@@ -69,7 +69,7 @@ pub fn cast(
         Ok(times)
     };
     let first = frame()?;
-    // Some drivers compile a kernel when it is first launched: that is build time too.
+    // Some drivers compile a kernel at its first launch, which counts as build time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
     let mut frames: Vec<_> = Some(first).filter(|first| first.frame_ms > LONG_FRAME_MS).into_iter().collect();
@@ -78,7 +78,7 @@ pub fn cast(
     }
     timeline.ends("casting");
     let (image, hits) = match summed {
-        // The mean of several samples is here already.
+        // The mean of several samples is already on the host.
         Some((image, hits)) => (Picture::Radiance(image), hits),
         None => read(&caster, shows.as_ref()).map_err(Refused::at("reading the image")).map_err(refused)?,
     };
@@ -89,7 +89,7 @@ pub fn cast(
     Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, samples }))
 }
 
-/// Reads the last frame's image: as it is shown, where that is wanted and can be, else as radiance.
+/// Reads the last frame's image: in 8 bits if requested and possible, else as radiance.
 fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Picture, usize), LaunchError> {
     if let Some(shows) = shows
         && let Some(shown) = read_shown(caster, shows)?
@@ -100,7 +100,7 @@ fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Pict
     Ok((Picture::Radiance(image), hits))
 }
 
-/// None where a pixel is not finite.
+/// Returns `None` if a pixel is not finite.
 fn read_shown(
     caster: &Caster,
     Shows { display, target, program }: &Shows<'_>,
@@ -114,7 +114,7 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// The medians of each part.
+/// Returns the median of each time.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
     let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
         let times: Vec<f64> = frames.iter().filter_map(time).collect();
@@ -143,10 +143,11 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Smaller than a frame, its triangles and its tree: all of them come and go in several pieces.
+    /// Smaller than a frame, its triangles and its tree, so that each is transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
-    /// Casts a scene on a device, which may be a CPU that is used as one with a memory of its own, and works with the caster.
+    /// Calls a function with a caster for a scene. The device may be a CPU that is treated as one with
+    /// separate memory.
     fn with_caster<T>(
         strategy: &str,
         is_apart: bool,
@@ -170,7 +171,7 @@ mod tests {
 
     #[test]
     fn what_goes_in_pieces_arrives_as_what_goes_at_once() {
-        // A soup of triangles; a tree with corners, and one with surfaces beside them.
+        // Triangles without a tree; a tree with corners; a tree with separate surfaces.
         for strategy in ["deferred", "bvh", "tile"] {
             let [apart, shared] = [true, false]
                 .map(|is_apart| with_caster(strategy, is_apart, |caster, _, _| caster.read().unwrap()));

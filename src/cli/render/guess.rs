@@ -1,5 +1,6 @@
-//! The program that a picture will probably need, known before its scene is read: that of the last time, or one that the size of the
-//! mesh's file makes likely. A wrong guess costs time only.
+//! Guesses the program that a picture needs before its scene is read, so that it can be built early: the
+//! program of the last time, or one that is likely for the size of the mesh's file. A wrong guess only costs
+//! time.
 
 use super::{Args, is_dressed};
 use crate::cache::Cache;
@@ -13,12 +14,12 @@ use std::time::SystemTime;
 
 /// The name of its cache entries.
 const KIND: &str = "guess";
-/// Bytes of an OBJ for each triangle, with positions alone: the bunny has 35, the dragon 36.
+/// Bytes per triangle of an OBJ file with positions only: the bunny has 35, the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
-/// Entries of the stack that most trees need.
+/// Number of stack entries that most trees need.
 const USUAL_STACK: usize = 64;
 
-/// All of a program that is not in the arguments.
+/// The parts of a program that do not follow from the arguments.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
     /// Each axis and its value.
@@ -33,12 +34,12 @@ struct Remembered {
     sky: bool,
 }
 
-/// The cache, where nobody edits kernels.
+/// Returns the cache, unless kernels are being edited.
 pub fn cache(args: &Args) -> Cache {
     if args.subject.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
 
-/// The program to compile for it; none if nothing is known.
+/// Returns the program to compile early; `None` if no guess is possible.
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let known = last_time(cache, args, device).or_else(|| by_file(args, device));
     let (strategy, known) = known?;
@@ -51,7 +52,7 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     ProgramSpec::new(sources, &strategy, &workload, device.builtins()).ok()
 }
 
-/// Stores the program that a scene needed, for the next time.
+/// Stores which program a scene needed, for the next time.
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
@@ -77,7 +78,7 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
     Some((strategy, known))
 }
 
-/// The strategy for a bare mesh of this size.
+/// Returns the strategy for a bare mesh whose file has this size.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.subject.scene.extension()? != "obj" {
         return None;

@@ -1,4 +1,4 @@
-//! Whether a picture is right: finite always, and with `--verify` the reference's.
+//! Checks the picture: its values must be finite, and with `--verify` it must match the reference.
 
 use super::report::Verified;
 use crate::error::{Error, Result};
@@ -9,20 +9,20 @@ use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
 
-/// A picture with a value that is no number, or infinite, is a failed run even where nobody asked for `--verify`.
+/// Returns an error if a value of the picture is infinite or not a number, even without `--verify`.
 pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
     let found = image.pixels[(y * image.width + x) as usize];
     let message =
         format!("the picture is wrong: {count} pixels are not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; the picture is kept, to be looked at: {}",
+        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; the picture was saved for inspection: {}",
         saved.display()
     )))
 }
 
-/// Compares a picture of some samples per pixel, and the number of its pixels that hit something, with the reference; or
-/// only `some` of its pixels.
+/// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels
+/// that hit something.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -43,5 +43,5 @@ pub(super) fn check(
         return Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels });
     }
     let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
-    Err(error.with_help(format!("it is kept, to be looked at: {}", saved.display())))
+    Err(error.with_help(format!("it was saved for inspection: {}", saved.display())))
 }

@@ -1,5 +1,5 @@
-//! Keeping a program whose binary the driver has not at hand: the picture does not wait for it, a process of its own makes it,
-//! when the machine has nothing better to do.
+//! Stores a program in the cache if the driver needs a long time to return its binary. The picture does not
+//! wait: a background process of low priority does it.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, pick_one};
@@ -12,12 +12,12 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
-/// The name of cache entries that tell when a process began to make a binary.
+/// The kind of cache entries that record when a process began to make a binary.
 const KIND: &str = "order";
-/// After this time, the process that began is taken for dead.
+/// After this time, a process that began counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// A program that is to be kept.
+/// A program that is to be stored.
 #[derive(Serialize, Deserialize)]
 struct Order {
     /// The device's identity.
@@ -26,7 +26,7 @@ struct Order {
     options: String,
 }
 
-/// Stores a program where that pays off; returns whether a process is doing it.
+/// Stores a program if that is worthwhile; returns whether a background process is doing it.
 pub fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
     if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
@@ -40,7 +40,7 @@ pub fn order(prepared: &Prepared, device: &Device) -> bool {
     begin(&cache, &prepared.spec) && start(&order).is_ok()
 }
 
-/// Whether no other process is making it. The next process that asks will find one.
+/// Records that this process will store the program; returns `false` if another one does so already.
 fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, &spec.hash()).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
@@ -56,11 +56,11 @@ fn start(order: &Order) -> std::io::Result<()> {
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
 }
 
-/// The work of that process: builds the program that it reads from standard input, and stores it.
+/// The background process: builds the program that it reads from standard input, and stores it.
 pub fn serve() -> Result<()> {
     yield_to_others();
     let order: Order = serde_json::from_reader(std::io::stdin())
-        .map_err(|error| Error::fault(format!("no program to be kept: {error}")))?;
+        .map_err(|error| Error::fault(format!("no program to store: {error}")))?;
     let cache = Cache::of_user();
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, place)?;
@@ -73,10 +73,10 @@ pub fn serve() -> Result<()> {
     Ok(())
 }
 
-/// Lowers this process's priority: others, whose users wait for a result, go first.
+/// Lowers this process's priority, since other processes have users who wait for them.
 #[cfg(unix)]
 fn yield_to_others() {
-    // Where the system does not allow it, it is done all the same.
+    // If the system does not allow this, the process continues with normal priority.
     let _ = rustix::process::nice(19);
 }
 

@@ -1,4 +1,5 @@
-//! `raycl render --turntable`: a scene that turns, as numbered pictures, one animated picture, or a stream for an encoder.
+//! `raycl render --turntable`: renders a turning scene as numbered pictures, one animated picture, or a
+//! stream for an encoder.
 
 mod frames;
 
@@ -20,7 +21,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Instant;
 
-/// Options of moving pictures.
+/// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Moving pictures")]
 pub struct Motion {
@@ -30,8 +31,8 @@ pub struct Motion {
     /// Render only frames A to B, both included; the first is 1
     #[arg(long, value_name = "A..B", requires = "turntable", value_parser = frames::parse)]
     frames: Option<Frames>,
-    /// Render only the share of one of several processes: 3/16, or auto where a launcher numbers them (auto/16 where it does
-    /// not say how many there are)
+    /// Render only one of several equal parts, such as 3/16; auto takes both numbers from the launcher
+    /// (Slurm, MPI), auto/16 only the first
     #[arg(long, value_name = "N/OF", requires = "turntable")]
     shard: Option<Asked>,
     /// Frames per second of an .apng or a y4m stream
@@ -45,7 +46,7 @@ impl Motion {
         self.turntable.is_some()
     }
 
-    /// The frames that are this process's.
+    /// Returns the frames that this process renders.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
         match self.shard {
             None => Ok(Some(all)),
@@ -54,9 +55,9 @@ impl Motion {
     }
 }
 
-/// More processes than frames: what is left for this one.
+/// Reports that there are more processes than frames, so that this one has none to render.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
-    let text = format!("no frame of {}..{} is this shard's: nothing to do", all.first, all.last);
+    let text = format!("this shard has no frame of {}..{}: nothing to do", all.first, all.last);
     match (args.json, args.quiet) {
         (true, _) => {
             crate::cli::print_json(&serde_json::json!({ "frames": 0, "skipped": 0, "notes": [text] }))
@@ -74,27 +75,27 @@ struct Report {
     device: String,
     strategy: String,
     image_size: [u32; 2],
-    /// Frames that were cast.
+    /// Number of frames that were cast.
     frames: u32,
-    /// Frames that were there already.
+    /// Number of frames that existed already.
     skipped: u32,
     /// Median device time of a frame.
     frame_ms: f64,
-    /// Everything, from the start of the command.
+    /// Time of the whole command.
     total_ms: f64,
-    /// Cast frames over the time from the first of them to the last written.
+    /// Number of frames divided by the time from the first cast to the last write.
     frames_per_s: f64,
     output: String,
     notes: Vec<String>,
 }
 
-/// Where frames go.
+/// The output for frames.
 enum Sink {
     Numbered(Numbered),
     Movie(Movie),
 }
 
-/// Renders the frames that are asked for and not there yet.
+/// Renders the requested frames that do not exist yet.
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     let count = args.motion.turntable.unwrap_or(1);
@@ -152,14 +153,16 @@ pub fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// By the name of the output.
+/// Chooses the output by the file's name.
 fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
     let target = super::target(args);
     let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
     let size = args.subject.size();
     if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
-        return Err(Error::input("--shard casts numbered pictures: no two processes write to one file")
-            .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
+        return Err(Error::input(
+            "--shard needs numbered pictures, since two processes cannot write to one file",
+        )
+        .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
     }
     if target.is_standard_output() {
         return Ok(Sink::Movie(Movie::y4m(target, size, args.motion.rate)));
@@ -169,7 +172,7 @@ fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
         return Ok(Sink::Movie(Movie::apng(target, size, args.motion.rate, wanted.len())));
     }
     if ending != "png" {
-        let message = format!("'{}' is no name for moving pictures", target.path().display());
+        let message = format!("'{}' is not a valid name for moving pictures", target.path().display());
         return Err(Error::input(message).with_help(
             "NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture, `-o -` a y4m stream",
         ));
@@ -186,7 +189,7 @@ impl Sink {
     }
 }
 
-/// The identity of each frame: the scene's content, the strategy, its place in the turn, and raycl's version.
+/// Returns the key of each frame: a hash of the scene's content, the strategy, the angle and raycl's version.
 fn keys(
     args: &Args,
     (scene, samples): (&Scene, u32),
@@ -205,22 +208,23 @@ fn keys(
     wanted.numbers().map(|number| (number, key(number))).collect()
 }
 
-/// A scene on a device, ready to be turned.
+/// A scene on a device, ready to be rendered from several angles.
 struct Shown<'a> {
     device: &'a Device,
     prepared: &'a Prepared,
     scene: &'a Scene,
     orbit: Orbit,
     count: u32,
-    /// Of each pixel.
+    /// Number of samples per pixel.
     samples: u32,
 }
 
-/// A frame on its way to its file.
+/// A frame to be written: its number, key and image.
 type Cast = (u32, String, Radiance);
 
 impl Shown<'_> {
-    /// Casts frames, each while the one before is encoded; gives their device times. The driver stays on this thread.
+    /// Casts frames; each is encoded while the next one is cast. Returns their device times. The driver is
+    /// only used on this thread.
     fn cast_into(&self, sink: Sink, frames: &[(u32, String)]) -> Result<Vec<f64>> {
         let refused = |refused: Refused| refused.into_error(&self.device.info.name);
         let caster = self.prepared.caster().map_err(refused)?;
@@ -240,7 +244,7 @@ impl Shown<'_> {
                     let (image, ms) = self.frame(&caster, *number).map_err(refused)?;
                     refuse_not_finite(&image, &name)?;
                     times.push(ms);
-                    // A writer that is gone says why below.
+                    // If the writer has ended, its error is returned below.
                     if sender.send((*number, key.clone(), image)).is_err() {
                         break;
                     }
@@ -273,7 +277,7 @@ fn text(report: &Report) -> String {
         format!("scene     {}: {} triangles", report.scene, report.triangles),
         format!("device    {}", report.device),
         format!(
-            "size      {width} x {height} pixels, {} frames, {} there already",
+            "size      {width} x {height} pixels, {} frames, {} of which existed already",
             report.frames, report.skipped
         ),
         format!("kernel    {:10.2} ms, the median frame", report.frame_ms),

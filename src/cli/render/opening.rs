@@ -1,4 +1,4 @@
-//! Reading the scene while the driver starts, and building the program that it will probably need.
+//! Reads the scene and builds the likely program while the driver starts.
 
 use super::timeline::Timeline;
 use super::{Args, guess, load, may_be_shown, target, timed};
@@ -20,21 +20,22 @@ pub struct Opened {
     pub loaded: Loaded,
     pub device: Device,
     pub queue: Queue,
-    /// Reading the scene and making its triangles.
+    /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
-    /// Starting the driver and opening the device, meanwhile.
+    /// Time for starting the driver and opening the device, at the same time.
     pub start_ms: f64,
-    /// The program that is probably needed.
+    /// The program that was built early.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
-    /// The tree of the strategy that is needed.
+    /// The tree that was built early.
     pub tree: Option<(Strategy, HostTree)>,
-    /// What shows the image in 8 bits, where the device is to do that.
+    /// The program for the display transform, if the device applies it.
     pub show: Option<ShowProgram>,
 }
 
 impl Opened {
-    /// What one hides of the other took no time: of the driver's start what loading hides, of the build what is hidden by both,
-    /// and of the tree what is hidden by all.
+    /// Adds the parts to the timeline. Work done in parallel counts once: the start of the driver only as far
+    /// as it exceeds loading, the build only as far as it exceeds both, and the tree only as far as it
+    /// exceeds all three.
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
@@ -45,9 +46,10 @@ impl Opened {
     }
 }
 
-/// Loads the scene while the driver starts, which takes one some 30 ms on one core, and builds.
+/// Loads the scene while the driver starts (about 30 ms on one core), and builds.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
-    // The driver stays on the thread that casts: not every one may be moved (Oclgrind's checks crash).
+    // The driver stays on the thread that casts, since not every driver may be moved (Oclgrind's checks
+    // crash).
     std::thread::scope(|scope| {
         let (found, device_found) = channel();
         let scene = scope.spawn(move || {
@@ -72,9 +74,9 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     })
 }
 
-/// The tree of the strategy that the scene will be cast with.
+/// Builds the tree of the strategy with which the scene will be cast.
 fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
-    // Verification needs more memory, which a session checks first.
+    // Verification needs more memory, which the session checks first.
     if args.verify.is_some() {
         return None;
     }
@@ -83,7 +85,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
-/// A guess that cannot be built is dropped: the program needed is built later, with its errors.
+/// Builds the guessed program. If that fails, the right one is built later and reports its errors.
 fn early(
     args: &Args,
     sources: &Sources,

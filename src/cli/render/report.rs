@@ -21,87 +21,89 @@ pub struct Report {
     pub lights: usize,
     /// The device's name.
     pub device: String,
-    /// The threads that the device cast with, where that is known: of PoCL.
+    /// Number of threads that the device cast with, if known, which it is for PoCL.
     pub threads: Option<u32>,
-    /// The preset, where the strategy is one unchanged.
+    /// The preset; null if an axis differs from it.
     pub preset: Option<&'static str>,
     /// Every axis of the strategy.
     pub strategy: String,
-    /// Work-items of a work-group across and down.
+    /// Work-items per work-group, across and down.
     pub local_size: [u32; 2],
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Samples of each pixel; device times are of all together.
+    /// Samples per pixel; device times are for all of them.
     pub samples: u32,
-    /// Reading the scene and making its triangles.
+    /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
-    /// Waiting, after the scene was read, for the drivers to list their devices and the device to open.
+    /// Time from the end of reading the scene until the drivers have listed their devices and the device is open.
     pub discover_ms: f64,
-    /// Building the tree over the triangles; 0 where the traversal has none.
+    /// Time for building the tree over the triangles; 0 without a tree.
     pub tree_ms: f64,
-    /// Building the program, including code that a driver compiles at the first launch.
+    /// Time for building the program, including compilation at the first launch.
     pub build_ms: f64,
-    /// Whether the program was kept since an earlier build, and nothing was compiled.
+    /// Whether the program came from the cache and nothing was compiled.
     pub build_from_cache: bool,
-    /// Bringing the scene to the device.
+    /// Time for uploading the scene.
     pub upload_ms: f64,
-    /// Device time of preparing records of triangles, once per scene; 0 where tests prepare them.
+    /// Device time for preparing records of triangles, once per scene; 0 if the strategy uses none.
     pub records_ms: f64,
-    /// Device time of the primary pass, where the strategy has one.
+    /// Device time of the primary pass, if there is one.
     pub primary_ms: Option<f64>,
-    /// Device time of the shadow pass, where the strategy has one; it shades too, where `shade_ms` is none.
+    /// Device time of the shadow pass, if there is one; it includes shading if `shade_ms` is null.
     pub shadow_ms: Option<f64>,
-    /// Device time of the shading pass, where it is apart from shadow rays.
+    /// Device time of the shading pass, if it is separate from shadow rays.
     pub shade_ms: Option<f64>,
     /// Device time of the whole frame.
     pub frame_ms: f64,
-    /// Bringing the image back.
+    /// Time for reading the image back.
     pub read_ms: f64,
-    /// Writing the picture.
+    /// Time for writing the picture.
     pub save_ms: f64,
-    /// Parts that follow each other, from the start of the process to this report.
+    /// Consecutive parts of the command's time, from the start of the process to this report.
     pub parts: Vec<Part>,
-    /// Their sum: the whole command.
+    /// The sum of the parts: the time of the whole command.
     pub total_ms: f64,
-    /// Primary and shadow rays of a frame over its time.
+    /// Primary and shadow rays of a frame, divided by its time.
     pub frame_rays_per_s: f64,
-    /// Primary rays over the primary pass, where there is one.
+    /// Primary rays divided by the time of the primary pass, if there is one.
     pub primary_rays_per_s: Option<f64>,
-    /// Over the shadow pass, where there is one.
+    /// Shadow rays divided by the time of the shadow pass, if there is one.
     pub shadow_rays_per_s: Option<f64>,
-    /// Primary rays x triangles over the primary pass, or the frame where passes are fused; none where not every triangle is tested.
+    /// Primary rays x triangles divided by the time of the primary pass, or of the frame if passes are fused;
+    /// null if not every triangle is tested.
     pub tests_per_s: Option<f64>,
-    /// Frames the times are medians of.
+    /// Number of frames of which the times are medians.
     pub frames: u32,
-    /// The largest use of the host's memory, as predicted.
+    /// Largest use of the host's memory, predicted.
     pub host_bytes: u64,
-    /// The device's buffers, as predicted; on a CPU they are part of the host's memory.
+    /// Size of the device's buffers, predicted; on a CPU they are part of the host's memory.
     pub device_bytes: u64,
-    /// The largest use of the host's memory, as measured; none where the system does not report it.
+    /// Largest use of the host's memory, measured; null if the system does not report it.
     pub peak_bytes: Option<u64>,
     /// The result of `--verify`.
     pub verified: Option<Verified>,
-    /// The picture.
+    /// The path of the picture.
     pub output: String,
-    /// Parts of the scene's file that were ignored or replaced by defaults, and whether raycl was built from a tree with changes.
+    /// Parts of the scene's file that were ignored or replaced by defaults, and whether raycl was built from
+    /// uncommitted sources.
     pub notes: Vec<String>,
 }
 
-/// How a right picture compares with the serial reference.
+/// The result of verifying a correct picture.
 #[derive(Debug, Serialize)]
 pub struct Verified {
-    /// The largest relative difference over the pixels that the reference is certain of.
+    /// The largest relative difference from the reference over its certain pixels.
     pub max_difference: f64,
-    /// Pixels that it is not certain of.
+    /// Number of uncertain pixels.
     pub uncertain_pixels: usize,
-    /// Pixels that were compared.
+    /// Number of pixels that were compared.
     pub pixels: usize,
-    /// Those that the picture has.
+    /// Number of pixels in the picture.
     pub of_pixels: usize,
 }
 
 impl Verified {
-    /// As a person reads it.
+    /// Formats the result for a person.
     pub fn text(&self) -> String {
         let sample = match self.pixels < self.of_pixels {
             true => format!("{} of {} pixels, chosen at random, ", self.pixels, self.of_pixels),
@@ -116,7 +118,7 @@ impl Verified {
 }
 
 impl Report {
-    /// The fields that casting knows; the command fills in the rest.
+    /// Fills in the fields known after casting; the command adds the rest.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let [width, height] = workload.image_size;
@@ -155,7 +157,7 @@ impl Report {
         }
     }
 
-    /// The report as a person reads it.
+    /// Formats the report for a person.
     pub fn text(&self, device: &DeviceInfo) -> String {
         let ([width, height], [x, y]) = (self.image_size, self.local_size);
         let preset = self.preset.map(|name| format!("{name}: ")).unwrap_or_default();
@@ -184,7 +186,7 @@ impl Report {
         lines.join("\n")
     }
 
-    /// The remark on a part.
+    /// Returns a remark on a part.
     fn remark(&self, part: &str) -> String {
         match part {
             "kernel" => self.kernel_remark(),
@@ -194,7 +196,7 @@ impl Report {
         }
     }
 
-    /// The parts of the kernel's time.
+    /// Returns a remark on the parts of the kernel time.
     fn kernel_remark(&self) -> String {
         let parts = [("primary", self.primary_ms), ("shadow", self.shadow_ms), ("shading", self.shade_ms)]
             .into_iter();

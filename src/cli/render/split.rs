@@ -1,4 +1,4 @@
-//! `raycl render --devices`: one frame on several devices.
+//! `raycl render --devices`: renders one frame on several devices.
 
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
@@ -21,25 +21,25 @@ use std::time::Instant;
 struct Report {
     scene: String,
     triangles: usize,
-    /// Every axis of the strategy, where all devices cast with the same.
+    /// Every axis of the strategy, if all devices use the same.
     strategy: Option<String>,
-    /// Work-items of a work-group across and down, where all devices have the same.
+    /// Local size, if all devices use the same.
     local_size: Option<[u32; 2]>,
     image_size: [u32; 2],
-    /// The longest of the devices' times: they cast at once.
+    /// The longest device time; devices cast at the same time.
     frame_ms: f64,
-    /// The longest of the devices' transfers.
+    /// The longest upload time of a device.
     upload_ms: f64,
-    /// The longest of the devices' transfers.
+    /// The longest time for reading back of a device.
     read_ms: f64,
-    /// Primary and shadow rays over the longest device time of a frame.
+    /// Primary and shadow rays of the frame, divided by the longest device time.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
-    /// Devices that would have slowed the frame.
+    /// Devices that were left out because they would have slowed the frame down.
     left_out: Vec<LeftOut>,
-    /// Frames the times are medians of.
+    /// Number of frames of which the times are medians.
     frames: u32,
-    /// The whole command.
+    /// Time of the whole command.
     total_ms: f64,
     verified: Option<Verified>,
     output: String,
@@ -51,13 +51,13 @@ struct Report {
 #[derive(Serialize)]
 struct Row {
     device: String,
-    /// The preset, where the strategy is one unchanged.
+    /// The preset; null if an axis differs from it.
     preset: Option<&'static str>,
     /// Every axis of the strategy.
     strategy: String,
-    /// Work-items of a work-group across and down.
+    /// Work-items per work-group, across and down.
     local_size: [u32; 2],
-    /// The first row of its pixels, and the one after the last.
+    /// Its pixel rows: the first, and the one after the last.
     rows: [u32; 2],
     frame_ms: f64,
     primary_ms: Option<f64>,
@@ -88,7 +88,7 @@ impl From<Share> for Row {
     }
 }
 
-/// Renders one picture on every device that `pattern` means.
+/// Renders one picture on every device that matches `pattern`.
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);
@@ -144,7 +144,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     tell(args, &report, target.is_standard_output())
 }
 
-/// Prints the report, beside a picture that is printed itself.
+/// Prints the report; to standard error if the picture goes to standard output.
 fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
     match (args.json, args.quiet) {
         _ if beside => super::super::tell(args.quiet, text(report)),
@@ -154,7 +154,7 @@ fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
     }
 }
 
-/// How each device casts: as it would alone.
+/// Returns each device's strategy and local size: those that it would use alone.
 fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>> {
     let casting = |device: &Device| -> Result<Casting> {
         let (strategy, local_size) = args.subject.strategy(&device.info, task)?;
@@ -163,7 +163,7 @@ fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>>
     devices.iter().map(casting).collect()
 }
 
-/// What all devices have alike.
+/// Returns the value that is the same in all rows, if there is one.
 fn same<T: PartialEq>(rows: &[Row], of: impl Fn(&Row) -> T) -> Option<T> {
     let mut all = rows.iter().map(of);
     let first = all.next()?;

@@ -1,4 +1,5 @@
-//! Where a command's time goes: parts that follow each other from the start of its process, so that none of it is lost.
+//! Measures where a command's time goes. Its parts are consecutive from the start of the process, so that
+//! none of it is lost.
 
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -14,30 +15,30 @@ pub struct Part {
 
 /// The parts so far.
 pub struct Timeline {
-    /// When the last of them ended.
+    /// When the last part ended.
     last: Instant,
     parts: Vec<Part>,
 }
 
 impl Timeline {
-    /// Begins with the process, of which its own work was all so far.
+    /// Starts with the process, assuming that it has only worked and not waited so far.
     pub fn of_process() -> Self {
         let mut timeline = Self::begin();
         timeline.add("start", own_work().as_secs_f64() * 1e3);
         timeline
     }
 
-    /// Begins now.
+    /// Starts now.
     pub fn begin() -> Self {
         Self { last: Instant::now(), parts: Vec::new() }
     }
 
-    /// Ends a part that began when the last one ended.
+    /// Ends a part that began when the previous one ended.
     pub fn ends(&mut self, part: &'static str) {
         self.ends_with(part, &[]);
     }
 
-    /// The same, where some of that time belongs to other parts.
+    /// Does the same if some of that time belongs to other parts.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;
@@ -57,19 +58,20 @@ impl Timeline {
         }
     }
 
-    /// The duration of a part; 0 if there was none.
+    /// Returns the duration of a part; 0 if there is none.
     pub fn ms(&self, part: &str) -> f64 {
         self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
     }
 
-    /// All parts, in the order in which they first began, and their sum.
+    /// Returns all parts, in the order in which they first began, and their sum.
     pub fn into_parts(self) -> (Vec<Part>, f64) {
         let total_ms = self.parts.iter().map(|part| part.ms).sum();
         (self.parts, total_ms)
     }
 }
 
-/// The processor time of this process: before its first thread and its first wait that is the time since it was started.
+/// Returns the processor time of this process. Before its first thread and its first wait, that is the time
+/// since it was started.
 #[cfg(unix)]
 fn own_work() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);

@@ -1,11 +1,12 @@
-//! How long a run will take, by the records of earlier ones.
+//! Predicts how long a run will take, from the records of earlier runs.
 
 use crate::error::Result;
 use crate::experiment::{Expected, Run};
 use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
-/// How long the run will take, by the times of earlier runs of its config. `done` are records that stay.
+/// Returns the expected duration of the run, from earlier runs of the same config. `done` are the records
+/// that need not be measured again.
 pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> {
     let done: Vec<String> = done
         .iter()
@@ -15,7 +16,8 @@ pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> 
     run.expected(&earlier(out), &done)
 }
 
-/// Records of a folder of results and of those beside it, the latest last. Unreadable ones are ignored.
+/// Returns the records in a folder of results and in its sibling folders, the latest last. Unreadable ones
+/// are ignored.
 pub fn earlier(out: &Path) -> Vec<Record> {
     let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();

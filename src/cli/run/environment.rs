@@ -5,7 +5,7 @@ use crate::device::{DeviceInfo, variables};
 use crate::program::Sources;
 use crate::record::{DeviceEnvironment, Environment, Host, Source, git_state};
 
-/// The machine, the devices, the program and the files of a run that begins now.
+/// Returns the machine, the devices, the program and the files of a run that begins now.
 pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[Sources]) -> Environment {
     Environment {
         raycl_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -13,7 +13,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
         build: env!("RAYCL_BUILD").to_owned(),
         variables: variables::all(),
         started: jiff::Timestamp::now().to_string(),
-        // Lossy: an argument need not be UTF-8, and `args` panics where one is not.
+        // Lossy, since an argument need not be UTF-8, for which `args` would panic.
         command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         host: Host::read(),
         devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),
@@ -26,13 +26,13 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
     }
 }
 
-/// The config and its scenes, as they are now.
+/// Returns the config and its scenes with their current hashes.
 fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
     let scenes = experiment.scenes.iter().map(|scene| Source::file("scene", &scene.path));
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
 }
 
-/// The kernels: those built in, or a folder's.
+/// Returns the kernels: the built-in ones, or those of a folder.
 fn of_kernels(kernels: &Sources) -> Source {
     let (path, git) = match kernels {
         Sources::Embedded => ("built in".to_owned(), None),

@@ -1,9 +1,9 @@
-//! Where results go that are given no folder.
+//! The default folder for results.
 
 use crate::settings::results;
 use std::path::PathBuf;
 
-/// The latest folder of this name to go on with, or a free one.
+/// Returns the latest folder of this name to continue with, or a new one.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let free = free_folder(name);
     let latest =
@@ -11,7 +11,7 @@ pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     latest.filter(|_| resume).unwrap_or(free)
 }
 
-/// `results/NAME`, or the first of `results/NAME-2`, ... that is free.
+/// Returns `results/NAME`, or the first of `results/NAME-2`, ... that does not exist.
 fn free_folder(name: &str) -> PathBuf {
     let folder = |number| numbered_folder(name, number);
     (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(1))

@@ -1,4 +1,4 @@
-//! The processes of a run: workers that measure, and beside them those that build programs ahead.
+//! The processes of a run: workers that measure, and builders that compile programs ahead.
 
 use super::Args;
 use crate::cache::Cache;
@@ -9,12 +9,13 @@ use crate::record::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// The most processes that build programs at once.
+/// The largest number of builders.
 const MOST_BUILDERS: usize = 16;
-/// Of a device's memory, what each may be left: a driver takes some hundreds of megabytes for a process that opens the device.
+/// Device memory per builder: a driver needs some hundreds of megabytes for each process that opens the
+/// device.
 const BYTES_PER_BUILDER: u64 = 1 << 30;
 
-/// Measures what the results lack; workers write their pictures into `folder`.
+/// Measures the missing results; workers write their pictures into `folder`.
 pub fn execute(
     args: &Args,
     run: Run<'_>,
@@ -24,7 +25,7 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> Result<Vec<Record>> {
     let ahead = Ahead::default();
-    // What casts nothing has nothing to build.
+    // Sleeping workers need no programs.
     let keeps = Cache::of_user().keeps() && args.asleep.is_none();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
     let builders = if keeps { builders(&run, folder)? } else { Vec::new() };
@@ -46,7 +47,7 @@ pub fn execute(
     measured
 }
 
-/// Processes that build programs: as many as there are cores, and as the devices have room for.
+/// Returns the builders: as many as there are cores, and as the devices' memory allows.
 fn builders(run: &Run<'_>, folder: &Path) -> Result<Vec<Box<dyn Spawner + Send>>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;

@@ -1,11 +1,11 @@
-//! How to go on with a run that was ended: the command.
+//! Tells the user how to resume an interrupted run.
 
 use super::{Args, HANG_LIMIT};
 use crate::error::Error;
 use crate::report::quote;
 use std::path::Path;
 
-/// Nothing measured is lost: says how to go on.
+/// Adds to an error that all measurements are stored, and how to continue.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = format!("to go on from here: {}", resuming(args, out));
     match &error {
@@ -18,7 +18,7 @@ pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     }
 }
 
-/// The command that goes on with a run.
+/// Returns the command that resumes a run.
 fn resuming(args: &Args, out: &Path) -> String {
     let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
     words.extend(["--out".to_owned(), out.display().to_string()]);
@@ -28,7 +28,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// What a run that is to measure the same has to be told.
+/// Returns the options that a resumed run needs in order to measure the same.
 pub fn choices(args: &Args) -> Vec<String> {
     let devices = args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]);
     let set = args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]);

@@ -1,4 +1,4 @@
-//! `raycl run --sbatch N`: scripts for Slurm, printed and never submitted.
+//! `raycl run --sbatch N`: prints scripts for Slurm and submits nothing.
 
 use super::{Args, chosen, default_folder, listed, shard, two_kernels};
 use crate::cli::print;
@@ -11,10 +11,10 @@ use crate::shard::{Header, Wishes, scripts};
 use std::path::Path;
 use std::time::Duration;
 
-/// Words of devices that are processors.
+/// Words that select CPUs.
 const PROCESSORS: [&str; 3] = ["cpu", "pocl", "portable"];
 
-/// Prints the scripts for this number of shards. A login node need not have the devices.
+/// Prints the scripts for this number of shards. The login node need not have the devices.
 pub fn run(args: &Args, shards: u32) -> Result<()> {
     let sources = two_kernels::sources(&args.cl_dir, true)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -41,7 +41,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     print(scripts(&wishes).trim_end())
 }
 
-/// What is asked for by a word, where this machine has no such device.
+/// Returns whether words select CPUs, for devices that this machine does not have.
 fn by_words(devices: &[String]) -> Option<bool> {
     let first = devices.first()?.to_lowercase();
     (first != "all").then(|| !PROCESSORS.iter().any(|word| first.contains(word)))

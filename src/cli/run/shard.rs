@@ -1,4 +1,5 @@
-//! `raycl run --shard`: one of several processes, on any machines, that measure an experiment together.
+//! `raycl run --shard`: measures one part of an experiment; other processes, on any machines, measure the
+//! other parts.
 
 use super::environment::environment;
 use super::{Args, chosen, earlier, interrupt_flag, listed, two_kernels};
@@ -18,12 +19,12 @@ use crate::shard::{
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-/// Measures one shard in a folder of its own.
+/// Measures one shard in its own folder.
 pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let shard = asked.resolve(&|name| std::env::var(name).ok())?;
     let out = args.out.clone().ok_or_else(|| {
         Error::input("--shard needs --out: the folder in which all shards write")
-            .with_help("name one that every machine sees, such as --out results/sweep")
+            .with_help("give one that every machine can reach, such as --out results/sweep")
     })?;
     if args.cl_dir.len() > 1 {
         return Err(Error::input(
@@ -47,18 +48,19 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     part.report(&records)
 }
 
-/// Refuses a folder of somebody else's, and one of a run without shards, which would write the same files.
+/// Refuses a folder that raycl did not make, and one of a run without shards, which has files of the same
+/// names.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match out.join("records.jsonl").exists() {
         true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
             .with_help("name another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
-    // Looked at last: meanwhile another shard may have begun there.
+    // Checked again, since another shard may have begun in the folder meanwhile.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// What all shards have to agree on.
+/// Returns the part of the plan that all shards must agree on.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
     let hash = |scene: &config::SceneChoice| scene.load().map(|loaded| loaded.scene.content_hash());
     Ok(Header {
@@ -71,7 +73,7 @@ fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Hea
     })
 }
 
-/// The plan, cut by what its points took before or may take.
+/// Makes the plan. It is cut into parts of equal expected time.
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);
@@ -144,7 +146,8 @@ impl Part<'_> {
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
     }
 
-    /// Writes what the points are called on the kinds of device that this shard measures on, where no shard has yet.
+    /// Stores the keys of the points for the kinds of device that this shard measures on, unless another
+    /// shard has done so.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let has_host = own.iter().any(|place| self.run.is_on_host(*place));
         let kinds = self
@@ -193,7 +196,7 @@ impl Part<'_> {
     }
 }
 
-/// What tells a kind of device from others: what keys have of it.
+/// Returns what identifies a kind of device, as used in keys.
 fn identity(device: &DeviceInfo) -> String {
     format!("{} | {}", device.identity(), device.state())
 }

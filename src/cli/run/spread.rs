@@ -1,4 +1,4 @@
-//! `raycl run --spread`: the blocks that the devices of one machine share.
+//! `raycl run --spread`: distributes blocks of points over the devices of one machine.
 
 use super::earlier::earlier;
 use crate::error::{Error, Result};
@@ -8,21 +8,22 @@ use crate::shard::{Block, cut};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The blocks' file in the folder of results.
+/// The file of blocks in the folder of results.
 const FILE: &str = "blocks.json";
 
-/// What a run was spread by.
+/// How the points of a run were cut into blocks.
 #[derive(Serialize, Deserialize)]
 struct Spread {
-    /// Over how many devices.
+    /// Number of devices.
     devices: usize,
-    /// The points of the plan for one device, for people.
+    /// The points of the plan for one device, in a readable form.
     points: Vec<String>,
     blocks: Vec<Block>,
 }
 
-/// The plan in blocks for as many devices as a run is spread over. Whoever goes on with a run measures the same blocks as before,
-/// whatever points were found to take: else those of one group would have different control points.
+/// Returns the plan's blocks for the devices of a run. A resumed run uses the blocks of its first session,
+/// even if points took other times than expected; otherwise the points of one group would have different
+/// control points.
 pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
     let devices = run.devices.len();
     let plan = Plan::new(run.experiment, devices.min(1));
@@ -38,7 +39,8 @@ pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
     Ok(spread.blocks)
 }
 
-/// The blocks of an earlier session; none if there are none, or if they do not have each point exactly once.
+/// Returns the blocks of an earlier session; `None` if there are none, or if they do not contain each point
+/// exactly once.
 fn read(path: &Path) -> Option<Spread> {
     ordinary(path).ok()?;
     let spread: Spread = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;

@@ -1,4 +1,4 @@
-//! Two folders of kernels in one run: how the second stands to the first.
+//! Compares two folders of kernels within one run.
 
 use crate::cli::compare::print_table;
 use crate::error::{Error, Result};
@@ -7,11 +7,11 @@ use crate::record::Folder;
 use crate::report::Comparison;
 use std::path::PathBuf;
 
-/// Changes that are surely smaller than this part are the same.
+/// Changes that are surely smaller than this fraction count as equal.
 const THRESHOLD: f64 = 0.02;
 
-/// Prints how the points of the second folder stand to the first's. One that is surely slower by more than `limit_percent`
-/// is an error: exit code 1.
+/// Prints how the points of the second folder compare with the first one's. A point that is surely slower by
+/// more than `limit_percent` is an error: exit code 1.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);
     if !quiet {
@@ -26,7 +26,7 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
     }
 }
 
-/// The folders of kernels, or those built in: at least one.
+/// Returns the folders of kernels, or the built-in kernels if there is none.
 pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
     if folders.len() > 2 {
         return Err(Error::input(format!("{} folders of kernels", folders.len()))

@@ -1,4 +1,4 @@
-//! Options of how a mesh or a scene is seen: each stands for a value of the scene.
+//! Options for the view of a mesh or a scene; each one sets a value of the scene.
 
 use toml::Value;
 
@@ -6,13 +6,15 @@ use toml::Value;
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "How it is seen")]
 pub struct Look {
-    /// The direction upwards of a bare mesh
+    /// The axis of a bare mesh that points up
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// Show the whole scene from this angle in degrees, counted from its front to the right [default for a bare mesh: 31]
+    /// Show the whole scene from this direction: degrees to the right of its front [default for a bare mesh:
+    /// 31]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     azimuth: Option<f64>,
-    /// Show the whole scene from this elevation in degrees, -90 to 90 [default for a bare mesh: 21]
+    /// Show the whole scene from this height: degrees above the horizon, -90 to 90 [default for a bare mesh:
+    /// 21]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     elevation: Option<f64>,
     /// Background, as a display colour: '#203040', black, white
@@ -24,13 +26,13 @@ pub struct Look {
     /// Turn normals to the viewer, so that back faces are lit like front faces; always on for a bare mesh
     #[arg(long)]
     two_sided: bool,
-    /// Show a bare mesh without ground, soft light and sky, by two lights at points, with one sample per pixel
+    /// Show a bare mesh without ground, soft light and sky: with two point lights and one sample per pixel
     #[arg(long)]
     pub plain: bool,
 }
 
 impl Look {
-    /// The values of the scene that the options mean.
+    /// Returns the values of the scene that the options set.
     pub fn values(&self) -> Vec<(String, Value)> {
         let number = |value: Option<f64>| value.map(Value::Float);
         let values = [
@@ -45,7 +47,7 @@ impl Look {
     }
 }
 
-/// The unit vector of `x` to `z`, or of its opposite.
+/// Returns the unit vector of an axis, `x` to `z`, or its opposite.
 fn axis(name: &str) -> Value {
     let size = if name.starts_with('-') { -1 } else { 1 };
     let along = |axis: char| Value::Integer(if name.ends_with(axis) { size } else { 0 });

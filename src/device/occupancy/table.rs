@@ -1,30 +1,30 @@
-//! What a multiprocessor of each compute capability can hold. The figures are those of NVIDIA's
-//! CUDA C++ Programming Guide, "Compute Capabilities", and of its occupancy calculator.
+//! The limits of a multiprocessor of each compute capability. The figures are from NVIDIA's CUDA C++
+//! Programming Guide, "Compute Capabilities", and from its occupancy calculator.
 
 use crate::error::{Error, Result};
 
-/// What a multiprocessor of one compute capability can hold at once.
+/// The limits of a multiprocessor of one compute capability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Multiprocessor {
-    /// Compute capability, as in "8.6".
+    /// Compute capability, such as "8.6".
     pub compute_capability: &'static str,
-    /// Resident warps.
+    /// Largest number of resident warps.
     pub warps: u64,
-    /// Resident groups.
+    /// Largest number of resident groups.
     pub groups: u64,
-    /// 32-bit registers.
+    /// Number of 32-bit registers.
     pub registers: u64,
-    /// Registers a thread may have.
+    /// Largest number of registers of a thread.
     pub registers_per_thread: u32,
     /// `__local` bytes.
     pub local_bytes: u64,
-    /// `__local` bytes are handed out in multiples of this.
+    /// Unit in bytes in which `__local` memory is allocated.
     pub local_unit_bytes: u64,
-    /// Warps' registers are handed out in multiples of this many warps.
+    /// Registers are allocated to multiples of this many warps.
     pub warp_granularity: u64,
 }
 
-/// A row of the table below, in its units.
+/// Makes a row of the table below, in its units.
 const fn row(
     compute_capability: &'static str,
     [warps, groups]: [u64; 2],
@@ -44,10 +44,10 @@ const fn row(
     }
 }
 
-/// Every compute capability known here.
+/// All supported compute capabilities.
 #[rustfmt::skip] // a table
 pub const MULTIPROCESSORS: &[Multiprocessor] = &[
-    // capability, [warps, groups], [Ki registers, a thread], [KiB local, unit], warp granularity
+    // capability, [warps, groups], [Ki registers, registers per thread], [KiB local, unit], warp granularity
     row("2.0", [48,  8], [ 32,  63], [ 48, 128], 2),
     row("2.1", [48,  8], [ 32,  63], [ 48, 128], 2),
     row("3.0", [64, 16], [ 64,  63], [ 48, 256], 4),
@@ -65,7 +65,7 @@ pub const MULTIPROCESSORS: &[Multiprocessor] = &[
     row("9.0", [64, 32], [ 64, 255], [228, 128], 4),
 ];
 
-/// The multiprocessor of a compute capability; the error names the nearest one.
+/// Returns the limits of a compute capability. The error names the nearest supported one.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let known = || MULTIPROCESSORS.iter();
     if let Some(found) = known().find(|sm| sm.compute_capability == compute_capability.trim()) {
@@ -73,7 +73,7 @@ pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocesso
     }
     let names: Vec<_> = known().map(|sm| sm.compute_capability).collect();
     let error = Error::input(format!(
-        "'{compute_capability}' is not a compute capability known here; those are {}",
+        "'{compute_capability}' is not a supported compute capability; expected one of {}",
         names.join(", ")
     ));
     Err(match nearest_capability(compute_capability) {

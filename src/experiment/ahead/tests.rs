@@ -1,4 +1,4 @@
-//! What is built, for whom, and what becomes of builders that die.
+//! Tests which programs are built, for which points, and what happens if a builder dies.
 
 use super::*;
 use crate::experiment::pending::PendingPoint;
@@ -6,10 +6,10 @@ use crate::experiment::supervisor::Death;
 use crate::record::Record;
 use std::sync::Arc;
 
-/// Far longer than anything here takes.
+/// Far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Builders that note what they build; one dies at a point.
+/// Builders that record what they build; one dies at a certain point.
 #[derive(Clone, Default)]
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
@@ -53,7 +53,8 @@ fn open(point: usize, scene: usize, program: &str, traversal: &str) -> PendingPo
     PendingPoint::new([point, 0, scene], String::new(), record)
 }
 
-/// What is built for these groups of points, one after the other, and which points it was built for.
+/// Returns which programs are built for groups of points, one group after the other, and the points they were
+/// built for.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
     let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
     let ahead = Ahead::default();

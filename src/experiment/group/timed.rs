@@ -15,36 +15,37 @@ use crate::record::{AnchorSample, RoundLoad};
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 
-/// A launch whose samples are kept as they come.
+/// A launch whose samples are stored as they are taken.
 pub(super) struct Timed<'b, 's, K> {
     pub points: &'b [PendingPoint],
     pub run: &'b Run<'b>,
-    /// The launch's number in the folder, and among those of the group.
+    /// The launch's number in the folder, and its number within the group.
     pub launch: u32,
     pub number: usize,
     pub start: Instant,
-    /// What else the machine does.
+    /// Measures what other processes take.
     pub watch: Watch,
-    /// Workers that were lost before it began.
+    /// Number of workers that were lost before the launch began.
     pub losses: usize,
     pub supervisor: &'b mut Supervisor<'s>,
     pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
-    /// Frames of each device: every so often its anchor is run.
+    /// Number of frames cast on each device, which determines when its anchor is run.
     pub casts: HashMap<usize, usize>,
 }
 
-/// Frames of a device to a run of its anchor: its time is known better than a point's, at a small part of what frames cost.
+/// Number of frames per run of the anchor. The anchor's time is then known more precisely than a point's, at
+/// a small part of the frames' cost.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
     fn at_ms(&self) -> f64 {
-        // To the microsecond, which is enough to tell their order.
+        // Rounded to microseconds, which is enough to order samples.
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Runs the anchor of a point's device where its turn has come. A look is too short for one.
+    /// Runs the anchor of a point's device if it is due. A run with a single launch is too short for it.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)

@@ -1,18 +1,20 @@
-//! What is left of a launch's samples when what all points share is taken away.
+//! Removes the drift that all points of a launch share from its samples.
 
 use super::sample::PairedSample;
 use crate::measure::summary::median_of;
 
-/// Sweeps of the polish; from the third on nothing moves by more than rounding in practice.
+/// Number of iterations of the polish; from the third on, values change by rounding only in practice.
 const SWEEPS: usize = 5;
-/// The most neighbours to each side that tell the machine's state: a regime lasts tens of samples.
+/// The largest number of neighbours on each side from which the machine's state is estimated. A machine stays
+/// at one speed for tens of samples.
 const MOST_NEIGHBOURS: usize = 6;
 
-/// The logarithm of each sample of one launch less the drift of the machine at its moment.
+/// Returns the logarithm of each sample of one launch, less the drift of the machine at that time.
 ///
-/// A median polish (Tukey 1977) of log time = level of the point + drift at the moment, where the drift is not one value a
-/// round but the running median over the neighbours in time, so that a change of regime in the midst of a round is followed
-/// too. Every sample is so set beside what others took just before and after it: what slows all is no difference.
+/// The method is a median polish (Tukey 1977) of the model log time = level of the point + drift at that
+/// time. The drift is not one value per round but the running median over neighbours in time, so that a
+/// change of speed within a round is followed too. Every sample is thus compared with samples taken just
+/// before and after it, and what slows all points alike cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = (0..points).filter(|point| samples.iter().any(|sample| sample.point == *point)).count();
@@ -31,7 +33,7 @@ pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64>
     left
 }
 
-/// Each point's median; 0 for a point without samples.
+/// Returns each point's median; 0 for a point without samples.
 fn levels(samples: &[PairedSample], values: &[f64], points: usize) -> Vec<f64> {
     let mut of_points = vec![Vec::new(); points];
     for (sample, value) in samples.iter().zip(values) {
@@ -51,7 +53,7 @@ mod tests {
 
     #[test]
     fn a_regime_that_begins_in_the_midst_of_a_round_is_taken_away() {
-        // Three points of 1, 2 and 4 ms; from the 20th sample on all take twice as long.
+        // Three points of 1, 2 and 4 ms; from the 20th sample on, all take twice as long.
         let sample = |place: usize| {
             let (point, slow) = (place % 3, if place < 20 { 1.0 } else { 2.0 });
             PairedSample { point, launch: 0, ms: f64::from(1 << point) * slow }

@@ -1,8 +1,8 @@
-//! How far an estimate may be from what it estimates.
+//! Standard errors of estimates.
 
 use crate::measure::student::t_quantile;
 
-/// A standard error, and how well it is known.
+/// A standard error, and its degrees of freedom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Error {
     /// The standard error.
@@ -15,12 +15,13 @@ impl Error {
     /// The error of a value that is known exactly.
     pub const NONE: Self = Self { error: 0.0, degrees: f64::INFINITY };
 
-    /// How far the interval reaches to one side that is missed on that side with the chance `risk`.
+    /// Returns the half-width of the interval that is exceeded on one side with the probability `risk`.
     pub fn reach(self, risk: f64) -> f64 {
         if self.error == 0.0 { 0.0 } else { self.error * t_quantile(1.0 - risk, self.degrees) }
     }
 
-    /// The error of a sum of independent estimates; degrees of freedom after Satterthwaite (1946) and Welch (1947).
+    /// Returns the error of a sum of independent estimates; its degrees of freedom follow Satterthwaite
+    /// (1946) and Welch (1947).
     pub fn of_sum(errors: impl IntoIterator<Item = Self>) -> Self {
         let (mut variance, mut uncertainty) = (0.0, 0.0);
         for one in errors {
@@ -41,7 +42,7 @@ mod tests {
         let one = Error { error: 3.0, degrees: 4.0 };
         let sum = Error::of_sum([one, one]);
         assert!((sum.error - 18.0_f64.sqrt()).abs() < 1e-12 && (sum.degrees - 8.0).abs() < 1e-12, "{sum:?}");
-        // What is hardly in error counts for little.
+        // A summand with a tiny error hardly changes the result.
         let with_small = Error::of_sum([one, Error { error: 1e-3, degrees: 1.0 }]);
         assert!((with_small.degrees - 4.0).abs() < 1e-3, "{with_small:?}");
         assert_eq!(Error::of_sum([]), Error::NONE);

@@ -1,8 +1,8 @@
-//! An estimate and how sure it is.
+//! An estimate with its 95% interval.
 
 use super::error::Error;
 
-/// The chance that a 95% interval lies above what it is of.
+/// The probability that the true value lies below, or above, a 95% interval.
 pub(super) const RISK: f64 = 0.025;
 
 /// A value and its 95% interval.
@@ -16,18 +16,18 @@ pub struct Interval {
     pub high: f64,
     /// The standard error of the estimate's logarithm.
     pub error: f64,
-    /// How well that is known: degrees of freedom of Student's t.
+    /// Degrees of freedom of that standard error, for Student's t.
     pub degrees: f64,
 }
 
 impl Interval {
-    /// This over another that was found apart from it.
+    /// Returns this value divided by an independent one.
     pub fn over(self, other: Self) -> Self {
         let error = Error::of_sum([self.error(), other.error()]);
         interval((self.middle / other.middle).ln(), error)
     }
 
-    /// The geometric mean of some that were found apart from each other; none of none.
+    /// Returns the geometric mean of independent values; `None` if there are none.
     pub fn mean(all: &[Self]) -> Option<Self> {
         let count = all.len() as f64;
         let sum = Error::of_sum(all.iter().map(|one| one.error()));
@@ -35,7 +35,7 @@ impl Interval {
         (!all.is_empty()).then(|| interval(log, Error { error: sum.error / count, ..sum }))
     }
 
-    /// What it surely exceeds but for the chance `risk`.
+    /// Returns the value that is surely exceeded, except with the probability `risk`.
     pub fn surely_above(self, risk: f64) -> f64 {
         (self.middle.ln() - self.error().reach(risk)).exp()
     }
@@ -45,7 +45,7 @@ impl Interval {
     }
 }
 
-/// From a logarithm and its error.
+/// Makes an interval from a logarithm and its error.
 pub(super) fn interval(middle: f64, error: Error) -> Interval {
     let half = error.reach(RISK);
     let Error { error, degrees } = error;
@@ -59,7 +59,8 @@ mod tests {
     #[test]
     fn an_interval_leaves_a_fortieth_on_each_side() {
         let found = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
-        // The normal distribution's quantiles at 0.025 and 0.975; those at 0.05 and 0.95 are 1.645.
+        // Quantiles of the normal distribution at 0.025 and 0.975 are 1.960; those at 0.05 and 0.95 are
+        // 1.645.
         assert!((found.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{found:?}");
         assert!((found.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{found:?}");
     }

@@ -1,21 +1,23 @@
-//! Points compared by samples that were taken close in time, over several launches of the program.
+//! Compares points by samples that were taken close in time, over several launches of the program.
 //!
-//! Two things make the plain interval of a median too narrow. A machine changes speed for seconds at a time, so samples
-//! are not independent; and what a launch draws once (addresses, placement of threads, the kernel's binary) no sample of
-//! that launch can show. So, after Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013), the launch is
-//! what is repeated: each gives one value per point, and intervals come from how far these lie apart. What happens within a
-//! launch, autocorrelation included, is in that spread, and needs no model.
+//! Two things make the plain interval of a median too narrow. First, a machine changes its speed for seconds
+//! at a time, so samples are not independent. Second, some conditions are random but constant within a launch
+//! (addresses, placement of threads, the kernel's binary), so samples of that launch cannot show their
+//! effect. So, after Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013), launches are
+//! repeated. Each gives one value per point, and intervals are computed from the spread of these values. The
+//! spread includes all effects within a launch, also autocorrelation, so these need no model.
 //!
-//! 1. In each launch the drift that all points share is taken away ([`drift`]), and a point's value is the median of what
-//!    is left: a paired design, for which samples of different points must be interleaved.
-//! 2. The table of points and launches is split into point, launch and the rest (two-way analysis of variance). Three launches
-//!    tell a pair's own spread poorly (two degrees of freedom), so it is weighted with that of all points, which
-//!    counts as six more at most (a moderated variance, after Smyth 2004), and Student's t makes the interval ([`spread`]).
-//! 3. The interval of a median keeps what launches do to all points alike, which pairs cancel: its t has one degree less than
-//!    there are launches.
+//! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
+//!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
+//! 2. The table of points and launches is split into point, launch and the rest (two-way analysis of variance).
+//!    Three launches give only a poor estimate of a pair's own spread (two degrees of freedom). Therefore it is
+//!    averaged with the spread of all points, which counts as at most six more degrees (a moderated variance,
+//!    after Smyth 2004). Student's t gives the interval ([`spread`]).
+//! 3. The interval of a median includes effects of a launch on all points alike, which cancel in pairs. Its
+//!    degrees of freedom are the number of launches less one.
 //!
-//! With a single launch, five stretches of time stand for launches. Such a run is a look: its intervals do not include
-//! differences between launches.
+//! With a single launch, its time is split into five parts that take the place of launches. Such a result is
+//! preliminary: its intervals do not include differences between launches.
 
 mod drift;
 mod error;
@@ -36,56 +38,58 @@ use error::Error;
 use interval::interval;
 use spread::Pooled;
 
-/// Stretches of time that a single launch is split into: every point has as many samples at least.
+/// Number of parts that the time of a single launch is split into. Every point has at least this many
+/// samples.
 const STRETCHES: usize = MIN_SAMPLES;
 
-/// What the samples of points that were measured together tell of each other.
+/// The comparison of points that were measured together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paired {
     launches: usize,
-    /// None for a point of too few samples.
+    /// The points; `None` for a point with too few samples.
     points: Vec<Option<Point>>,
     pooled: Pooled,
 }
 
-/// What a point took, in logarithms of milliseconds; a value per launch.
+/// A point's times, as logarithms of milliseconds.
 #[derive(Clone, Debug, PartialEq)]
 struct Point {
     /// The median over all launches.
     median: f64,
-    /// Each launch's median.
+    /// The median of each launch.
     plain: Vec<f64>,
-    /// Each launch's median without drift.
+    /// The median of each launch, without drift.
     relative: Vec<f64>,
 }
 
-/// A point among those that were measured with it.
+/// A point, or the mean of several, with the points that were measured together with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
     launches: usize,
     point: Point,
-    /// Points that it is the mean of.
+    /// Number of points of which this is the mean.
     points: usize,
     pooled: Pooled,
 }
 
 impl Standing {
-    /// Launches that it rests on.
+    /// Returns the number of launches.
     pub fn launches(&self) -> usize {
         self.launches
     }
 
-    /// The median over all samples, in milliseconds.
+    /// Returns the median of all samples, in milliseconds.
     pub fn median_ms(&self) -> Interval {
         interval(self.point.median, self.pooled.of_level(&self.point.plain))
     }
 
-    /// What ranks it: the logarithm of its time without drift.
+    /// Returns the value by which points are ranked: the logarithm of the time without drift.
     pub fn level(&self) -> f64 {
         self.point.level()
     }
 
-    /// How many times as long as `other` it takes, by samples close in time. Both were measured together.
+    /// Returns the ratio of this point's time to that of `other`, by samples close in time. Both must have
+    /// been measured together.
     pub fn ratio(&self, other: &Self) -> Interval {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -95,13 +99,14 @@ impl Standing {
         )
     }
 
-    /// The same of one that was measured at another time: what the machine did meanwhile is in it.
+    /// Returns the ratio for a point that was measured at another time. It includes changes of the machine in
+    /// between.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
         let error = |standing: &Self| standing.pooled.of_level(&standing.point.plain);
         interval(self.point.median - other.point.median, Error::of_sum([error(self), error(other)]))
     }
 
-    /// The mean of points that were measured together; none of none.
+    /// Returns the mean of points that were measured together; `None` if there are none.
     pub fn mean(points: &[&Self]) -> Option<Self> {
         let first = *points.first()?;
         let mean =
@@ -130,10 +135,11 @@ impl Point {
 }
 
 impl Paired {
-    /// Compares `points` points by their samples, each launch's in the order taken. Skips samples that are not a time.
+    /// Compares `points` points by their samples, which must be in the order taken within each launch.
+    /// Samples that are not a valid time are skipped.
     ///
-    /// A point with fewer than [`MIN_SAMPLES`] in one of the launches has too few. A launch in which all have too few, such as
-    /// one that was interrupted, does not count.
+    /// A point with fewer than [`MIN_SAMPLES`] samples in any launch has too few. A launch in which all
+    /// points have too few, such as an interrupted one, is ignored.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
         let samples: Vec<PairedSample> = samples.iter().filter(fine).copied().collect();
@@ -158,7 +164,8 @@ impl Paired {
         Self { launches: launches.len(), points, pooled }
     }
 
-    /// Lets tables of one machine, of the same run, learn from each other how far launches lie apart.
+    /// Improves the estimates of several tables of one run on one machine: each uses the spread between
+    /// launches in the others.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let pooled: Vec<Pooled> = all.iter().map(|one| one.pooled).collect();
         for (place, one) in all.iter_mut().enumerate() {
@@ -169,35 +176,38 @@ impl Paired {
         }
     }
 
-    /// Launches that count. Of one, intervals do not hold what another would draw.
+    /// Returns the number of launches that count. If it is 1, intervals do not include differences between
+    /// launches.
     pub fn launches(&self) -> usize {
         self.launches
     }
 
-    /// A point among the others; none of too few samples.
+    /// Returns a point among the others; `None` if it has too few samples.
     pub fn standing(&self, point: usize) -> Option<Standing> {
         let point = self.points.get(point)?.clone()?;
         Some(Standing { launches: self.launches, point, points: 1, pooled: self.pooled })
     }
 
-    /// A point's median over all samples, in milliseconds; none of too few samples.
+    /// Returns a point's median over all samples, in milliseconds; `None` if it has too few.
     pub fn median_ms(&self, point: usize) -> Option<Interval> {
         Some(self.standing(point)?.median_ms())
     }
 
-    /// How many times as long as `other` a point takes, by samples close in time; none where one has too few.
+    /// Returns the ratio of a point's time to that of `other`, by samples close in time; `None` if one of
+    /// them has too few.
     pub fn ratio(&self, point: usize, other: usize) -> Option<Interval> {
         let (one, two) = (self.standing(point)?, self.standing(other)?);
         Some(if point == other { interval(0.0, Error::NONE) } else { one.ratio(&two) })
     }
 
-    /// The difference that two points of usual spread must exceed to be told apart, as a part (0.03 is 3%); none where there
-    /// are no two points of enough samples.
+    /// Returns the relative difference (0.03 is 3%) above which two points of typical spread can be
+    /// distinguished; `None` if fewer than two points have enough samples.
     pub fn resolution(&self) -> Option<f64> {
         self.pooled.usual().map(|error| error.reach(interval::RISK).exp_m1())
     }
 
-    /// Who wins: the point of the least level, and every other that is not surely slower by more than `resolution`, a part.
+    /// Returns the winners: the point of least level, and every other that is not surely slower by more than
+    /// `resolution` (0.01 is 1%).
     pub fn ranking(&self, resolution: f64) -> Ranking<usize> {
         let level = |place: usize| self.points[place].as_ref().map(Point::level);
         let ties = |place: usize, best: usize| {
@@ -207,7 +217,7 @@ impl Paired {
     }
 }
 
-/// The samples of each launch that counts.
+/// Returns the samples of each launch that counts.
 fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
     let mut numbers: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
     numbers.sort_unstable();
@@ -221,7 +231,7 @@ fn count(launch: &[PairedSample], point: usize) -> usize {
     launch.iter().filter(|sample| sample.point == point).count()
 }
 
-/// A point's values: one per launch, or one per stretch of the only launch.
+/// Returns a point's values: one per launch, or one per part of a single launch.
 fn point(place: usize, launches: &[Vec<PairedSample>], left: &[Vec<f64>]) -> Option<Point> {
     let is_own = |sample: &PairedSample| sample.point == place;
     let plain: Vec<Vec<f64>> = launches
@@ -239,7 +249,7 @@ fn point(place: usize, launches: &[Vec<PairedSample>], left: &[Vec<f64>]) -> Opt
     Some(Point { median, plain: repeats(&plain), relative: repeats(&relative) })
 }
 
-/// The median of each launch's values, or of each stretch of the only launch.
+/// Returns the median of each launch's values, or of each part of a single launch.
 fn repeats(launches: &[Vec<f64>]) -> Vec<f64> {
     match launches {
         [only] => {

@@ -1,12 +1,12 @@
-//! What was timed.
+//! One timed frame.
 
 /// One timed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairedSample {
-    /// The point's place among those that are compared.
+    /// The point's index among those that are compared.
     pub point: usize,
-    /// The launch it was taken in.
+    /// The number of the launch.
     pub launch: u32,
-    /// What it took.
+    /// The time in milliseconds.
     pub ms: f64,
 }

@@ -1,4 +1,5 @@
-//! Machines with known faults, simulated: do intervals hold what another run of the same thing finds?
+//! Simulates machines with known sources of error, to test whether intervals contain the results of other
+//! runs.
 
 use super::*;
 use crate::measure::summary::quantile;
@@ -6,34 +7,35 @@ use rand::SeedableRng as _;
 use rand::{Rng, RngExt as _};
 use rand_chacha::ChaCha8Rng;
 
-/// Autocorrelation of samples of neighbouring rounds, as measured with PoCL on two shared cores.
+/// Autocorrelation of samples in neighbouring rounds, as measured with PoCL on two shared cores.
 const LAG_1: f64 = 0.55;
 const LAUNCHES: u32 = 3;
 const ROUNDS: u64 = 20;
 const RUNS: u64 = 24;
-/// Differences below this part are a tie.
+/// Relative differences below this are a tie.
 const RESOLUTION: f64 = 0.01;
 
-/// A machine's faults, as standard deviations of logarithms.
+/// Sources of error of a machine, as standard deviations of logarithms.
 #[derive(Clone, Copy)]
 struct Machine {
-    /// What a launch does to all points.
+    /// Effect of a launch on all points.
     launch: f64,
-    /// What a launch does to one point.
+    /// Effect of a launch on a single point.
     launch_of_point: f64,
-    /// Autocorrelated noise of one point; every third has twice that.
+    /// Autocorrelated noise of a point; every third point has twice as much.
     noise: f64,
-    /// The chance that at a sample a slow regime begins, which lasts tens of samples.
+    /// Probability per sample that a slow phase begins, which lasts tens of samples.
     regime: f64,
 }
 
 const MACHINE: Machine = Machine { launch: 0.025, launch_of_point: 0.008, noise: 0.015, regime: 0.005 };
 
-/// Something else keeps one of two cores busy half of the time, which takes a quarter of the machine: frames take a sixth longer
-/// in the mean. So it is where at one sample in a hundred a regime begins that makes 30 samples take 1.7 times as long.
+/// A machine on which another process keeps one of two cores busy for half of the time. That process takes a
+/// quarter of the machine, so frames take a sixth longer on average. Here a slow phase begins at one sample
+/// in a hundred and makes 30 samples take 1.7 times as long, which has the same effect.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 
-/// Log times of the points: five pairs, each 5% slower than the one before.
+/// Returns the logarithm of a point's true time. There are five pairs, each 5% slower than the one before.
 fn level(point: usize) -> f64 {
     0.05 * (point / 2) as f64
 }
@@ -74,15 +76,16 @@ fn run(machine: Machine, points: usize, seed: u64) -> Vec<PairedSample> {
     samples
 }
 
-/// What some runs of one thing say of each other.
+/// How well several runs on one machine agree.
 struct Coverage {
-    /// How often an interval holds what another run found: of ratios to the first point, and of medians.
+    /// The share of intervals that contain another run's result: for ratios to the first point, and for
+    /// medians.
     held: [f64; 2],
-    /// Half of an interval, the median over points and runs, as a part: likewise.
+    /// The median half-width of the intervals, relative: likewise.
     half: [f64; 2],
-    /// Pairs of runs whose winners have no point in common.
+    /// Number of pairs of runs whose winners have no point in common.
     disjoint: usize,
-    /// The most winners of a run.
+    /// The largest number of winners in a run.
     winners: usize,
 }
 
@@ -103,7 +106,8 @@ fn found(machine: Machine, points: usize) -> Coverage {
     }
 }
 
-/// How often an interval holds another run's estimate, and the median of half its width over its middle.
+/// Returns the share of intervals that contain another run's estimate, and the median of their relative
+/// half-widths.
 fn agreement<R>(
     runs: &[R],
     points: std::ops::Range<usize>,
@@ -156,7 +160,7 @@ fn they_do_of_few_points_and_of_many() {
     holds(MACHINE, 30, [0.04, 0.08]);
 }
 
-/// The 95% percentile bootstrap interval of the median, which takes samples as independent.
+/// Returns the 95% percentile bootstrap interval of the median, which assumes independent samples.
 fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     let mut resampled = || {
         let drawn: Vec<f64> = samples.iter().map(|_| samples[rng.random_range(0..samples.len())]).collect();
@@ -169,7 +173,8 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     Interval { middle, low, high, error: 0.0, degrees: 0.0 }
 }
 
-/// Why all this: the bootstrap's interval from within launches holds far less of what another run finds.
+/// Shows why launches are repeated: the bootstrap's interval from samples within launches contains far fewer
+/// results of other runs.
 #[test]
 fn the_plain_interval_of_a_median_does_not_hold() {
     let plain = |samples: &Vec<PairedSample>, point: usize| {

@@ -1,26 +1,27 @@
-//! How far repeats of a point lie apart, and how sure that makes their mean.
+//! The spread of a point's repeated values, and the resulting error of their mean.
 
 use super::error::Error;
 use crate::measure::mean_and_sigma;
 
-/// The most degrees of freedom by which the spread of all points counts beside a pair's own.
+/// The largest number of degrees of freedom with which the spread of all points is added to a pair's own.
 const BORROWED: usize = 6;
 
-/// What all points together tell of the spread of repeats: a row per point, a column per repeat.
+/// The spread of repeated values, pooled over all points. The table has a row per point and a column per
+/// repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
-    /// The variance of what is left of a table when each row's and each column's mean is taken away.
+    /// The variance of the residuals after subtracting each row's and each column's mean.
     apart: f64,
-    /// The mean of the rows' own variances, what all rows share included.
+    /// The mean of the rows' own variances; it includes effects that all rows share.
     together: f64,
     rows: usize,
     columns: usize,
-    /// The same variance of other tables, in the mean, and its degrees of freedom.
+    /// The square root of the mean of `together` in other tables, and its degrees of freedom.
     elsewhere: Error,
 }
 
 impl Pooled {
-    /// From two tables of the same shape: the residuals without drift, and the plain medians.
+    /// Pools two tables of the same shape: the medians without drift, and the plain medians.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together = plain.iter().map(|row| variance(row)).sum::<f64>() / rows.max(1) as f64;
@@ -28,7 +29,8 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// The error of the mean of `differences` between the means of so many rows and of so many others, a value per column.
+    /// Returns the error of the mean of `differences`, one per column, between the mean of `rows[0]` rows and
+    /// the mean of `rows[1]` others.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns - 1));
         let usual: f64 = rows.iter().map(|rows| self.apart / *rows as f64).sum();
@@ -36,8 +38,8 @@ impl Pooled {
         self.error(variance, borrowed + self.columns - 1)
     }
 
-    /// The error of a row's level. What the columns share, all rows have in common: no row can borrow from another how well that is
-    /// known, but other tables are as many cases more.
+    /// Returns the error of a row's mean. Effects of a column are common to all rows, so other rows of this
+    /// table add no information about them; other tables do.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(1) * (self.columns - 1));
         let own = self.moderated(self.together, borrowed, variance(row));
@@ -47,12 +49,12 @@ impl Pooled {
         Error { degrees, ..self.error(variance, 0) }
     }
 
-    /// Whether both have rows, and launches or stretches of one.
+    /// Returns whether both have several repeats, and equally many.
     pub(super) fn has_repeats_as(&self, other: &Self) -> bool {
         self.columns > 1 && self.columns == other.columns
     }
 
-    /// Takes what other tables, of the same machine and the same hours, tell of the spread of levels.
+    /// Adds the spread of levels in other tables of the same run and machine.
     pub(super) fn borrow(&mut self, others: &[Self]) {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();
@@ -62,13 +64,14 @@ impl Pooled {
         }
     }
 
-    /// The error of a difference between two rows of usual spread; none where there is but one row.
+    /// Returns the error of the difference between two rows of typical spread; `None` for a single row.
     pub(super) fn usual(&self) -> Option<Error> {
         let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns.saturating_sub(1)));
         (self.rows > 1).then(|| self.error(2.0 * self.apart, borrowed + self.columns - 1))
     }
 
-    /// A variance between the row's own, which has few degrees of freedom, and the usual one, weighted by theirs.
+    /// Returns the weighted mean of a row's own variance, which has few degrees of freedom, and the typical
+    /// one.
     fn moderated(&self, usual: f64, borrowed: usize, own: f64) -> f64 {
         let (borrowed, columns) = (borrowed as f64, self.columns as f64 - 1.0);
         (borrowed * usual + columns * own) / (borrowed + columns)
@@ -83,7 +86,8 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// The variance of what rows and columns leave unexplained in a two-way table; 0 of one row or one column.
+/// Returns the residual variance of a two-way table after subtracting row and column means; 0 for a single
+/// row or column.
 fn interaction(table: &[&[f64]]) -> f64 {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {
@@ -136,7 +140,7 @@ mod tests {
         of_many.borrow(&[alone; 9]);
         assert_eq!(of_many.of_level(rows[0]).degrees, 8.0, "many tables count as six cases, no more");
         assert!((one.error - more.error).abs() < 1e-12 && more.reach(0.025) < 0.6 * one.reach(0.025));
-        // Where launches lie farther apart elsewhere, they may here.
+        // If launches differ more in other tables, the error grows here too.
         let wide = [[0.0, 0.3, -0.3], [1.0, 1.3, 0.7]];
         let wide: Vec<&[f64]> = wide.iter().map(|row| row.as_slice()).collect();
         borrowing.borrow(&[Pooled::of(&wide, &wide)]);
@@ -154,7 +158,7 @@ mod tests {
         let error = |differences: &[f64], rows| pooled.of_difference(differences, rows).error;
         assert!(error(&[0.0; 3], [1, 1]) > 0.02, "{}", error(&[0.0; 3], [1, 1]));
         assert!(error(&[-0.5, 0.5, 0.0], [1, 1]) > error(&[0.0; 3], [1, 1]));
-        // Means of four are known twice as well.
+        // The error of a mean of four is half as large.
         assert!((error(&[0.0; 3], [1, 1]) / error(&[0.0; 3], [4, 4]) - 2.0).abs() < 1e-12);
     }
 }

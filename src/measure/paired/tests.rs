@@ -1,8 +1,9 @@
-//! Points compared by hand.
+//! Tests with results computed by hand.
 
 use super::*;
 
-/// Rounds of points that take 1, 2, 3, ... ms, a little more in every other round, in each of some launches.
+/// Returns samples of points that take 1, 2, 3, ... ms, and slightly more in every other round, for several
+/// launches.
 fn steady(points: usize, launches: u32, rounds: usize) -> Vec<PairedSample> {
     let mut samples = Vec::new();
     for launch in 0..launches {
@@ -45,7 +46,7 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
 
 #[test]
 fn apart_the_medians_of_all_samples_are_compared() {
-    // Two of three launches are slow: the median is theirs, the mean of the launches is not.
+    // Two of three launches are slow. The median of all samples is theirs; the mean of the launches is not.
     let mut slow = steady(2, 3, 9);
     slow.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");

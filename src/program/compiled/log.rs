@@ -1,4 +1,4 @@
-//! What a build log tells of a kernel, where the compiler was asked to be verbose (`-cl-nv-verbose`):
+//! Reads a kernel's resources from a build log that was printed with `-cl-nv-verbose`:
 //!
 //! ```text
 //! ptxas info    : Compiling entry function 'cast_frame' for 'sm_90'
@@ -7,28 +7,28 @@
 //! ptxas info    : Used 40 registers, used 1 barriers, 6912 bytes smem, 480 bytes cmem[0]
 //! ```
 //!
-//! It is printed only when the program is really compiled, not when the driver's cache answers.
+//! The log is only printed if the program is really compiled, not if it comes from the driver's cache.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a kernel takes of a device, as its build log says.
+/// The resources of a kernel, from its build log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Resources {
     /// Registers per work-item.
     pub registers: Option<u32>,
-    /// Bytes of stack a work-item.
+    /// Bytes of stack per work-item.
     pub stack_bytes: Option<u64>,
-    /// Bytes of registers stored to memory for want of room.
+    /// Bytes of registers that are spilled to memory.
     pub spill_store_bytes: Option<u64>,
-    /// Bytes of them loaded again.
+    /// Bytes of spilled registers that are loaded again.
     pub spill_load_bytes: Option<u64>,
     /// `__local` bytes per work-group.
     pub shared_bytes: Option<u64>,
 }
 
-/// What the log tells of `kernel`; empty where it tells nothing.
+/// Returns the resources of `kernel`; empty if the log does not have them.
 pub fn resources(log: &str, kernel: &str) -> Resources {
     let mut found = Resources::default();
     let (mut entry, mut function) = (None, None);
@@ -38,7 +38,7 @@ pub fn resources(log: &str, kernel: &str) -> Resources {
         } else if let Some(name) = after(line, "Function properties for ") {
             function = Some(name);
         } else if entry == Some(kernel) {
-            // Functions that a kernel calls have stacks of their own, but no registers.
+            // Functions that a kernel calls have their own stacks, but no registers.
             let own = function.is_none_or(|name| name.trim_matches('\'') == kernel);
             if own {
                 found.read_stack(line);
@@ -72,7 +72,7 @@ fn between<'a>(line: &'a str, words: &str, end: char) -> Option<&'a str> {
     after(line, words)?.split(end).next()
 }
 
-/// The number that stands before these words; "24+0 bytes smem", as older compilers write, is 24.
+/// Returns the number before these words. "24+0 bytes smem", the form of older compilers, counts as 24.
 fn number_before(line: &str, words: &str) -> Option<u64> {
     let (before, _) = line.split_once(words)?;
     let number = before.rsplit(|c: char| !c.is_ascii_digit() && c != '+').next()?;

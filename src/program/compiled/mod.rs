@@ -1,7 +1,8 @@
-//! What a device's compiler made of a kernel: registers, spills, bytes, and which memory its instructions reach.
+//! Properties of a compiled kernel: registers, spills, bytes of memory, and the address spaces that its
+//! instructions access.
 //!
-//! The driver answers for sizes, its build log for registers where it prints them, and the program's binary for
-//! memory instructions where it is PTX text. What a device does not tell stays empty.
+//! Sizes come from the driver, registers from the build log if it has them, and memory instructions from the
+//! program's binary if that is PTX text. Properties that a device does not report stay empty.
 
 mod log;
 mod ptx;
@@ -23,28 +24,28 @@ pub struct CompiledKernel {
     pub name: String,
     /// Work-items of the largest work-group it can run with.
     pub work_group_size: Option<u64>,
-    /// The local size's granularity that the driver prefers: a warp, or a vector.
+    /// The multiple of work-items that the driver prefers as local size: a warp, or a vector.
     pub preferred_multiple: Option<u64>,
-    /// `__local` bytes per work-group, as the driver says.
+    /// Bytes of `__local` memory per work-group, as reported by the driver.
     pub local_bytes: Option<u64>,
-    /// Private bytes per work-item in memory, as the driver says.
+    /// Bytes of private memory per work-item outside registers, as reported by the driver.
     pub private_bytes: Option<u64>,
-    /// What the build log tells.
+    /// Registers and spills from the build log.
     #[serde(flatten)]
     pub resources: Resources,
-    /// Memory instructions of the binary; none where it is not PTX.
+    /// Memory instructions in the binary; `None` if it is not PTX.
     #[serde(rename = "census")]
     pub instruction_counts: Option<InstructionCounts>,
-    /// Work-groups that a multiprocessor is predicted to hold at once.
+    /// Predicted number of work-groups that a multiprocessor holds at once.
     pub resident_groups: Option<u64>,
-    /// Their warps among all it could hold, 0 to 1.
+    /// Resident warps divided by the largest possible number, 0 to 1.
     pub occupancy: Option<f64>,
-    /// What keeps it from holding more.
+    /// The limit that prevents more groups.
     pub occupancy_limited_by: Option<String>,
 }
 
 impl CompiledKernel {
-    /// What the driver, the build log and the binary (PTX, or empty) tell of a kernel.
+    /// Collects the properties of a kernel from the driver, the build log and the binary (PTX, or empty).
     pub fn of(kernel: &Kernel, device: ocl::Device, log: &str, ptx: &str) -> Self {
         let name = kernel.name().unwrap_or_default();
         let ask = |query| number(kernel.wg_info(device, query).ok()?);
@@ -60,8 +61,8 @@ impl CompiledKernel {
         }
     }
 
-    /// Predicts how many groups of `items` work-items a multiprocessor of a compute capability holds. Nothing
-    /// is predicted where the registers are not known, or the capability is not.
+    /// Predicts how many groups of `items` work-items a multiprocessor of a compute capability holds. There
+    /// is no prediction if the registers or the capability are unknown.
     #[must_use]
     pub fn predicted(mut self, compute_capability: Option<&str>, items: u32) -> Self {
         let sm = compute_capability.and_then(|name| multiprocessor(name).ok());
@@ -74,7 +75,7 @@ impl CompiledKernel {
         self
     }
 
-    /// `__local` bytes per work-group: the build log's where it has them.
+    /// Returns bytes of `__local` memory per work-group, from the build log if it has them.
     pub fn group_local_bytes(&self) -> u64 {
         self.resources.shared_bytes.or(self.local_bytes).unwrap_or(0)
     }

@@ -1,25 +1,26 @@
-//! Counts of memory instructions in PTX text, kernel by kernel: how many of the program's instructions load,
-//! store or change memory of each address space. Counts are static: a loop's body counts once.
+//! Counts memory instructions in PTX text, kernel by kernel: how many instructions load, store or change
+//! memory of each address space. Counts are static: the body of a loop counts once.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Memory instructions inside one kernel's body.
+/// Memory instructions in the body of a kernel.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct InstructionCounts {
-    /// Instructions by what they do and the space they reach: "ld.global", "st.shared", "ld.global.nc" (through the
-    /// read-only cache), "atom.global"; "ld.generic" where the space is known only when it runs. `ld.param` reads the
-    /// kernel's arguments, `.local` is private memory outside registers.
+    /// Number of instructions by operation and address space: "ld.global", "st.shared", "ld.global.nc"
+    /// (through the read-only cache), "atom.global"; "ld.generic" if the space is only known at run time.
+    /// `ld.param` reads the kernel's arguments; `.local` is private memory outside registers.
     pub instructions: BTreeMap<String, u32>,
-    /// Bytes of private arrays that were not kept in registers (the `.local` depot), a work-item.
+    /// Bytes per work-item of private arrays that are not in registers (the `.local` depot).
     pub private_array_bytes: u64,
-    /// Calls, whose callees are not counted here.
+    /// Number of calls; the instructions of the called functions are not counted.
     pub calls: u32,
 }
 
 impl InstructionCounts {
-    /// How many instructions reach a space ("global", "shared", "local", "const", "param", "generic").
+    /// Returns the number of instructions that access a space ("global", "shared", "local", "const", "param",
+    /// "generic").
     pub fn reach(&self, space: &str) -> u32 {
         let reaches = |name: &&String| name.split('.').nth(1) == Some(space);
         self.instructions.keys().filter(reaches).map(|name| self.instructions[name]).sum()
@@ -27,7 +28,7 @@ impl InstructionCounts {
 }
 
 impl std::fmt::Display for InstructionCounts {
-    /// "ld.global 12, st.global 4, calls 1".
+    /// Formats as "ld.global 12, st.global 4, calls 1".
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut parts: Vec<String> =
             self.instructions.iter().map(|(name, n)| format!("{name} {n}")).collect();
@@ -39,13 +40,13 @@ impl std::fmt::Display for InstructionCounts {
     }
 }
 
-/// Whether a program's binary is PTX text.
+/// Returns whether a program's binary is PTX text.
 pub fn is_ptx(binary: &[u8]) -> bool {
     let head = String::from_utf8_lossy(&binary[..binary.len().min(4096)]);
     head.contains(".version") && head.contains(".target") && head.contains(".address_size")
 }
 
-/// The counts of the kernel `name`; none where the text has no such kernel.
+/// Counts the instructions of the kernel `name`; `None` if the text has no such kernel.
 pub fn instruction_counts(ptx: &str, name: &str) -> Option<InstructionCounts> {
     let text = without_comments(ptx);
     let body = body_of(&text, name)?;
@@ -70,12 +71,12 @@ impl InstructionCounts {
     }
 }
 
-/// "$L__BB0_2:", "@%p1", "@!%p1".
+/// Recognises "$L__BB0_2:", "@%p1", "@!%p1".
 fn is_label_or_predicate(word: &str) -> bool {
     word.ends_with(':') || word.starts_with('@')
 }
 
-/// The name in the counts of a memory instruction: "ld.volatile.shared.v2.f32" is "ld.shared".
+/// Returns the name under which a memory instruction is counted: "ld.shared" for "ld.volatile.shared.v2.f32".
 fn instruction(opcode: &str) -> Option<String> {
     const SPACES: [&str; 5] = ["global", "shared", "local", "const", "param"];
     let mut parts = opcode.split('.');
@@ -86,7 +87,7 @@ fn instruction(opcode: &str) -> Option<String> {
     Some(format!("{verb}.{space}{cached}"))
 }
 
-/// The bytes of ".local .align 8 .b8 __local_depot0[64]".
+/// Returns the number of bytes in ".local .align 8 .b8 __local_depot0[64]".
 fn array_bytes(declaration: &str) -> Option<u64> {
     let count: u64 = declaration.split_once('[')?.1.split(']').next()?.trim().parse().ok()?;
     let bits = |word: &str| word.strip_prefix(['.'])?.strip_prefix(['b', 'f', 'u', 's'])?.parse::<u64>().ok();
@@ -94,7 +95,7 @@ fn array_bytes(declaration: &str) -> Option<u64> {
     Some(count * bits / 8)
 }
 
-/// What stands between the braces of `.entry name(...)`.
+/// Returns the text between the braces of `.entry name(...)`.
 fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     let heads = text.match_indices(".entry").map(|(at, word)| text[at + word.len()..].trim_start());
     let is_meant = |rest: &&str| {

@@ -1,15 +1,16 @@
-//! Lines that macros changed, laid out to be read: a statement a line, none too long.
+//! Formats lines that macros changed: one statement per line, and long lines broken.
 
 use super::token::{Kind, Token};
 use std::collections::VecDeque;
 
-/// Longer lines are broken where they can be.
+/// Longer lines are broken if possible.
 const WIDEST: usize = 120;
-/// Up to here, what a bracket holds is continued beside the bracket; else four columns in.
+/// If a bracket opens at this column or before, its contents are continued next to the bracket; otherwise on
+/// lines indented by four more columns.
 const FURTHEST: usize = 80;
 
-/// A line with those after it that close its round brackets, as one: what a macro put before them has moved them. Lines that
-/// end in a comment stay as they are.
+/// Joins a line with the following ones up to its closing round brackets, since a macro before them has moved
+/// them. Lines that end in a comment stay as they are.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -34,7 +35,7 @@ fn open_brackets(line: &[Token]) -> i32 {
     line.iter().map(|token| i32::from(token.is("(")) - i32::from(token.is(")"))).sum()
 }
 
-/// The lines that a changed line becomes.
+/// Returns the lines that replace a changed line.
 pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
     let indent = match line.iter().find(|token| token.kind != Kind::Nothing) {
         Some(first) if first.kind == Kind::Space => first.text.clone(),
@@ -44,7 +45,7 @@ pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
     statements.into_iter().flat_map(|statement| fitted(&indent, statement)).collect()
 }
 
-/// Single blanks, none at either end and none before what closes or parts.
+/// Reduces blanks to single ones, with none at either end, and none before closing brackets and separators.
 fn tidied(tokens: &[Token]) -> Vec<Token> {
     let mut tidied: Vec<Token> = Vec::new();
     for token in tokens.iter().filter(|token| token.kind != Kind::Nothing) {
@@ -62,7 +63,7 @@ fn tidied(tokens: &[Token]) -> Vec<Token> {
     tidied
 }
 
-/// Statements that lie side by side in no bracket; a pragma has a line of its own.
+/// Splits statements outside brackets; a pragma gets its own line.
 fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
     let mut statements = vec![Vec::new()];
     let mut depth = 0;
@@ -106,7 +107,7 @@ fn length(tokens: &[Token]) -> usize {
     tokens.iter().map(|token| token.text.chars().count()).sum()
 }
 
-/// A statement in as many lines as it needs.
+/// Returns a statement in as many lines as it needs.
 fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let is_long = indent.chars().count() + length(&statement) > WIDEST;
     let brace = statement.iter().position(|token| token.is("{"));
@@ -120,7 +121,7 @@ fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     }
 }
 
-/// `head {`, then what the braces hold, then `}`.
+/// Returns `head {`, then the contents of the braces, then `}`.
 fn body_apart(indent: &str, mut head: Vec<Token>, brace: usize) -> Vec<String> {
     let mut body = head.split_off(brace + 1);
     body.pop();
@@ -131,7 +132,7 @@ fn body_apart(indent: &str, mut head: Vec<Token>, brace: usize) -> Vec<String> {
     lines
 }
 
-/// Broken where it is too long.
+/// Breaks a statement that is too long.
 fn continued(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let (mut lines, mut margin, mut open) = (Vec::new(), indent.chars().count(), Vec::new());
     let mut rest = statement;
@@ -159,8 +160,8 @@ struct Place {
     depth: usize,
 }
 
-/// The last place that fits, in as few brackets as can be. `open` are the columns to go on at in brackets that are open when
-/// the line begins. None if the line is short or has no such place.
+/// Returns the last position at which the line fits, within as few brackets as possible; `None` if the line
+/// is short or cannot be broken. `open` has the columns of brackets that were opened on earlier lines.
 fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<Place> {
     if margin + length(tokens) <= WIDEST {
         return None;
@@ -185,7 +186,8 @@ fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further
     best
 }
 
-/// Whether a line may be broken after a token: a blank after a comma, before an operator, or before what a loop repeats.
+/// Returns whether a line may be broken after a token: at a blank after a comma, before an operator, or
+/// before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -1,9 +1,9 @@
-//! Two texts that mean the same to a compiler, as one.
+//! A canonical form: two texts that are the same to a compiler become equal.
 
 use super::token::{Kind, Token, code, lex};
 
-/// A preprocessed text without comments, one blank between tokens, a statement a line. Two texts that differ in nothing but
-/// blanks, comments and how a pragma is spelled become equal.
+/// Returns a preprocessed text without comments, with one blank between tokens and one statement per line.
+/// Two texts that differ only in blanks, comments and the spelling of a pragma become equal.
 pub fn canonical(text: &str) -> String {
     let tokens = lex(text);
     let mut lines = Lines::default();
@@ -22,7 +22,7 @@ pub fn canonical(text: &str) -> String {
 struct Lines {
     text: String,
     line: Vec<String>,
-    /// Round brackets open: the semicolons of a `for` end no line.
+    /// Number of open round brackets. Within them, as in a `for`, semicolons do not end a line.
     depth: i32,
 }
 

@@ -1,16 +1,16 @@
-//! What stands after `#if`: an integer expression.
+//! Evaluates the condition of an `#if`: an integer expression.
 
 use super::expand::expand;
 use super::macros::Macros;
 use super::token::{Kind, Token};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What is known of the compiler, and what was asked of it besides.
+/// The known macros of the compiler, and the unknown ones that conditions use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// Macros of its own, or `__has_builtin(NAME)`, and their values.
+    /// The compiler's macros, or `__has_builtin(NAME)`, and their values.
     pub given: BTreeMap<String, i64>,
-    /// What conditions asked for that is neither defined nor given: it counts as absent.
+    /// Names in conditions that are neither defined nor in `given`; they count as undefined.
     pub asked: BTreeSet<String>,
 }
 
@@ -23,13 +23,13 @@ impl Compiler {
         known
     }
 
-    /// Whether a name is defined in the text or by the compiler.
+    /// Returns whether a name is defined in the text or by the compiler.
     pub fn is_defined(&mut self, macros: &Macros, name: &str) -> bool {
         macros.get(name).is_some() || self.ask(name).is_some()
     }
 }
 
-/// Whether the condition holds.
+/// Returns whether the condition is true.
 pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) -> Result<bool, String> {
     let asked = answer_questions(line, macros, compiler)?;
     let expanded = expand(macros, asked, true).map_err(|(_, message)| message)?;
@@ -42,7 +42,7 @@ pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
     }
 }
 
-/// `defined NAME`, `defined(NAME)` and `__has_builtin(NAME)` as 0 or 1, before anything is expanded.
+/// Replaces `defined NAME`, `defined(NAME)` and `__has_builtin(NAME)` by 0 or 1, before macros are expanded.
 fn answer_questions(line: &[Token], macros: &Macros, compiler: &mut Compiler) -> Result<Vec<Token>, String> {
     let tokens: Vec<_> = line.iter().filter(|token| token.is_code()).collect();
     let mut answered = Vec::new();
@@ -70,7 +70,7 @@ fn answer_questions(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
     Ok(answered)
 }
 
-/// Operators of two sides by how tightly they bind, the loosest first.
+/// Binary operators by precedence, lowest first.
 const LEVELS: &[&[&str]] = &[
     &["||"],
     &["&&"],
@@ -84,7 +84,8 @@ const LEVELS: &[&[&str]] = &[
     &["*", "/", "%"],
 ];
 
-/// Reads from left to right. `live` is 0 where the value cannot matter, as after `0 &&`: there nothing is divided.
+/// Parses from left to right. If `live` is 0, the value does not matter, as after `0 &&`; divisions are then
+/// not evaluated.
 struct Parser<'a> {
     tokens: Vec<Token>,
     at: usize,
@@ -109,7 +110,7 @@ impl Parser<'_> {
         Err(format!("the condition wants '{symbol}' before '{}'", self.peek().unwrap_or("its end")))
     }
 
-    /// `a ? b : c`, or less.
+    /// Parses `a ? b : c`, or an expression of higher precedence.
     fn choice(&mut self, live: bool) -> Result<i64, String> {
         let condition = self.binary(0, live)?;
         if !self.next_is("?") {
@@ -152,7 +153,7 @@ impl Parser<'_> {
         })
     }
 
-    /// A number; a name that nobody defined is 0.
+    /// Parses a number; an undefined name is 0.
     fn atom(&mut self) -> Result<i64, String> {
         let Some(token) = self.tokens.get(self.at) else {
             return Err("the condition has no value".to_owned());
@@ -194,7 +195,7 @@ fn apply(operator: &str, left: i64, right: i64, live: bool) -> Result<i64, Strin
     })
 }
 
-/// Decimal, hexadecimal or octal, with C's suffixes.
+/// Parses a decimal, hexadecimal or octal number with C's suffixes.
 fn number(text: &str) -> Option<i64> {
     let digits = text.trim_end_matches(['u', 'U', 'l', 'L']);
     if let Some(hexadecimal) = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")) {

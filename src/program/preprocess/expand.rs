@@ -1,18 +1,18 @@
-//! Calls of macros replaced by what they stand for, as C99 6.10.3 has it: arguments are expanded first, the result is
-//! read again, and no macro is called out of its own expansion (each token carries the macros it came out of:
-//! Prosser's algorithm).
+//! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no
+//! macro is expanded within its own expansion. Each token carries the macros that it came from (Prosser's
+//! algorithm).
 
 use super::macros::{Macro, Macros};
 use super::substitute::substitute;
 use super::token::{Kind, Token, lex};
 use std::collections::VecDeque;
 
-/// What is wrong with a call, and on which line of the whole text.
+/// A mistake in a macro call, and its line in the whole text.
 pub(super) type Misuse = (u32, String);
 /// The arguments of a call, and its closing bracket.
 type Arguments = (Vec<Vec<Token>>, Token);
 
-/// Expands every call in a stretch of text. `inline`: lines of a macro's body become one line.
+/// Expands every call in a piece of text. With `inline`, the lines of a macro's body become one line.
 pub(super) fn expand(macros: &Macros, text: Vec<Token>, inline: bool) -> Result<Vec<Token>, Misuse> {
     let depth = usize::from(inline);
     let mut expander = Expander { macros, input: text.into(), output: Vec::new(), depth };
@@ -26,12 +26,12 @@ struct Expander<'a> {
     macros: &'a Macros,
     input: VecDeque<Token>,
     output: Vec<Token>,
-    /// Round brackets open in the output.
+    /// Number of open round brackets in the output.
     depth: usize,
 }
 
 impl Expander<'_> {
-    /// Puts a token into the output, or what it calls back into the input.
+    /// Adds a token to the output, or the expansion of a call to the input.
     fn take(&mut self, token: Token) -> Result<(), Misuse> {
         let callable = token.kind == Kind::Name && !token.hidden.contains(&token.text);
         let Some(called) = self.macros.get(&token.text).filter(|_| callable) else {
@@ -48,12 +48,13 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // What comes out of two macros is hidden from those that hold both its name and its bracket.
+        // A token that comes from two macros is hidden only from those that contain both the name and the
+        // bracket of the call.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
     }
 
-    /// Puts what a call stands for at the front of the input.
+    /// Puts the expansion of a call at the front of the input.
     fn replace(
         &mut self,
         call: Token,
@@ -84,7 +85,7 @@ impl Expander<'_> {
         Ok(())
     }
 
-    /// What a macro without parameters stands for, where that is numbers and operators and nothing else.
+    /// Returns the body of a macro without parameters if it consists of numbers and operators only.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());
@@ -97,7 +98,8 @@ impl Expander<'_> {
         (code.all(fits) && plain.iter().any(is_number)).then_some(plain)
     }
 
-    /// Turns what parts a body's lines into lines indented as the output's last one is; between brackets, into blanks.
+    /// Replaces the line breaks of a body by lines indented like the output's last line, or by blanks within
+    /// brackets.
     fn placed(&self) -> impl Fn(Token) -> Vec<Token> {
         let indentation = (self.depth == 0).then(|| self.indentation());
         move |token| match &indentation {
@@ -113,7 +115,7 @@ impl Expander<'_> {
         }
     }
 
-    /// What expands to nothing takes a blank along, where it would leave two.
+    /// Removes a blank after an empty expansion if there would be two.
     fn skip_space(&mut self) {
         let before = self.output.iter().rev().find(|token| token.kind != Kind::Nothing);
         let spaced = before.is_none_or(|token| matches!(token.kind, Kind::Space | Kind::NewLine));
@@ -122,7 +124,7 @@ impl Expander<'_> {
         }
     }
 
-    /// Adds to the output, with a blank where two tokens would be read as one.
+    /// Adds a token to the output, with a blank if two tokens would be read as one.
     fn push(&mut self, token: Token) {
         if token.is("(") {
             self.depth += 1;
@@ -137,14 +139,14 @@ impl Expander<'_> {
         self.output.push(token);
     }
 
-    /// The blanks that the output's last line begins with.
+    /// Returns the blanks at the beginning of the output's last line.
     fn indentation(&self) -> String {
         let start = self.output.iter().rposition(|token| token.kind == Kind::NewLine).map_or(0, |at| at + 1);
         let first = self.output[start..].iter().find(|token| token.kind != Kind::Nothing);
         first.filter(|token| token.kind == Kind::Space).map_or_else(String::new, |space| space.text.clone())
     }
 
-    /// Takes a call's arguments from the input; none if no bracket follows.
+    /// Takes a call's arguments from the input; `None` if no bracket follows.
     fn arguments(&mut self, call: &Token) -> Result<Option<Arguments>, Misuse> {
         let Some(open) = self.input.iter().position(Token::is_code) else { return Ok(None) };
         if !self.input[open].is("(") {
@@ -171,7 +173,7 @@ impl Expander<'_> {
     }
 }
 
-/// Whether two tokens side by side would be read as others.
+/// Returns whether two adjacent tokens would be read as different ones.
 fn glued(before: &Token, after: &Token) -> bool {
     if !before.is_code() || !after.is_code() {
         return false;
@@ -180,13 +182,13 @@ fn glued(before: &Token, after: &Token) -> bool {
     lex(&together).first().is_none_or(|first| first.text != before.text)
 }
 
-/// Line ends, and comments up to them, as a blank.
+/// Replaces line ends, and comments before them, by a blank.
 fn in_one_line(token: Token) -> Token {
     let ends = matches!(token.kind, Kind::NewLine | Kind::Break) || token.is_line_comment();
     if ends { Token { kind: Kind::Space, text: " ".to_owned(), ..token } } else { token }
 }
 
-/// Without blanks at either end, and with one where there were several.
+/// Removes blanks at both ends, and reduces the others to single ones.
 fn trimmed(tokens: Vec<Token>) -> Vec<Token> {
     let mut kept: Vec<Token> = Vec::new();
     for mut token in tokens {

@@ -1,24 +1,24 @@
-//! What is left of a text, in lines that read well.
+//! Lays out the remaining text in lines for readers.
 
 use super::breaking::{broken, whole_brackets};
 use super::token::{Kind, Token};
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// A line of what is left.
+/// A line of the result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line {
-    /// The file it came from, as `#line` names it; empty where none did.
+    /// The name of its file, as in `#line`; empty if there was none.
     pub file: Rc<str>,
-    /// Its line there; where a macro became several lines, that of the call.
+    /// Its line number in that file; lines from one macro call all have the call's.
     pub number: u32,
-    /// What it says.
+    /// The text.
     pub text: String,
-    /// Whether it holds code, not only a comment or nothing.
+    /// Whether it contains code, and not only a comment or nothing.
     pub is_code: bool,
 }
 
-/// Lines as they come, with the places where something was taken out.
+/// Lines in order, with marks where directives were removed.
 #[derive(Debug, Default)]
 pub(super) struct Layout(Vec<Row>);
 
@@ -33,7 +33,7 @@ enum What {
     Blank,
     Comment,
     Code,
-    /// A directive, which is not shown.
+    /// A removed directive.
     Cut,
 }
 
@@ -50,9 +50,9 @@ impl What {
 }
 
 impl Layout {
-    /// Adds expanded text; `offset` leads from its tokens' lines to those of the file.
+    /// Adds expanded text. `offset` is added to its tokens' lines to get those of the file.
     pub fn add(&mut self, file: &Rc<str>, offset: i64, text: &[Token]) {
-        // The last line has its end: what follows it is no line.
+        // A final line end does not begin another line.
         let ended = text.last().is_none_or(|last| last.kind == Kind::NewLine);
         let mut lines: VecDeque<&[Token]> = text.split(|token| token.kind == Kind::NewLine).collect();
         if ended {
@@ -69,11 +69,11 @@ impl Layout {
                 let text: String = line.iter().map(|token| token.text.as_str()).collect();
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
-            // Else it called what expands to nothing.
+            // Otherwise the line was a call with an empty expansion.
         }
     }
 
-    /// Remembers that a directive stood here.
+    /// Marks a removed directive.
     pub fn cut(&mut self, file: &Rc<str>) {
         self.push(file, 0, What::Cut, String::new());
     }
@@ -83,7 +83,7 @@ impl Layout {
         self.0.push(Row { line, what });
     }
 
-    /// The lines, without comments of what was taken out, and never two empty ones in a row.
+    /// Returns the lines, without comments on removed directives, and without two empty lines in a row.
     pub fn lines(self) -> Vec<Line> {
         let kept = without_orphans(self.0);
         let mut lines: Vec<Line> = Vec::new();
@@ -100,10 +100,11 @@ impl Layout {
     }
 }
 
-/// Drops a comment whose next lines, up to an empty one, were directives: it spoke of what they defined.
+/// Removes comments that are followed by directives only, up to an empty line, since they describe what was
+/// defined there.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut kept = Vec::new();
-    // Whether nothing but directives and comments on them lies between here and the next empty line.
+    // Whether only directives, and comments on them, lie between here and the next empty line.
     let (mut orphaned, mut after) = (false, What::Blank);
     let mut file: Rc<str> = "".into();
     for row in rows.into_iter().rev() {

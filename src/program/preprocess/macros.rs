@@ -1,4 +1,4 @@
-//! What is defined: names, their parameters and bodies.
+//! Macro definitions: names, parameters and bodies.
 
 use super::token::{Kind, Token, lex};
 use std::collections::HashMap;
@@ -6,13 +6,13 @@ use std::collections::HashMap;
 /// A macro.
 #[derive(Clone, Debug)]
 pub(super) struct Macro {
-    /// Its parameters; none where it is used without brackets.
+    /// Its parameters; `None` if it is used without brackets.
     pub parameters: Option<Vec<String>>,
-    /// What it stands for: no comments, single blanks, and a [`Kind::Break`] where the next line of it begins.
+    /// Its body: no comments, single blanks, and a [`Kind::Break`] at the beginning of each further line.
     pub body: Vec<Token>,
 }
 
-/// Everything that is defined at some place.
+/// All macros that are defined at some point of the text.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Macros(HashMap<String, Macro>);
 
@@ -21,13 +21,13 @@ impl Macros {
         self.0.get(name)
     }
 
-    /// `NAME=VALUE` of a compiler's `-D`, or `NAME`, which is 1.
+    /// Reads `NAME=VALUE` from a compiler's `-D`, or `NAME`, which means 1.
     pub fn define_option(&mut self, option: &str) -> Result<(), String> {
         let (name, value) = option.split_once('=').unwrap_or((option, "1"));
         self.define(&lex(&format!("{name} {value}")))
     }
 
-    /// What comes after `#define`.
+    /// Reads the text after `#define`.
     pub fn define(&mut self, line: &[Token]) -> Result<(), String> {
         let start = line.iter().position(Token::is_code).unwrap_or(line.len());
         let Some((name, rest)) = line[start..].split_first().filter(|(name, _)| name.kind == Kind::Name)
@@ -51,7 +51,8 @@ impl Macros {
     }
 }
 
-/// The names up to the closing bracket, and what follows it. Variable numbers of arguments are not known here.
+/// Returns the parameters up to the closing bracket, and the rest. Variable numbers of arguments are not
+/// supported.
 fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     let end = tokens.iter().position(|token| token.is(")"))?;
     let inside: Vec<_> = tokens[..end].iter().filter(|token| token.is_code()).collect();
@@ -63,7 +64,7 @@ fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     Some((names, &tokens[end + 1..]))
 }
 
-/// A body in lines, each indented as far as it was beyond the others.
+/// Returns a body in lines, each with its indentation relative to the others.
 fn laid_out(body: &[Token]) -> Vec<Token> {
     let lines: Vec<(usize, Vec<Token>)> = body.split(|token| token.kind == Kind::Break).map(line).collect();
     let first = lines.first().map_or(0, |_| 1);
@@ -79,7 +80,7 @@ fn laid_out(body: &[Token]) -> Vec<Token> {
     laid_out
 }
 
-/// A line's indentation and what it holds: no comments, one blank where there were some, none at either end.
+/// Returns a line's indentation and its contents: no comments, single blanks, and none at either end.
 fn line(tokens: &[Token]) -> (usize, Vec<Token>) {
     let indent = tokens.first().filter(|token| token.kind == Kind::Space).map_or(0, |space| space.text.len());
     let mut line: Vec<Token> = Vec::new();

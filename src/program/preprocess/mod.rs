@@ -1,9 +1,10 @@
-//! What a compiler sees of a kernel's text: conditions decided, macros expanded, the rest as it was written.
+//! Preprocesses a kernel's source as its compiler would: conditions are decided and macros expanded; all
+//! other text stays as written.
 //!
-//! It keeps what a compiler's own preprocessor (`cc -E`) throws away and a reader needs: comments, indentation, the file
-//! and line of everything, the lines of a macro of several. Constants that had a name keep it as a comment. It knows what
-//! OpenCL C's kernels here use: all of C99's directives but `#include`, which is resolved before, and no macros of variable numbers
-//! of arguments.
+//! Unlike a compiler's own preprocessor (`cc -E`), it keeps what helps a reader: comments, indentation, the
+//! file and line of everything, and the lines of a multi-line macro. A constant that had a name keeps the
+//! name as a comment. It supports what these kernels use of OpenCL C: all directives of C99 except
+//! `#include`, which is resolved before, and no macros with variable numbers of arguments.
 
 mod breaking;
 mod canonical;
@@ -30,29 +31,30 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use token::{Kind, Token, lex};
 
-/// A text as the compiler sees it.
+/// A preprocessed text.
 #[derive(Clone, Debug)]
 pub struct Preprocessed {
-    /// What is left of it.
+    /// The remaining lines.
     pub lines: Vec<Line>,
-    /// What its conditions asked of the compiler that it was not given, and so counted as absent: names of macros,
-    /// and `__has_builtin(NAME)`.
+    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use. They were not given, and
+    /// so counted as absent.
     pub asked: Vec<String>,
-    /// The files of it that `#line` named, in order, but for those in branches that are not read.
+    /// The files named by `#line`, in order, except those in branches that are not compiled.
     pub files: Vec<String>,
 }
 
 impl Preprocessed {
-    /// One text that compiles to the same.
+    /// Returns a text that compiles to the same program.
     pub fn text(&self) -> String {
         self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
     }
 }
 
-/// Preprocesses a text with the `-D NAME=VALUE` of a compiler's options. `given` are macros of the compiler's own that
-/// conditions may ask for (`__has_builtin(NAME)` too), and their values; in the text they are left alone.
+/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` has the values of the
+/// compiler's own macros, and of `__has_builtin(NAME)`, for conditions; elsewhere in the text such macros are
+/// not expanded.
 ///
-/// A live `#error`, a directive that cannot be understood, and a macro used wrongly are the user's mistakes.
+/// An `#error` that is reached, an unknown directive and a wrong use of a macro are mistakes of the user.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
     let mut run = Preprocessor::new(given);
     for option in defines(options) {
@@ -67,7 +69,7 @@ pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) ->
     run.finish()
 }
 
-/// What `-D` defines, each as it is spelled; the two may be apart.
+/// Returns the definitions of `-D` options; a blank may follow `-D`.
 fn defines(options: &str) -> Vec<&str> {
     let mut words = options.split_whitespace();
     let mut defines = Vec::new();
@@ -81,15 +83,15 @@ fn defines(options: &str) -> Vec<&str> {
     defines
 }
 
-/// An `#if` that no `#endif` has closed.
+/// An `#if` whose `#endif` has not been reached.
 struct Branch {
-    /// Whether what lies between is read.
+    /// Whether the current branch is compiled.
     live: bool,
-    /// Whether one of its branches was live, so that no other can be.
+    /// Whether one of its branches was compiled, so that no other can be.
     decided: bool,
-    /// Whether what lies around it is read.
+    /// Whether the text around it is compiled.
     around: bool,
-    /// Its line of the whole text.
+    /// Its line in the whole text.
     line: u32,
 }
 
@@ -99,9 +101,9 @@ struct Preprocessor {
     branches: Vec<Branch>,
     file: Rc<str>,
     files: Vec<String>,
-    /// What is added to a line of the whole text to have the line of the file.
+    /// The difference between a line in the file and its line in the whole text.
     offset: i64,
-    /// Live text since the last directive.
+    /// Text since the last directive, if it is compiled.
     text: Vec<Token>,
     layout: Layout,
 }
@@ -147,7 +149,7 @@ impl Preprocessor {
         }
     }
 
-    /// Expands and lays out the text before a directive: it is read with what was defined then.
+    /// Expands and lays out the text before a directive, with the macros that were defined then.
     fn flush(&mut self) -> Result<()> {
         let text = std::mem::take(&mut self.text);
         let expanded =
@@ -182,7 +184,8 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// `#line NUMBER "FILE"`: it says where the next line stands, in branches that are not read too.
+    /// Processes `#line NUMBER "FILE"`, also in branches that are not compiled: it gives the file and line of
+    /// the next line.
     fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
         let next = next.ok_or_else(|| self.mistake(line, "#line wants a number"))?;
@@ -197,7 +200,7 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Whether the condition of a directive holds.
+    /// Returns whether the condition of a directive is true.
     fn decide(&mut self, name: &str, code: &[Token], line: u32) -> Result<bool> {
         let named = code.first().map(|token| token.text.clone());
         let decided = match (name, named) {

@@ -1,21 +1,21 @@
-//! A preprocessed program to be read from top to bottom: parts under the names of their files, without what its kernels
-//! never call.
+//! Lays out a preprocessed program for reading from top to bottom: parts under the names of their files,
+//! without functions and types that its kernels do not use.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
 use std::collections::HashSet;
 use std::rc::Rc;
 
-/// A text to be read.
+/// A program laid out for reading.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// Its parts, each under a comment with file and line.
     pub text: String,
-    /// Lines of functions and types left out, as none of the kernels needs them.
+    /// Number of lines of unused functions and types that were left out.
     pub left_out: usize,
 }
 
-/// Lays out what `kernels` need of a program, or all of it.
+/// Lays out the parts of a program that `kernels` use, or all of it.
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));
@@ -30,7 +30,7 @@ pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     Reading { text: with_code.map(part).collect(), left_out }
 }
 
-/// Items of one file in a row under their heading.
+/// Returns consecutive items of one file under a heading.
 fn part(items: &[&Item]) -> String {
     let Some(first) = items.first().and_then(|item| item.lines.first()) else { return String::new() };
     let mut text = format!("\n// ---- {}, line {} ----\n", first.file, first.number);
@@ -46,14 +46,14 @@ fn part(items: &[&Item]) -> String {
     text
 }
 
-/// A function, a type, a variable or a pragma, with the comment before it; or a comment that stands alone.
+/// A function, a type, a variable or a pragma, with the comment before it; or a separate comment.
 struct Item<'a> {
     lines: Vec<&'a Line>,
-    /// Whether an empty line comes before it.
+    /// Whether an empty line precedes it.
     apart: bool,
-    /// What it declares, if that can be told.
+    /// The name that it declares, if that can be determined.
     name: Option<String>,
-    /// Every name in it.
+    /// All names that it uses.
     uses: HashSet<String>,
 }
 
@@ -67,7 +67,7 @@ impl Item<'_> {
     }
 }
 
-/// Parts a program at what stands in no bracket.
+/// Splits a program into its top-level items.
 fn items(lines: &[Line]) -> Vec<Item<'_>> {
     let (mut items, mut item, mut apart, mut depth) = (Vec::new(), Vec::<&Line>::new(), false, 0);
     let mut end = |item: &mut Vec<_>, apart: &mut bool| {
@@ -96,7 +96,7 @@ fn items(lines: &[Line]) -> Vec<Item<'_>> {
     items
 }
 
-/// How many brackets a token opens.
+/// Returns by how much a token changes the depth of brackets.
 fn nesting(token: &Token) -> i32 {
     match token.text.as_str() {
         "(" | "{" | "[" => 1,
@@ -111,8 +111,9 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     Item { name: declared(&code), uses: names.collect(), lines, apart }
 }
 
-/// The name that an item declares: a type's is the last one, a function's comes before its bracket, a variable's before its
-/// size or value. None for what has no name of its own, such as a pragma.
+/// Returns the name that an item declares: for a type the last one, for a function the one before its
+/// bracket, for a variable the one before its size or value. `None` for items without a name, such as a
+/// pragma.
 fn declared(code: &[Token]) -> Option<String> {
     let mut depth = 0;
     let mut outer: Vec<&Token> = Vec::new();
@@ -133,10 +134,10 @@ fn declared(code: &[Token]) -> Option<String> {
     outer.windows(2).find_map(named)
 }
 
-/// The names that the kernels' items use, and those that these use, and so on.
+/// Returns the names that the kernels use, directly or indirectly.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
-    // What has no name of its own is always there.
+    // Items without a name are always included.
     needed.extend(items.iter().filter(|item| item.name.is_none()).flat_map(|item| item.uses.clone()));
     loop {
         let count = needed.len();

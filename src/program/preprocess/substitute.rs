@@ -1,10 +1,11 @@
-//! A macro's body with its parameters replaced by arguments: `#` makes a string of one, `##` joins two tokens.
+//! Replaces the parameters in a macro's body by arguments. `#` makes a string of an argument, `##` joins two
+//! tokens.
 
 use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// The body for a call with these arguments. An error's line is the argument's.
+/// Returns the body for a call with these arguments. Errors have the line of the argument.
 pub(super) fn substitute(
     macros: &Macros,
     called: &Macro,
@@ -40,7 +41,8 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// An argument as it was spelled, without comments; a token for an empty one, which what it is joined with replaces.
+/// Returns an argument as spelled, without comments. An empty argument gives a placeholder token, which `##`
+/// replaces by its other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
     let mut spelled: Vec<Token> =
         argument.iter().filter(|token| token.kind != Kind::Comment).cloned().collect();
@@ -50,7 +52,7 @@ fn as_spelled(argument: &[Token]) -> Vec<Token> {
     if spelled.is_empty() { vec![Token::new(Kind::Nothing, "", 0)] } else { spelled }
 }
 
-/// Joins the last token with the first of others.
+/// Joins the last token with the first of `right`.
 fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     while made.last().is_some_and(|last| last.kind == Kind::Space) {
         made.pop();
@@ -71,7 +73,7 @@ fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     Ok(())
 }
 
-/// An argument as a string.
+/// Returns an argument as a string.
 fn spelled(argument: &[Token]) -> String {
     let mut text = String::new();
     for token in argument.iter().filter(|token| token.kind != Kind::Comment) {

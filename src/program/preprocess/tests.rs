@@ -1,4 +1,5 @@
-//! What the preprocessor promises, rule by rule; tests/kernel.rs compares whole kernels with a C compiler's.
+//! Tests of the preprocessor, rule by rule; tests/kernel.rs compares whole kernels with the output of a C
+//! compiler's.
 
 use super::{Preprocessed, canonical, preprocess};
 use crate::error::Result;
@@ -18,7 +19,7 @@ fn mistake(source: &str) -> String {
     run(source, "").map(|found| panic!("{}", found.text())).unwrap_or_else(|error| error.to_string())
 }
 
-/// Whether `#if` takes a condition, with `ONE` defined as 1.
+/// Returns whether a condition is true, with `ONE` defined as 1.
 #[track_caller]
 fn holds(condition: &str) -> bool {
     text(&format!("#define ONE 1\n#define SUM(a, b) ((a) + (b))\n#if {condition}\nyes\n#endif\n")) == "yes\n"
@@ -268,7 +269,7 @@ fn canonical_texts_differ_where_the_compiler_sees_a_difference_only() {
     }
 }
 
-/// Lines that hold macros, comments and conditions which close.
+/// Generates lines with macros, comments and complete conditions.
 fn sources() -> impl proptest::strategy::Strategy<Value = String> {
     use proptest::prelude::*;
     let line = prop_oneof![
@@ -291,7 +292,7 @@ fn sources() -> impl proptest::strategy::Strategy<Value = String> {
 proptest::proptest! {
     #[test]
     fn what_is_preprocessed_stays_as_it_is(source in sources()) {
-        // Some of these call F wrongly: no text comes of them.
+        // Some of these call F wrongly and give an error.
         if let Ok(once) = run(&source, "") {
             let again = run(&once.text(), "").map(|found| found.text());
             proptest::prop_assert_eq!(again.ok(), Some(once.text()));

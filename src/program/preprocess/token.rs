@@ -1,15 +1,15 @@
-//! Text to tokens that still know how they were laid out, and back.
+//! Splits text into tokens that keep their layout, and joins them again.
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// An identifier or keyword.
     Name,
-    /// A number, as C's preprocessor has it: `0x1p-3f` is one.
+    /// A number in the sense of C's preprocessor: `0x1p-3f` is one.
     Number,
     /// A string or a character.
     Literal,
-    /// An operator or bracket; any other character too.
+    /// An operator, a bracket, or any other character.
     Symbol,
     /// Blanks within a line.
     Space,
@@ -17,9 +17,9 @@ pub(super) enum Kind {
     Comment,
     /// The end of a line.
     NewLine,
-    /// A line's end after a backslash. In a macro's body, its text is the next line's indentation.
+    /// A line end after a backslash. In a macro's body, its text is the next line's indentation.
     Break,
-    /// What a macro that expands to nothing leaves, so that its line is known to be changed.
+    /// A mark left by a macro with an empty expansion, which shows that the line was changed.
     Nothing,
 }
 
@@ -28,11 +28,11 @@ pub(super) enum Kind {
 pub(super) struct Token {
     pub kind: Kind,
     pub text: String,
-    /// The line it begins on, from 1, of the whole text.
+    /// The line on which it begins, from 1, in the whole text.
     pub line: u32,
-    /// Whether a macro made it.
+    /// Whether it comes from a macro.
     pub made: bool,
-    /// The macros that it came out of, which it cannot call again.
+    /// The macros that it came from, which it cannot call again.
     pub hidden: Vec<String>,
 }
 
@@ -41,23 +41,23 @@ impl Token {
         Self { kind, text: text.into(), line, made: false, hidden: Vec::new() }
     }
 
-    /// Whether it is this operator or bracket.
+    /// Returns whether it is this operator or bracket.
     pub fn is(&self, symbol: &str) -> bool {
         self.kind == Kind::Symbol && self.text == symbol
     }
 
-    /// Whether it means anything to the compiler.
+    /// Returns whether it matters to the compiler.
     pub fn is_code(&self) -> bool {
         matches!(self.kind, Kind::Name | Kind::Number | Kind::Literal | Kind::Symbol)
     }
 
-    /// Whether it is a comment that ends with its line.
+    /// Returns whether it is a comment that ends with its line.
     pub fn is_line_comment(&self) -> bool {
         self.kind == Kind::Comment && self.text.starts_with("//")
     }
 }
 
-/// Every token of a text, in order: put together again, they are the text.
+/// Splits a text into tokens; joined again, they give the same text.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     let (mut rest, mut line) = (text, 1);
@@ -71,12 +71,12 @@ pub(super) fn lex(text: &str) -> Vec<Token> {
     tokens
 }
 
-/// The code of a text, without blanks and comments.
+/// Returns the tokens of a text without blanks and comments.
 pub(super) fn code(text: &str) -> Vec<Token> {
     lex(text).into_iter().filter(Token::is_code).collect()
 }
 
-/// The kind and bytes of the token that begins a text.
+/// Returns the kind and length in bytes of the first token of a text.
 fn measure(text: &str, first: char) -> (Kind, usize) {
     let while_is = |belongs: fn(char) -> bool| text.find(|c| !belongs(c)).unwrap_or(text.len());
     let second_is_digit = text.chars().nth(1).is_some_and(|c| c.is_ascii_digit());
@@ -105,13 +105,13 @@ fn is_of_name(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// Up to the first line end that no backslash takes back.
+/// Returns the length up to the first line end that does not follow a backslash.
 fn line_length(text: &str) -> usize {
     let ends = |&(at, _): &(usize, &str)| !text[..at].trim_end_matches('\r').ends_with('\\');
     text.match_indices('\n').find(ends).map_or(text.len(), |(at, _)| at)
 }
 
-/// Reads up to the closing quote, or, without one, to the line's end.
+/// Returns the length up to the closing quote, or to the end of the line if there is none.
 fn literal_length(text: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in text.char_indices().skip(1) {
@@ -126,7 +126,7 @@ fn literal_length(text: &str, quote: char) -> usize {
     text.len()
 }
 
-/// Digits, letters, points, and signs after an exponent's letter.
+/// Accepts digits, letters, points, and signs after an exponent's letter.
 fn number_length(text: &str) -> usize {
     let mut before = ' ';
     for (at, c) in text.char_indices() {
@@ -139,7 +139,7 @@ fn number_length(text: &str) -> usize {
     text.len()
 }
 
-/// Operators of more than one character, the longer first.
+/// Operators with several characters, the longer ones first.
 const SYMBOLS: &[&str] = &[
     "<<=", ">>=", "...", "->", "++", "--", "<<", ">>", "<=", ">=", "==", "!=", "&&", "||", "+=", "-=", "*=",
     "/=", "%=", "&=", "^=", "|=", "##",

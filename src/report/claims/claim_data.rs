@@ -1,4 +1,4 @@
-//! The data of one device in one run, and how a test finds its points in it.
+//! The data of one device in one run, in which a test finds its points.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
@@ -9,17 +9,17 @@ use crate::report::words::{first_line, title};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// A run. A comparison takes both sides from one run, at one image size.
+/// A run at one image size. Both sides of a comparison come from the same run.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
-    /// Its folder.
+    /// The run's folder.
     pub folder: &'a Folder,
-    /// Its records.
+    /// The run's records.
     pub groups: Vec<Group<'a>>,
 }
 
 impl<'a> Run<'a> {
-    /// The records of a folder, a run for every image size.
+    /// Makes a run for every image size in a folder.
     pub fn of(folder: &'a Folder, groups: Vec<Group<'a>>) -> Vec<Self> {
         let mut runs: Vec<Self> = Vec::new();
         for group in groups {
@@ -31,28 +31,29 @@ impl<'a> Run<'a> {
         runs
     }
 
-    /// The folder that it lies in.
+    /// Returns the folder's path.
     pub fn path(&self) -> &Path {
         &self.folder.path
     }
 }
 
-/// A run as one device's claims see it.
+/// A run, as needed for the claims of one device.
 pub(super) struct ClaimData<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) device: &'a str,
-    /// The configs that measure a claim's points.
+    /// The configs that measure the claim's points.
     pub(super) configs: &'a [String],
 }
 
 impl<'a> ClaimData<'a> {
-    /// The records that a point means.
+    /// Returns the records that match a point.
     pub(super) fn records(&self, point: &Point) -> Vec<&'a Record> {
         let all = self.run.groups.iter().flat_map(|group| group.records.iter().copied());
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// The measured record of a point, the fastest if there are several; or the reason why there is none.
+    /// Returns the measured record of a point, the fastest if there are several; the error says why there is
+    /// none.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -63,14 +64,14 @@ impl<'a> ClaimData<'a> {
         Err(Line::cannot(text, format!("a device on which {point} runs")))
     }
 
-    /// The line for a point without a record.
+    /// Returns the line for a point without a record.
     pub(super) fn missing(&self, what: &str) -> Line {
         let commands: Vec<_> =
             self.configs.iter().map(|config| format!("`raycl run configs/{config}.toml`")).collect();
         Line::cannot(format!("no record of {what}"), format!("its record: {}", commands.join(", ")))
     }
 
-    /// Whether the ratio of two points' times is within bounds.
+    /// Tests whether the ratio of two points' times is within bounds.
     pub(super) fn ratio(&self, of: &Point, to: &Point, held: RangeInclusive<f64>) -> Line {
         let (slow, fast) = match (self.measured(of), self.measured(to)) {
             (Ok(slow), Ok(fast)) => (slow, fast),
@@ -80,7 +81,8 @@ impl<'a> ClaimData<'a> {
         ratio.line(ratio.between(&side(of, slow), &side(to, fast)), held)
     }
 
-    /// Whether the points run, of which one record is enough; a point that means several tells of the first that ran.
+    /// Tests whether a point runs; one record is enough. If several records match, the line names the first
+    /// that ran.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
@@ -102,20 +104,20 @@ impl<'a> ClaimData<'a> {
         }
     }
 
-    /// The samples of a record, from its run's journal.
+    /// Returns the samples of a record, from its run's journal.
     pub(super) fn samples(&self, record: &Record) -> Vec<Sample> {
         let read = read_lines::<Sample>(&self.run.path().join("samples.jsonl"));
         let all = read.map(|lines| lines.lines).unwrap_or_default();
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// The device's peak rates, if its run measured them.
+    /// Returns the device's peak rates, if its run measured them.
     pub(super) fn peak(&self) -> Option<Peak> {
         let kept = Peak::kept_in(self.run.path()).unwrap_or_default();
         kept.into_iter().find(|peak| peak.device == self.device)
     }
 
-    /// Whether the run's environment calls the device a CPU.
+    /// Returns whether the run's environment describes the device as a CPU.
     pub(super) fn is_cpu(&self) -> bool {
         let devices = self.run.folder.environment["devices"].as_array();
         let own = devices.into_iter().flatten().find(|one| one["device"].as_str() == Some(self.device));
@@ -123,7 +125,8 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// A point with its time, as a side of a comparison; of the fastest, which one that is.
+/// Formats a point with its time, as one side of a comparison. For the fastest of several, the record is
+/// named.
 fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

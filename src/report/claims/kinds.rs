@@ -1,4 +1,4 @@
-//! How each kind of test is decided from a claim's data.
+//! Decides each kind of test from a claim's data.
 
 use super::claim_data::ClaimData;
 use super::point::Point;
@@ -10,7 +10,7 @@ use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};
 use crate::strategy::{Requirements, Workload};
 
-/// The result of a test, one line for each of its comparisons.
+/// Returns the result of a test, one line per comparison.
 pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
     match test {
         Test::Ratio { of, to, at_least, at_most } => {
@@ -37,7 +37,7 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 
 fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
     let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
-    // All kernels have to be there, and some of their sizes.
+    // Every kernel must have records, though not of all local sizes.
     if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
         return missing;
     }
@@ -52,7 +52,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         Err(line) => return line,
     };
     let samples = found.samples(record);
-    // Only samples of the record's own launches: an incomplete launch counts nowhere.
+    // Only samples of the record's own launches, since an incomplete launch is not used.
     let own =
         |one: &&Sample| record.sample_launches.is_empty() || record.sample_launches.contains(&one.launch);
     let ratios: Vec<(u32, f64)> = samples
@@ -61,7 +61,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         .filter_map(|one| Some((one.launch, ms(one, of)? / ms(one, to)?)))
         .collect();
     let Some(ratio) = Ratio::of_parts(&ratios, record.median_ms.unwrap_or(0.0)) else {
-        let text = format!("no sample of {point} that tells its passes apart");
+        let text = format!("no sample of {point} with separate times of its passes");
         return Line::cannot(text, "samples.jsonl beside the records".to_owned());
     };
     let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
@@ -69,7 +69,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
     ratio.line(text, at_least..=f64::INFINITY)
 }
 
-/// The time of a pass of a timed frame.
+/// Returns the time of a pass of a timed frame.
 fn ms(sample: &Sample, pass: Pass) -> Option<f64> {
     match pass {
         Pass::Primary => sample.primary_ms,
@@ -127,7 +127,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     let Some(peak) = found.peak() else {
         return Line::cannot(
             format!("no latency of {name}"),
-            "`raycl run configs/figure-8.toml --peak`, whose folder keeps it".to_owned(),
+            "`raycl run configs/figure-8.toml --peak`, whose folder has it".to_owned(),
         );
     };
     let figure = match memory {
@@ -136,7 +136,10 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
         Memory::Global => peak.global_ns,
     };
     let Some([low, middle, high]) = in_cycles(&peak, &figure) else {
-        return Line::cannot("the driver does not tell the clock".to_owned(), "the clock, in MHz".to_owned());
+        return Line::cannot(
+            "the driver does not report the clock".to_owned(),
+            "the clock, in MHz".to_owned(),
+        );
     };
     let text = format!(
         "{name}: {} cycles at {} MHz, {} ns (n = {}); published {cycles}",
@@ -153,7 +156,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     }
 }
 
-/// Quartiles and median in cycles.
+/// Returns first quartile, median and third quartile in cycles.
 fn in_cycles(peak: &Peak, figure: &Figure) -> Option<[f64; 3]> {
     let per_ns = peak.cycles(&Figure { median: 1.0, ..*figure })?;
     Some([figure.q1, figure.median, figure.q3].map(|ns| ns * per_ns))

@@ -1,8 +1,9 @@
-//! The paper's claims in its own words, each tested on the records of one device.
+//! Quotes the paper's claims and tests each of them on the records of one device.
 //!
-//! `claims.toml` has them: sentence, figure, and the tests that have to hold. Only claims that do not depend on the speed of a
-//! device are tested: which of two points is faster, by how much, which block size is best, what fits. One rule judges all: see
-//! [`Verdict::of_all`]. The published values are the paper's own device's, which it does not name.
+//! They are in `claims.toml`: sentence, figure, and the tests that must hold. Only claims that do not depend
+//! on the speed of a device are tested: which of two points is faster, by how much, which block size is best,
+//! which scene fits into a memory. All are judged by the same rule: see [`Verdict::of_all`]. The published
+//! values were measured on the paper's device, which it does not name.
 
 mod claim_data;
 mod kinds;
@@ -18,19 +19,19 @@ pub use verdict::{Line, Verdict};
 
 use claim_data::ClaimData;
 
-/// A claim beside the measurement.
+/// A claim and its test results.
 #[derive(Clone, Debug)]
 pub struct Claim {
     /// The paper's claim.
     pub row: Row,
     /// The comparisons.
     pub lines: Vec<Line>,
-    /// Whether it held.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
 impl Claim {
-    /// The measurements that would decide it, each once; none if it is decided.
+    /// Returns the measurements that would decide it, each once; none if it is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);
@@ -43,8 +44,8 @@ impl Claim {
     }
 }
 
-/// Every claim of some rows, tested on `device`: each comparison on the first of some runs that can tell. Times of two runs are
-/// not compared, for their rounds were not interleaved.
+/// Tests the claims of some rows on `device`. Each comparison uses the first run that has its points. Times
+/// of different runs are not compared, since their rounds were not interleaved.
 pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     let claim = |row: Row| {
         let lines: Vec<Line> = row.test.iter().flat_map(|test| tested(test, &row, runs, device)).collect();
@@ -68,7 +69,7 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
     })
 }
 
-/// Contradictions that no measurement is needed for.
+/// Contradictions within the paper that need no measurement.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The text lists five scenes; Figure 6's legend has four.",
     "Figures 6 to 8 have no point at 14 x 14, though the text names the size.",
@@ -82,7 +83,7 @@ mod tests {
     use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::{Folder, Record, groups};
 
-    /// What a test of one claim says of the records of some runs.
+    /// Returns a claim with this test on the records of some runs.
     fn claim(test: &str, records: &[&[Record]]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
@@ -107,7 +108,7 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // Launches that lie on both sides of the bound.
+        // Launches on both sides of the bound.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
         let open = claim(FALLS, &[&of(9.05)[1..]]);

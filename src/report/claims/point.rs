@@ -1,4 +1,4 @@
-//! The points that claims speak of: "naive 8x8 on teapot".
+//! The points that claims refer to: "naive 8x8 on teapot".
 
 use crate::error::nearest;
 use crate::record::{HOST, Record, by};
@@ -6,23 +6,23 @@ use crate::report::paper;
 use crate::strategy::PRESETS;
 use serde::Deserialize;
 
-/// The baselines that have a name here.
+/// The baselines that claims may name.
 const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
 
-/// Which of a strategy's records on a scene are meant.
+/// Which of a strategy's records on a scene match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// The one of a local size.
+    /// The record with this local size.
     At([u32; 2]),
     /// The fastest.
     Best,
-    /// All of square local sizes.
+    /// All records with square local sizes.
     Square,
-    /// A baseline's, which has no local size.
+    /// The record of a baseline, which has no local size.
     Host,
 }
 
-/// A strategy at a local size on a scene, as the table of claims names it.
+/// A strategy at a local size on a scene, as written in the table of claims.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Point {
@@ -40,7 +40,7 @@ impl TryFrom<String> for Point {
     fn try_from(text: String) -> Result<Self, String> {
         let words: Vec<&str> = text.split(' ').collect();
         let [strategy, size, "on", scene] = words[..] else {
-            return Err(format!("'{text}' is no point; expected \"STRATEGY SIZE on SCENE\""));
+            return Err(format!("'{text}' is not a point; expected \"STRATEGY SIZE on SCENE\""));
         };
         let size = size_of(size)?;
         match size {
@@ -52,7 +52,7 @@ impl TryFrom<String> for Point {
     }
 }
 
-/// "8x8", "best", "square" or "host".
+/// Parses "8x8", "best", "square" or "host".
 fn size_of(word: &str) -> Result<Size, String> {
     match word {
         "best" => Ok(Size::Best),
@@ -62,21 +62,21 @@ fn size_of(word: &str) -> Result<Size, String> {
     }
 }
 
-/// "8x8", work-items across and down.
+/// Parses "8x8", work-items across and down.
 pub(super) fn local_size(word: &str) -> Result<[u32; 2], String> {
     let size = word.split_once('x').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
     size.filter(|size| !size.contains(&0))
-        .ok_or_else(|| format!("'{word}' is no size; expected one like 8x8, or best, square, host"))
+        .ok_or_else(|| format!("'{word}' is not a size; expected one like 8x8, or best, square, host"))
 }
 
-/// Refuses a name that is not among those known, and says which was probably meant.
+/// Refuses an unknown name, and suggests the most similar known one.
 pub(super) fn known(what: &str, name: &str, names: &[&str]) -> Result<(), String> {
     if names.contains(&name) {
         return Ok(());
     }
     let meant = nearest(name, names.iter().copied());
     let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
-    Err(format!("'{name}' is no {what}{meant}"))
+    Err(format!("'{name}' is not a known {what}{meant}"))
 }
 
 impl std::fmt::Display for Point {
@@ -91,7 +91,7 @@ impl std::fmt::Display for Point {
 }
 
 impl Point {
-    /// Whether a record of `device` is meant; of [`Size::Best`], whether it may be.
+    /// Returns whether a record of `device` matches; for [`Size::Best`], whether it may be the best.
     pub(super) fn is(&self, record: &Record, device: &str) -> bool {
         let own = match self.size {
             Size::Host => record.device == HOST && record.strategy == self.strategy,
@@ -132,7 +132,7 @@ mod tests {
             ("serial host on teapot", "'serial' is no baseline; did you mean 'serial-f32'?"),
             ("naive 8 on teapot", "'8' is no size"),
             ("naive 8x0 on teapot", "'8x0' is no size"),
-            ("naive 8x8 teapot", "is no point; expected"),
+            ("naive 8x8 teapot", "is not a point; expected"),
         ] {
             let error = point(text).expect_err(text);
             assert!(error.contains(told), "{text}: {error}");

@@ -1,23 +1,23 @@
-//! How sure a comparison of two times is. If the samples leave a test open, it neither holds nor fails.
+//! How certain a comparison of two times is. If the samples do not decide a test, it neither holds nor fails.
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
 use crate::record::{Record, duration, few_names, fewest, median, ranking, ratio, significant};
 use std::ops::RangeInclusive;
 
-/// How many times as long one thing takes as another.
+/// The ratio of two times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
-    /// The ratio with its 95% interval. None where one of them has too few samples.
+    /// The ratio with its 95% interval; `None` if one of them has too few samples.
     sure: Option<(f64, [f64; 2])>,
-    /// The fewer of the two numbers of samples; where one has too few, of a launch.
+    /// The smaller of the two numbers of samples; if one is too small, the number per launch.
     n: usize,
-    /// The slower of the two, in milliseconds: how long a sample takes.
+    /// The slower of the two, in milliseconds, which is the time of a sample.
     frame_ms: f64,
 }
 
 impl Ratio {
-    /// The ratio of two measured records. Claims judge the certainty of a ratio only here.
+    /// Returns the ratio of two measured records. All claims compute ratios by this function.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         let frame_ms = median(slow)?.max(median(fast)?);
         let sure = ratio(slow, fast).map(|ratio| (ratio.middle, [ratio.low, ratio.high]));
@@ -25,7 +25,8 @@ impl Ratio {
         Some(Self { sure, n: count(slow).min(count(fast)), frame_ms })
     }
 
-    /// The ratio of two parts of the same frames, from each sample's own ratio and the number of its launch.
+    /// Returns the ratio of two parts of the same frames, from each sample's ratio and the number of its
+    /// launch.
     pub(super) fn of_parts(ratios: &[(u32, f64)], frame_ms: f64) -> Option<Self> {
         let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
         let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
@@ -34,7 +35,8 @@ impl Ratio {
         (!ratios.is_empty()).then_some(Self { sure, n: ratios.len(), frame_ms })
     }
 
-    /// Whether it is in `held`: surely, surely not, or unclear. An end that touches a bound is no certainty.
+    /// Returns whether the ratio is surely in `held`, surely not, or unclear. If an end of the interval
+    /// touches a bound, the result is unclear.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
@@ -44,14 +46,15 @@ impl Ratio {
         }
     }
 
-    /// "3.07 times (3.02 to 3.11, n = 12)"; or "not enough samples (n = 3)".
+    /// Formats as "3.07 times (3.02 to 3.11, n = 12)" or "not enough samples (n = 3)".
     pub fn text(&self) -> String {
         let Some((middle, [low, high])) = self.sure else { return not_enough(self.n) };
         let [middle, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
         format!("{middle} times ({low} to {high}, n = {})", self.n)
     }
 
-    /// "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b"; or "a against b: not enough samples (n = 3)".
+    /// Formats as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or "a against b: not enough
+    /// samples (n = 3)".
     pub(super) fn between(&self, of: &str, to: &str) -> String {
         match self.sure {
             Some(_) => format!("{of} takes {} as long as {to}", self.text()),
@@ -59,9 +62,9 @@ impl Ratio {
         }
     }
 
-    /// The line of a claim that it is in `held`.
+    /// Returns the line for a claim that the ratio is in `held`.
     pub(super) fn line(&self, text: String, held: RangeInclusive<f64>) -> Line {
-        let text = format!("{text}; asked: {}", asked(&held));
+        let text = format!("{text}; required: {}", asked(&held));
         match self.verdict(&held) {
             Verdict::Unclear => Line::unclear(text, self.decides(&held)),
             sure => Line::decided(text, sure == Verdict::Held),
@@ -77,14 +80,14 @@ impl Ratio {
     }
 }
 
-/// How to get enough samples of a frame that takes so long.
+/// Explains how to get enough samples of a frame that takes this long.
 fn more_samples(frame_ms: f64) -> String {
-    // Warm-up frames come on top.
+    // Warm-up frames take additional time.
     let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
     format!("{MIN_SAMPLES} samples of each: `--set timing.time_limit_ms={limit}`")
 }
 
-/// "at least 2", "0.95 to 1.05".
+/// Formats bounds: "at least 2", "0.95 to 1.05".
 fn asked(held: &RangeInclusive<f64>) -> String {
     match (*held.start(), *held.end()) {
         (least, f64::INFINITY) => format!("at least {least}"),
@@ -95,20 +98,22 @@ fn asked(held: &RangeInclusive<f64>) -> String {
 
 /// The fastest of some records.
 pub(super) struct Fastest<'a> {
-    /// The fastest and those that tie with it, fastest first.
+    /// The fastest record and those that tie with it, fastest first.
     level: Vec<&'a Record>,
-    /// Records with too few samples. Each of them might be as fast.
+    /// Records with too few samples; each of them may be as fast.
     few: Vec<&'a Record>,
 }
 
 impl<'a> Fastest<'a> {
-    /// The fastest of measured records; none for fewer than three, of which the fastest means little.
+    /// Returns the fastest of measured records; `None` for fewer than three, since the fastest of two means
+    /// little.
     pub(super) fn of(records: &[&'a Record]) -> Option<Self> {
         let ranking = ranking(records.iter().copied());
         (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
     }
 
-    /// A claim about the fastest point: it holds if it is true of every point that may be the fastest, and does not if it is true of none.
+    /// Judges a claim about the fastest point. It holds if it is true of every point that may be the fastest,
+    /// and does not hold if it is true of none.
     fn verdict(&self, claimed: &dyn Fn(&Record) -> bool) -> Verdict {
         let all: Vec<bool> = self.level.iter().chain(&self.few).map(|record| claimed(record)).collect();
         match all.iter().filter(|claimed| **claimed).count() {
@@ -118,7 +123,7 @@ impl<'a> Fastest<'a> {
         }
     }
 
-    /// The line of a claim about the fastest.
+    /// Returns the line for a claim about the fastest point.
     pub(super) fn line(&self, of: &str, claimed: impl Fn(&Record) -> bool) -> Line {
         let text = format!("fastest of {of}: {}", self.text());
         match self.verdict(&claimed) {
@@ -139,7 +144,7 @@ impl<'a> Fastest<'a> {
         }
     }
 
-    /// "8 x 8, n = 12, 5.494 ms", or the first few of a tie, each by its name; then those of too few samples.
+    /// Formats as "8 x 8, n = 12, 5.494 ms"; for a tie, names the first few, then those with too few samples.
     fn text(&self) -> String {
         let name = |record: &Record| crate::report::words::title(record);
         let few = few_names(&self.few, name);
@@ -162,13 +167,14 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{judged, measured, sampled};
 
-    /// The ratio of records with three launches of `n` samples each, between the least and the greatest time.
+    /// Returns the ratio of records with three launches of `n` samples each, between the least and the
+    /// greatest time.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
             sampled(name, (0..3).flat_map(move |launch| (0..n).map(move |_| (launch, at(launch)))))
         };
-        // Opposite launches are slow: what they share would be no difference.
+        // Slow launches alternate between the two; otherwise the slowness would cancel.
         let records = judged([record("naive", slow), record("wide", [fast[1], fast[0]])]);
         Ratio::of(&records[0], &records[1]).expect("both are measured")
     }

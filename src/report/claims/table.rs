@@ -1,4 +1,4 @@
-//! The table of claims in TOML: the paper's sentences, and the tests that have to hold for each.
+//! The table of claims in TOML: the paper's sentences, and the tests that must hold for each.
 
 use super::point::{Point, known, local_size};
 use crate::device::occupancy::multiprocessor;
@@ -15,22 +15,22 @@ const TABLE: &str = include_str!("claims.toml");
 pub struct Row {
     /// The paper's words.
     pub sentence: String,
-    /// Where they stand, and the figure they speak of.
+    /// Where the sentence is in the paper, and its figure.
     pub place: String,
     /// The values of the paper's figures.
     pub published: String,
-    /// Our reading of the words.
+    /// Our interpretation of the sentence.
     pub reading: String,
-    /// Where the paper, or arithmetic, says otherwise.
+    /// Where the paper itself, or arithmetic, contradicts it.
     #[serde(default)]
     pub contradiction: String,
-    /// The configs whose records tell.
+    /// The configs whose records are needed.
     pub configs: Vec<String>,
-    /// The tests, all of which have to hold.
+    /// The tests, all of which must hold.
     pub test: Vec<Test>,
 }
 
-/// A kind of test, with its numbers. `claims.toml` says what each means.
+/// A kind of test with its numbers, as documented in `claims.toml`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[allow(missing_docs, reason = "the table's own head documents each")]
@@ -46,7 +46,7 @@ pub enum Test {
     Judgement { reason: String, decides: String },
 }
 
-/// A pass of a frame whose passes are apart.
+/// A pass of a frame whose passes are separate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pass {
@@ -56,7 +56,7 @@ pub enum Pass {
     Shadow,
 }
 
-/// A memory whose latency `raycl peak` measures.
+/// A memory whose latency is measured by `raycl peak`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Memory {
@@ -64,7 +64,7 @@ pub enum Memory {
     Private,
     /// `__local` memory.
     Local,
-    /// Global memory that no cache holds.
+    /// Global memory that is in no cache.
     Global,
 }
 
@@ -83,13 +83,13 @@ impl TryFrom<String> for Preset {
 }
 
 impl Preset {
-    /// The strategy of that name; none for an unknown name, which no table has.
+    /// Returns the strategy of that name; `None` for an unknown name, which a table never contains.
     pub fn strategy(&self) -> Option<Strategy> {
         PRESETS.iter().find(|preset| preset.name == self.0).map(|preset| preset.strategy)
     }
 }
 
-/// Work-items across and down, as "8x8".
+/// Local size as "8x8": work-items across and down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct LocalSize(pub [u32; 2]);
@@ -102,7 +102,7 @@ impl TryFrom<String> for LocalSize {
     }
 }
 
-/// A compute capability that there is a table for.
+/// A known compute capability.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Capability(pub String);
@@ -122,12 +122,13 @@ struct File {
     claim: Vec<Row>,
 }
 
-/// The built-in table.
+/// Returns the built-in table.
 pub fn table() -> Result<Vec<Row>> {
     read("claims.toml", TABLE)
 }
 
-/// Reads a table; a mistake in it is shown with its place and, for a misspelt name, the nearest.
+/// Reads a table. A mistake in it is reported with its location and, for a misspelt name, the most similar
+/// valid one.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text)
         .map_err(|error| toml_error(name, text, &error, "the head of claims.toml has every key and kind"))?;
@@ -139,7 +140,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 }
 
 impl Row {
-    /// Checks that serde cannot express.
+    /// Makes checks that serde cannot express.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),
@@ -174,7 +175,7 @@ mod tests {
         assert_eq!(kinds.len(), 9, "a kind of test that no claim uses");
     }
 
-    /// Every point that a test names.
+    /// Returns every point that a test uses.
     fn points(test: &Test) -> Vec<&Point> {
         match test {
             Test::Ratio { of, to, .. } => of.iter().chain([to]).collect(),
@@ -186,7 +187,7 @@ mod tests {
         }
     }
 
-    /// Whether a config measures a point.
+    /// Returns whether a config measures a point.
     fn measures(config: &Experiment, point: &Point) -> bool {
         let sized = |sizes: &[[u32; 2]]| match point.size {
             Size::At(size) => sizes.contains(&size),
@@ -214,7 +215,7 @@ mod tests {
         }
     }
 
-    /// A table of one claim with these tests.
+    /// Returns a table of one claim with these tests.
     fn one(test: &str) -> String {
         let rest = "place = \"p\"\npublished = \"v\"\nreading = \"r\"\nconfigs = [\"figure-8\"]\n";
         format!("[[claim]]\nsentence = \"It is so.\"\n{rest}test = [{{ {test} }}]\n")

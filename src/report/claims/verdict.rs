@@ -1,20 +1,20 @@
-//! Whether a claim held, and each comparison that says so.
+//! The verdict on a claim, and the comparisons that lead to it.
 
-/// Whether a claim held.
+/// The verdict on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The measurement agrees.
     Held,
     /// The measurement disagrees.
     NotHeld,
-    /// The intervals leave it open, or there are not enough samples, or a part has no record.
+    /// The intervals do not decide it, there are too few samples, or a part has no record.
     Unclear,
-    /// Nothing here can tell.
+    /// It cannot be tested with this data.
     Cannot,
 }
 
 impl Verdict {
-    /// Every verdict, its name in a count, its class in the page and its sign.
+    /// Every verdict with its name, its class in the page and its sign.
     pub const ALL: [(Self, &'static str, &'static str, &'static str); 4] = [
         (Self::Held, "held", "held", "✓"),
         (Self::NotHeld, "did not hold", "failed", "✗"),
@@ -26,23 +26,23 @@ impl Verdict {
         Self::ALL.iter().find(|(verdict, ..)| *verdict == self).unwrap_or(&Self::ALL[3])
     }
 
-    /// Its name.
+    /// Returns the name.
     pub fn name(self) -> &'static str {
         self.row().1
     }
 
-    /// Its class in the page.
+    /// Returns the class in the page.
     pub fn class(self) -> &'static str {
         self.row().2
     }
 
-    /// Its sign in the page.
+    /// Returns the sign in the page.
     pub fn sign(self) -> &'static str {
         self.row().3
     }
 
-    /// The one rule: a claim holds where all that it takes holds, and does not where one part surely does not; where nothing
-    /// here can tell of any part, it cannot be tested; everything else is unclear.
+    /// Returns the verdict of a claim with several parts. It holds if all parts hold, and does not hold if
+    /// one part surely does not. It cannot be tested if no part can. Otherwise it is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {

@@ -1,12 +1,14 @@
-//! The change of a point from one run to another, relative to the anchor or baselines of its rounds: a machine's speed differs between days.
+//! The change of a point from one run to another, relative to the anchor or the baselines of its rounds,
+//! since a machine's speed differs between days.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
-/// How many times as long the second of `pair` takes as the first, against what: the anchor of its device; else baselines that were measured in the rounds
-/// of each and are the same program; without any, those points of the rounds that changed alike. None where there is
-/// nothing beside it, or too few samples.
+/// Returns the ratio of the second time of `pair` to the first, and what it is relative to. That is the
+/// anchor of the device; else baselines that were measured in the rounds of both and are the same program;
+/// else those points of the rounds that changed by similar factors. `None` if there is nothing to compare
+/// with, or too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {
@@ -20,7 +22,7 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
         false => (baselines, Against::Baselines),
         true => (alike(beside.clone()), Against::PointsInCommon),
     };
-    // Against itself nothing changes.
+    // Relative to itself, a single point never changes.
     if beside.len() < 2 {
         return None;
     }
@@ -29,20 +31,21 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     Some((of(after, second)?.over(of(before, first)?), against))
 }
 
-/// Compares ratios to the anchor, if both runs had the same anchor.
+/// Compares ratios to the anchor, if both runs have the same anchor.
 fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     let ((first, before), (second, after)) = (anchored(before)?, anchored(after)?);
     (first == second).then(|| after.over(before))
 }
 
-/// The half of the points whose changes are nearest to the median change, which leaves out points that a change of code slowed.
+/// Returns the half of the points whose changes are closest to the median change. This leaves out points that
+/// a change of code has slowed.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // Of only two points, neither can be called the outlier.
+    // With only two points, neither can be called an outlier.
     if beside.len() < 3 {
         return beside;
     }
@@ -52,7 +55,7 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// The same by bare times, whatever else changed between the runs.
+/// Returns the ratio of plain times, including all other changes between the runs.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio(after, before)?, Against::BareTimes))
 }

@@ -1,4 +1,4 @@
-//! Two folders of results, point by point: faster, slower, same or unclear.
+//! Compares two folders of results, point by point: faster, slower, same or unclear.
 
 mod change;
 mod page;
@@ -36,29 +36,29 @@ pub struct PairLine<'a> {
 pub struct Comparison {
     /// The folders' names.
     pub labels: [String; 2],
-    /// The points that both measured, in the first's order.
+    /// The points that both folders measured, in the first one's order.
     pub pairs: Vec<Pair>,
     /// Points that only one folder measured, or whose outcome changed: a line each.
     pub others: Vec<String>,
-    /// The notes on the folders, each under its name.
+    /// The notes of the folders, each with its folder's name.
     pub notes: Vec<String>,
-    /// Changes of less than this part are the same.
+    /// Changes below this fraction count as equal.
     pub threshold: f64,
 }
 
 impl Comparison {
-    /// Whether the folders have several devices, so that a point is not named without its own.
+    /// Returns whether the folders have several devices, so that points are named with their device.
     pub fn has_several_devices(&self) -> bool {
         let mut devices = self.pairs.iter().map(|pair| &pair.before).filter(|record| !record.is_baseline());
         let first = devices.next().map(|record| &record.device);
         devices.any(|record| Some(&record.device) != first)
     }
 
-    /// Compares two folders. `threshold` is a part: 0.02 is 2%; `bare` compares the times themselves.
+    /// Compares two folders. A `threshold` of 0.02 is 2%. With `bare`, plain times are compared.
     ///
-    /// Points correspond where scene, image size, strategy and local size are equal. Devices correspond by name, or,
-    /// where each folder has but one, to each other: another machine's results can be compared. Scenes correspond by content where both
-    /// folders have recorded it, else by name.
+    /// Points correspond if scene, image size, strategy and local size are equal. Devices correspond by name.
+    /// If each folder has a single device, these two correspond, so that results of different machines can be
+    /// compared. Scenes correspond by content if both folders have recorded it, else by name.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
         let (before, after) = (&beside_anchors(before), &beside_anchors(after));
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
@@ -84,7 +84,8 @@ impl Comparison {
         comparison
     }
 
-    /// Compares the two folders of kernels that one run was made of. Points that both compile to the same are left out.
+    /// Compares two folders of kernels within one run. Points that compile to the same program with both are
+    /// left out.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
@@ -125,7 +126,8 @@ impl Comparison {
         Self { labels, pairs: Vec::new(), others: Vec::new(), notes, threshold }
     }
 
-    /// A line per point; but one per scene, where both folders have one of its name and another content.
+    /// Adds a line per point that only one folder has, but only one line per scene if both folders have a
+    /// scene of that name with different content.
     fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2]) {
         let [before, after] = only;
         let changed = |record: &Record, others: &[Record]| {
@@ -134,7 +136,7 @@ impl Comparison {
         for (records, others, label) in [(before, after, 0), (after, before, 1)] {
             for record in records {
                 let line = match changed(record, others) {
-                    true => format!("{}: another scene in each, by its content", record.scene),
+                    true => format!("{}: the scenes of this name differ in content", record.scene),
                     false => format!("{}: only in {}", name(record), self.labels[label]),
                 };
                 if !self.others.contains(&line) {
@@ -146,7 +148,7 @@ impl Comparison {
 
     fn add(&mut self, before: Record, after: &Record) {
         if let (Some(_), Some(_)) = (median(&before), median(after)) {
-            // Its verdict is set when all points are known.
+            // The verdict is set when all points are known.
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
@@ -154,7 +156,7 @@ impl Comparison {
         }
     }
 
-    /// Finds every point's change.
+    /// Computes every point's change.
     fn judge(&mut self, bare: bool) {
         let all: Vec<_> = self.pairs.iter().map(Pair::both).collect();
         let changes: Vec<_> = all
@@ -187,18 +189,20 @@ impl Comparison {
         }
     }
 
-    /// How many points have this verdict.
+    /// Returns the number of points with this verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// The regressions of more than `limit_percent`, a line each, and the points that ran before and fail now. Of 50
-    /// comparisons of a thing with itself at most one finds any.
+    /// Returns the regressions of more than `limit_percent`, one line each, and the points that ran before
+    /// and fail now. Of 50 comparisons of equal programs, at most one
+    /// reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }
 
-    /// "12 faster, 3 slower, 40 same, 5 unclear", and, where there are such, "1 cannot tell, 2 not enough samples".
+    /// Returns "12 faster, 3 slower, 40 same, 5 unclear", and, if there are any, "1 cannot tell, 2 not enough
+    /// samples".
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
         let shown = counts.iter().filter(|(verdict, count)| {
@@ -207,7 +211,7 @@ impl Comparison {
         shown.map(|(verdict, count)| format!("{count} {}", verdict.name())).collect::<Vec<_>>().join(", ")
     }
 
-    /// The pairs as JSON lines would have them.
+    /// Returns the pairs as objects for JSON.
     pub fn lines(&self) -> Vec<PairLine<'_>> {
         self.pairs.iter().map(line).collect()
     }
@@ -228,7 +232,7 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// A folder whose records know where they stand beside their devices' anchors.
+/// Returns a folder whose records are positioned among their devices' anchors.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);
@@ -243,7 +247,7 @@ fn devices(folder: &Folder) -> Vec<&str> {
     devices
 }
 
-/// Whether all its records have the hash of their scene.
+/// Returns whether all its records have the hash of their scene.
 fn has_content(folder: &Folder) -> bool {
     folder.records.iter().all(|record| record.scene_hash.is_some())
 }

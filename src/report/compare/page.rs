@@ -1,4 +1,4 @@
-//! A comparison as Markdown, as a plot and as a page.
+//! Formats a comparison as Markdown, as a plot and as a page.
 
 use super::{Comparison, Pair};
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use askama::Template;
 use std::fmt::Write as _;
 
 impl Comparison {
-    /// The comparison as Markdown.
+    /// Returns the comparison as Markdown.
     pub fn markdown(&self) -> String {
         let [a, b] = &self.labels.each_ref().map(|label| markdown(label));
         let mut text = format!("# {b} against {a}\n\n{}.\n\n", self.summary());
@@ -38,23 +38,23 @@ impl Comparison {
         text
     }
 
-    /// How verdicts are found.
+    /// Explains how verdicts are found.
     fn rule(&self) -> String {
         format!(
             "In each folder, a point's time is divided by that of the anchor, a fixed kernel timed in the same rounds, or, without an anchor, \
-             by the times of the baselines, or of the points that changed alike. The change is the ratio of these two ratios. Faster and slower: its 95% interval lies beyond {0}%; same: it lies \
+             by the times of the baselines, or of the points that changed by similar factors. The change is the ratio of these two ratios. Faster and slower: its 95% interval lies beyond {0}%; same: it lies \
              within {0}%; otherwise unclear. A verdict is wrong for at most one of 40 points. Fewer than five samples in a launch \
              are not enough.",
             self.threshold_percent()
         )
     }
 
-    /// "2", "0.5": without the noise of a product in binary.
+    /// Returns "2" or "0.5", without binary rounding errors.
     fn threshold_percent(&self) -> String {
         ((1e4 * self.threshold).round() / 100.0).to_string()
     }
 
-    /// The largest changes first.
+    /// Returns the table's rows, largest changes first.
     fn rows(&self) -> Vec<Row> {
         let several = self.has_several_devices();
         let mut pairs: Vec<_> = self.pairs.iter().collect();
@@ -70,7 +70,7 @@ impl Comparison {
         pairs.iter().map(row).collect()
     }
 
-    /// The second folder's times against the first's.
+    /// Plots the second folder's times against the first one's.
     pub fn plot(&self) -> Plot {
         let [a, b] = &self.labels;
         let series = Verdict::ALL.into_iter().enumerate().filter_map(|(place, verdict)| {
@@ -91,7 +91,7 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green, vermilion, blue, grey and two others, as the words in the table.
+            // Green, vermilion, blue, grey and two others, the same colours as in the table.
             let look = Look::of([2, 1, 0, 6, 4, 5][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
@@ -111,7 +111,7 @@ impl Comparison {
         Plot::of("compare", caption, &chart)
     }
 
-    /// The comparison as a page.
+    /// Returns the comparison as a page.
     pub fn html(&self) -> Result<String> {
         let page = Page {
             style: STYLE,

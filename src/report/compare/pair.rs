@@ -15,36 +15,38 @@ pub struct Pair {
     pub before: Record,
     /// Its record in the second.
     pub after: Record,
-    /// How the second stands to the first.
+    /// The verdict on the second record.
     pub verdict: Verdict,
-    /// The ratio of the second's time to the first's, and the measure that it is relative to. None if it cannot be told.
+    /// The ratio of the second time to the first, and what it is relative to; `None` if it cannot be
+    /// computed.
     pub change: Option<(Interval, Against)>,
 }
 
-/// The measure that a change is relative to.
+/// What a change is relative to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
-    /// The device's anchor, a fixed kernel that was run in the same rounds of each.
+    /// The device's anchor, a fixed kernel that was run in the same rounds.
     Anchor,
     /// Casters on the host in the same rounds, which are the same program in both folders.
     Baselines,
-    /// Points of the same rounds that changed alike: what all of them share cannot be told.
+    /// Points of the same rounds that changed by similar factors. A change that all points share cannot be
+    /// seen.
     PointsInCommon,
-    /// Nothing: the times themselves.
+    /// Nothing: plain times.
     BareTimes,
     /// The same rounds: both were measured in one run.
     SameRounds,
 }
 
 impl Pair {
-    /// The change as a percentage of the first's time: positive is slower.
+    /// Returns the change as a percentage of the first time; positive means slower.
     pub fn change_percent(&self) -> Option<f64> {
         self.change.map(|(change, _)| percent(change.middle))
     }
 
-    /// "+12.3% (+10.1 to +14.2)"; "496× as long" from tenfold on, where per cent say little; "n = 10 and 3" where there are
-    /// not enough samples.
+    /// Formats as "+12.3% (+10.1 to +14.2)"; as "496× as long" from a factor of ten on; as "n = 10 and 3"
+    /// without enough samples.
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -62,7 +64,7 @@ impl Pair {
         }
     }
 
-    /// "teapot 800 x 500, naive 8x8"; with `device` where a folder has several.
+    /// Returns "teapot 800 x 500, naive 8x8", with the device if `device` is set.
     pub fn point(&self, device: bool) -> String {
         let on = if device && !self.before.is_baseline() {
             format!(", {}", self.before.device)
@@ -72,18 +74,18 @@ impl Pair {
         format!("{}{on}", name(&self.before))
     }
 
-    /// Its two records.
+    /// Returns the two records.
     pub(super) fn both(&self) -> Both<'_> {
         (&self.before, &self.after)
     }
 }
 
-/// A ratio as a percentage more than one.
+/// Converts a ratio to a percentage of change.
 pub(super) fn percent(ratio: f64) -> f64 {
     100.0 * (ratio - 1.0)
 }
 
-/// The name of a point.
+/// Returns the name of a point.
 pub(super) fn name(record: &Record) -> String {
     if record.is_baseline() {
         return format!("{} {}, {}", record.scene, by(record.image_size), title(record));

@@ -1,15 +1,17 @@
-//! Regressions: single points, every strategy's points together, and all points together that are surely too slow. Many points
-//! that are a little slower each are so found where none of them is sure, as when a file changed that all strategies share.
+//! Finds regressions: single points, the mean of every strategy's points, and the mean of all points, if they
+//! are surely too slow. The means detect many small slowdowns of which none is certain alone, as when a file
+//! changed that all strategies share.
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent};
 use crate::measure::Interval;
 use crate::record::{anchored_mean, are_together, ratio_of_means};
 
-/// How many comparisons of two runs of the same thing find a regression, at the most.
+/// The largest probability that two runs of the same program show a regression.
 const RISK: f64 = 0.02;
 
-/// One line for each. The risk is shared out in thirds: to all points together, to the strategies, and to the points.
+/// Returns one line per regression. The risk is divided equally between the mean of all points, the
+/// strategies, and the points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {
@@ -33,7 +35,7 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     together.into_iter().chain(of_strategies).chain(of_points).chain(broken).collect()
 }
 
-/// Strategies of several points, by name.
+/// Groups pairs by strategy; only strategies with several points are returned.
 fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
     for &pair in kernels {
@@ -46,8 +48,8 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     strategies
 }
 
-/// How some points changed together: the mean over groups that were measured together. None where one of them has nothing fixed
-/// beside it.
+/// Returns the mean change of some points, over groups that were measured together; `None` if one of them has
+/// nothing to compare with.
 fn change_of(pairs: &[&Pair]) -> Option<Interval> {
     let mut groups: Vec<Vec<&Pair>> = Vec::new();
     for &pair in pairs {

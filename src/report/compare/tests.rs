@@ -6,7 +6,7 @@ fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }
 }
 
-/// With samples that wobble by half a per cent.
+/// Returns a record whose samples vary by half a per cent.
 fn timed(device: &str, name: &str, around: f64) -> Record {
     let mut record = measured(device, name, 8, around);
     record.samples_ms = (0..10).map(|n| around * (1.0 + 0.005 * f64::from(n % 3))).collect();
@@ -68,7 +68,7 @@ fn a_scene_that_was_edited_is_another() {
     let after = folder("new", vec![of_scene("2", "naive"), of_scene("2", "wide")]);
     let comparison = of(&before, &after);
     assert!(comparison.pairs.is_empty());
-    assert_eq!(comparison.others, ["teapot: another scene in each, by its content"]);
+    assert_eq!(comparison.others, ["teapot: the scenes of this name differ in content"]);
 }
 
 #[test]
@@ -94,8 +94,8 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
-/// Two strategies at two sizes each in three launches, beside an anchor. Launches differ by `machine`, and `slow` is how many
-/// times as long as usual a strategy takes.
+/// Returns two strategies at two sizes each in three launches, with an anchor. `machine` is the difference
+/// between launches, and `slow` returns the factor by which a strategy is slower than usual.
 fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = Vec::new();
     let mut anchors = Vec::new();

@@ -1,4 +1,4 @@
-//! Marks over two axes: lines with intervals, or a scatter.
+//! Charts with two axes: lines with intervals, or scattered marks.
 
 use super::layout::{LETTER, Layout, NARROW, WIDE};
 use super::legend::{self, shorten};
@@ -10,7 +10,7 @@ use super::svg::{Anchor, LINE, Svg, number};
 /// The x axis.
 #[derive(Clone, Debug)]
 pub enum Across {
-    /// Names at equal steps; a mark's x is a name's place in the list.
+    /// Names at equal steps; a mark's x is the index of a name.
     Names(Vec<String>),
     /// Numbers.
     Numbers(Kind),
@@ -19,9 +19,9 @@ pub enum Across {
 /// One mark.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
-    /// Its place along x.
+    /// Its x value.
     pub x: f64,
-    /// Its value.
+    /// Its y value.
     pub y: f64,
     /// Its 95% interval.
     pub interval: Option<[f64; 2]>,
@@ -32,8 +32,8 @@ pub struct Mark {
 /// Marks that belong together.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Its name in the legend; a series without a name belongs to the one before it, and is switched with it, a line
-    /// without markers.
+    /// Its name in the legend. A series without a name is a line without markers that belongs to the one
+    /// before it and is hidden with it.
     pub name: String,
     /// How it looks.
     pub look: Look,
@@ -54,7 +54,7 @@ pub struct Chart {
     pub y_label: String,
     /// The x axis.
     pub across: Across,
-    /// How y counts.
+    /// The scale of the y axis.
     pub up: Kind,
     /// Whether to draw the line on which x equals y.
     pub diagonal: bool,
@@ -73,12 +73,12 @@ struct Frame {
 }
 
 impl Chart {
-    /// The chart as SVG.
+    /// Returns the chart as SVG.
     pub fn svg(&self) -> String {
         self.drawn(WIDE)
     }
 
-    /// The chart as SVG for a phone: as wide as one, its legend below.
+    /// Returns the chart as SVG for a phone: narrow, with the legend below.
     pub fn narrow_svg(&self) -> String {
         self.drawn(NARROW)
     }
@@ -127,7 +127,7 @@ impl Chart {
         Frame { layout, across, up: Scale::over(self.up, heights, [bottom, top]), top, bottom, right }
     }
 
-    /// Where the label of the x axis begins.
+    /// Returns the y coordinate of the x axis's label.
     fn label_top(&self, frame: &Frame) -> f64 {
         frame.bottom + 36.0 + self.names_height(frame.layout)
     }
@@ -155,7 +155,7 @@ impl Chart {
         svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
     }
 
-    /// The longest name along x, in letters.
+    /// Returns the length of the longest name along x, in characters.
     fn longest_name(&self) -> usize {
         match &self.across {
             Across::Names(names) => names.iter().map(|name| name.chars().count().min(20)).max().unwrap_or(0),
@@ -163,18 +163,19 @@ impl Chart {
         }
     }
 
-    /// Names that would touch each other are written aslant.
+    /// Returns whether names are slanted, since they would overlap otherwise.
     fn names_are_slanted(&self, layout: Layout) -> bool {
         let Across::Names(names) = &self.across else { return false };
         names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > layout.width
     }
 
-    /// How much higher aslant names stand than level ones.
+    /// Returns how much more height slanted names need.
     fn names_height(&self, layout: Layout) -> f64 {
         if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
-    /// Ticks along x with their labels; where names are too many even aslant, only every few are labelled.
+    /// Returns the ticks along x with their labels. If there are too many names even when slanted, only every
+    /// few are labelled.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {
@@ -189,7 +190,7 @@ impl Chart {
     }
 }
 
-/// Where x equals y, as far as both axes reach.
+/// Draws the line on which x equals y, within the range of both axes.
 fn draw_diagonal(svg: &mut Svg, frame: &Frame) {
     let ([x_low, x_high], [y_low, y_high]) = (frame.across.ends(), frame.up.ends());
     let ends = [x_low.max(y_low), x_high.min(y_high)];
@@ -244,7 +245,7 @@ fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) 
     );
 }
 
-/// The interval as a bar with feet, where it is wide enough to be seen beside the marker.
+/// Draws the interval as a bar with ends, if it is long enough to be visible at the marker.
 fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
     let Some([low, high]) = mark.interval else { return };
     let (Some(low), Some(high)) = (frame.up.place(low), frame.up.place(high)) else { return };

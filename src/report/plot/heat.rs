@@ -1,4 +1,4 @@
-//! A heat map: rows by columns, dark for slow, light for fast, hatched where there is no time.
+//! A heat map: rows by columns, dark for slow, light for fast, hatched for points without a time.
 
 use super::layout::LETTER;
 use super::legend::shorten;
@@ -11,7 +11,7 @@ use crate::image::viridis;
 pub enum Cell {
     /// A time.
     Time {
-        /// How many times as slow as the fastest it is: 1 or more.
+        /// Time divided by the fastest one: 1 or more.
         slower: f64,
         /// The time as text.
         text: String,
@@ -22,19 +22,19 @@ pub enum Cell {
     },
     /// No time.
     Nothing {
-        /// Why, in a word that the legend explains.
+        /// The reason, as a word that the legend explains.
         code: String,
-        /// The whole reason.
+        /// The full reason.
         tip: String,
     },
-    /// Not asked for.
+    /// Not part of the experiment.
     Empty,
 }
 
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name unique on the page: a pattern is found by name in the whole page.
+    /// A name that is unique on the page, since a pattern's name is valid for the whole page.
     pub id: String,
     /// Its title.
     pub title: String,
@@ -54,7 +54,7 @@ const ROW: f64 = 30.0;
 const SCALE_WIDTH: f64 = 220.0;
 
 impl HeatMap {
-    /// The map as SVG.
+    /// Returns the map as SVG.
     pub fn svg(&self) -> String {
         let column = (600.0 / self.columns.len().max(1) as f64).clamp(52.0, 84.0);
         let worst = self.worst();
@@ -91,7 +91,7 @@ impl HeatMap {
         slower.fold(2.0, f64::max)
     }
 
-    /// Defines the hatching of one form of the map and returns how to refer to it.
+    /// Defines the hatching for one version of the map and returns a reference to it.
     pub(super) fn hatch(&self, svg: &mut Svg, form: &str) -> String {
         let id = format!("hatch-{}-{form}", self.id);
         svg.open("defs", &[]);
@@ -115,7 +115,7 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// The colour scale and the meanings of the codes; returns where it ends.
+    /// Draws the colour scale and the meanings of the codes; returns the y coordinate of its end.
     fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(
@@ -135,7 +135,7 @@ impl HeatMap {
     }
 }
 
-/// The colours from the fastest to the slowest, and their labels.
+/// Draws the colours from the fastest to the slowest, with labels.
 pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     const STEPS: usize = 44;
     let step = SCALE_WIDTH / STEPS as f64;
@@ -153,7 +153,7 @@ pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     svg.text_in("faint small", FAINT, [left + SCALE_WIDTH, top + 24.0], Anchor::End, &worst);
 }
 
-/// A hatched cell with a code, before the code's meaning; returns its width.
+/// Draws a hatched cell with a code, for the legend; returns its width.
 pub(super) fn draw_legend_cell(svg: &mut Svg, [x, y]: [f64; 2], code: &str, hatch: &str) -> f64 {
     let width = (LETTER * code.chars().count() as f64 + 6.0).max(20.0);
     svg.element(
@@ -203,7 +203,7 @@ pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], c
     );
 }
 
-/// Two rings, so that one of them stands out from any ground.
+/// Draws two rings, so that one of them is visible on any background.
 pub(super) fn ring(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
     for (inset, colour, stroke) in [(1.5, INK, 3.0), (4.0, "#ffffff", 1.5)] {
         svg.element(
@@ -227,14 +227,14 @@ pub(super) fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// Black or white, whichever is read better on a colour: the one of more contrast (WCAG 2.2).
+/// Returns black or white, whichever has more contrast to a colour (WCAG 2.2).
 pub(super) fn ink_on(colour: [u8; 3]) -> &'static str {
     let white = 1.05 / (luminance(colour) + 0.05);
     let dark = (luminance(colour) + 0.05) / 0.05;
     if dark > white { "#000000" } else { "#ffffff" }
 }
 
-/// The relative luminance of an sRGB colour, 0 to 1 (WCAG 2.2).
+/// Returns the relative luminance of an sRGB colour, 0 to 1 (WCAG 2.2).
 fn luminance(colour: [u8; 3]) -> f64 {
     let linear = |channel: u8| match f64::from(channel) / 255.0 {
         part if part <= 0.04045 => part / 12.92,

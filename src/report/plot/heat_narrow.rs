@@ -1,5 +1,5 @@
-//! A heat map for phones: each row's name stands above its cells, which go on below where there are many, each under its
-//! column's name; the legend is below.
+//! A heat map for phones. Each row's name is above its cells. Long rows continue on further lines, with each
+//! column's name above its cell. The legend is at the bottom.
 
 use super::heat::{Cell, HeatMap, draw_legend_cell, draw_scale, hex, ink_on, rect, ring};
 use super::layout::{LETTER, NARROW};
@@ -7,7 +7,7 @@ use super::palette::FAINT;
 use super::svg::{Anchor, LINE, Svg};
 use crate::image::viridis;
 
-/// Cells side by side.
+/// Number of cells per line.
 const ACROSS: usize = 6;
 const LEFT: f64 = 8.0;
 const HEIGHT: f64 = 36.0;
@@ -15,7 +15,7 @@ const HEIGHT: f64 = 36.0;
 const GAP: f64 = 8.0;
 
 impl HeatMap {
-    /// The map as SVG, as wide as a phone.
+    /// Returns the map as SVG, as wide as a phone's screen.
     pub fn narrow_svg(&self) -> String {
         let width = NARROW.whole_width();
         let mut svg = Svg::default();
@@ -31,7 +31,7 @@ impl HeatMap {
         svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
     }
 
-    /// A name and its cells from `y` on; where they end.
+    /// Draws a name and its cells from `y` on; returns the y coordinate of their end.
     fn narrow_row(&self, svg: &mut Svg, name: &str, cells: &[Cell], y: f64, worst: f64, hatch: &str) -> f64 {
         let names = NARROW.lines(name);
         svg.lines("label", [LEFT, y + 12.0], Anchor::Start, &names);
@@ -44,7 +44,8 @@ impl HeatMap {
         top + cells.len().div_ceil(ACROSS) as f64 * HEIGHT + GAP
     }
 
-    /// The colours and the meanings of the codes, in as many lines as needed; returns where they end.
+    /// Draws the colours and the meanings of the codes, in as many lines as needed; returns the y coordinate
+    /// of their end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         let mut y = top + 24.0 + LINE;
@@ -63,7 +64,7 @@ impl HeatMap {
     }
 }
 
-/// A text in lines of a limited length; a longer word has its own line.
+/// Splits a text into lines of limited length; a longer word gets its own line.
 fn lines_of(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -136,7 +137,7 @@ mod tests {
         }
     }
 
-    /// Every x and width in it, of what has both.
+    /// Returns the right end of every element with an x and a width.
     fn ends(svg: &str) -> Vec<f64> {
         let value = |part: &str, name: &str| -> Option<f64> {
             part.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next()?.parse().ok())

@@ -1,42 +1,42 @@
-//! Where the parts of a chart stand: on a screen with its legend beside it, on a phone with its legend below.
+//! The layout of a chart: on a screen with its legend on the right, on a phone with its legend below.
 
-/// Roughly how wide a letter is, in pixels.
+/// Approximate width of a letter in pixels.
 pub const LETTER: f64 = 7.0;
 
-/// Places and sizes of a chart's parts, in pixels.
+/// Positions and sizes of a chart's parts, in pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     /// From the left edge to the y axis.
     pub left: f64,
     /// From the upper edge to the upper end of the y axis, below a title of one line.
     pub top: f64,
-    /// The x axis.
+    /// Length of the x axis.
     pub width: f64,
-    /// The y axis.
+    /// Length of the y axis.
     pub height: f64,
-    /// Whether the legend stands below; otherwise it stands on the right.
+    /// Whether the legend is below; otherwise it is on the right.
     pub legend_below: bool,
 }
 
 /// For screens.
 pub const WIDE: Layout = Layout { left: 66.0, top: 34.0, width: 640.0, height: 330.0, legend_below: false };
-/// For phones: as wide as one.
+/// For phones.
 pub const NARROW: Layout = Layout { left: 60.0, top: 34.0, width: 286.0, height: 270.0, legend_below: true };
 
-/// Roughly how wide a letter of a title is.
+/// Approximate width of a letter in a title.
 const BOLD_LETTER: f64 = 7.8;
 /// The margin on both sides of a title.
 const MARGIN: f64 = 12.0;
-/// The width of a legend on the right.
+/// Width of a legend on the right.
 const LEGEND: f64 = 190.0;
 
 impl Layout {
-    /// The whole width.
+    /// Returns the total width.
     pub fn whole_width(&self) -> f64 {
         self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
     }
 
-    /// A text in as many lines as it needs; on a screen it has one.
+    /// Splits a text into as many lines as needed; on a screen there is one.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let most = if self.legend_below {
             ((self.whole_width() - 2.0 * MARGIN) / BOLD_LETTER) as usize

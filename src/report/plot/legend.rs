@@ -1,13 +1,13 @@
-//! The legend beside a chart; in a page its entries are buttons.
+//! The legend of a chart; in a page its entries are buttons.
 
 use super::look::Look;
 use super::svg::{Anchor, Svg};
 
 const STEP: f64 = 19.0;
-/// Longer names are cut here; a page shows them whole when pointed at.
+/// Longer names are shortened; in a page, a tooltip shows the full name.
 const LONGEST: usize = 24;
 
-/// Draws the entries down from a place and returns where they end.
+/// Draws the entries downwards from a position; returns the y coordinate of their end.
 pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
     for (place, (name, look)) in entries.iter().enumerate() {
         let y = top + place as f64 * STEP;
@@ -31,8 +31,8 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
     top + entries.len() as f64 * STEP
 }
 
-/// A name of at most `longest` characters; an ellipsis replaces a part cut from its middle. Names of one experiment differ at
-/// their ends: in the value of an axis, in an exponent.
+/// Returns a name of at most `longest` characters; an ellipsis replaces a part in the middle. The ends are
+/// kept, since names of one experiment differ there: in the value of an axis, or in an exponent.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

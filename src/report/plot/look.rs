@@ -1,32 +1,33 @@
-//! How series differ: by colour, and by markers if colour is not enough.
+//! The appearance of series: colours, and markers if there are more series than colours.
 
 use super::palette::SERIES;
 use super::svg::{Svg, number};
 
-/// Different markers.
+/// Number of different markers.
 const MARKERS: usize = 6;
 
-/// How a series looks. Seven colours and six markers, which share no divisor, make 42 looks.
+/// The colour and marker of a series. Seven colours and six markers, whose numbers have no common divisor,
+/// give 42 combinations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
-    /// Which series it is.
+    /// The number of the series.
     pub number: usize,
-    /// Published values, not ours: a dashed line and empty markers.
+    /// Whether the values are published ones, not ours: a dashed line and empty markers.
     pub dashed: bool,
 }
 
 impl Look {
-    /// The look of the series with this number.
+    /// Returns the appearance of the series with this number.
     pub fn of(number: usize) -> Self {
         Self { number, dashed: false }
     }
 
-    /// The colour on white paper.
+    /// Returns the colour on white paper.
     pub fn colour(self) -> &'static str {
         SERIES[self.number % SERIES.len()]
     }
 
-    /// The class that gives it the theme's colour in a page.
+    /// Returns the class that gives it the theme's colour in a page.
     pub fn class(self) -> String {
         format!("s{}", self.number % SERIES.len())
     }
@@ -41,7 +42,8 @@ impl Look {
     }
 }
 
-/// A disc, square, triangle up, diamond, triangle down or cross about a place, of equal weight to the eye.
+/// Returns a disc, square, triangle up, diamond, triangle down or cross around a position, of similar visual
+/// weight.
 fn shape(which: usize, [x, y]: [f64; 2]) -> String {
     let polygon = |corners: &[[f64; 2]]| {
         let places = corners.iter().map(|[dx, dy]| format!("{} {}", number(x + dx), number(y + dy)));

@@ -1,4 +1,4 @@
-//! Plots as SVG: readable as they are, and made interactive by the page that holds them.
+//! Plots as SVG, which are readable without a script; the page's script makes them interactive.
 
 pub mod chart;
 pub mod heat;
@@ -17,18 +17,18 @@ pub use legend::shorten;
 /// A finished plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Its name as a file, without an ending.
+    /// Its file name without extension.
     pub name: String,
     /// Its caption, a sentence or two.
     pub caption: String,
     /// The drawing.
     pub svg: String,
-    /// The same plot for a phone; empty if there is none.
+    /// The plot for a phone; empty if there is none.
     pub narrow: String,
 }
 
 impl Plot {
-    /// A plot of a chart, for screens and for phones.
+    /// Makes a plot of a chart, for screens and for phones.
     pub fn of(name: impl Into<String>, caption: impl Into<String>, chart: &chart::Chart) -> Self {
         let (svg, narrow) = (chart.svg(), chart.narrow_svg());
         Self { name: name.into(), caption: caption.into(), svg, narrow }

@@ -1,10 +1,11 @@
-//! Colours that the colour-blind tell apart.
+//! Colours that colour-blind readers can distinguish.
 
-/// M. Okabe and K. Ito's palette (2008) without black and yellow, which white paper or the dark swallow.
+/// The palette of M. Okabe and K. Ito (2008) without black and yellow, which would be hard to see on a dark
+/// or a white background.
 pub const SERIES: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
 /// Text on paper.
 pub const INK: &str = "#1c2530";
 /// Lines behind the marks.
 pub const GRID: &str = "#dde3ea";
-/// Text and lines of lesser weight.
+/// Less important text and lines.
 pub const FAINT: &str = "#5c6b7a";

@@ -1,4 +1,4 @@
-//! A plot as PNG, with a font of its own so that it looks the same everywhere.
+//! Plots as PNG, with a built-in font so that they look the same everywhere.
 
 use crate::error::{Error, Result};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -9,10 +9,10 @@ use std::sync::Arc;
 /// DejaVu Sans (Bitstream Vera licence), Latin and Greek only.
 const FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 const FAMILY: &str = "DejaVu Sans";
-/// Pixels of the PNG for one of the drawing.
+/// Pixels of the PNG per unit of the drawing.
 const SCALE: f32 = 2.0;
 
-/// Draws SVG as PNG, twice as large for sharp print.
+/// Draws SVG as PNG, at twice its size for sharp print.
 pub fn png(svg: &str) -> Result<Vec<u8>> {
     let fail = |error: &dyn std::fmt::Display| Error::fault(format!("a plot could not be drawn: {error}"));
     let mut options = usvg::Options { font_family: FAMILY.to_owned(), ..usvg::Options::default() };
@@ -26,7 +26,7 @@ pub fn png(svg: &str) -> Result<Vec<u8>> {
     resvg::render(&tree, tiny_skia::Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
     let (width, height) = (size.width(), size.height());
     let mut bytes = Vec::new();
-    // Fast settings: a sweep has hundreds of plots.
+    // Fast settings, since a sweep has hundreds of plots.
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
     encoder
         .write_image(&pixels.take_demultiplied(), width, height, ExtendedColorType::Rgba8)

@@ -1,6 +1,6 @@
-//! Scales of axes: from values to places, and the ticks between.
+//! The scales of axes: convert values to positions, and choose ticks.
 
-/// How an axis counts.
+/// The kind of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Equal steps are equal differences; the axis begins at 0 unless values are below.
@@ -18,7 +18,8 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// A scale that holds every one of `values` with a little room. Values that a logarithm cannot show are left out.
+    /// Makes a scale that contains all `values` with some margin. Values that a logarithmic scale cannot show
+    /// are left out.
     pub fn over(kind: Kind, values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
         let (low, high) = shown
@@ -30,7 +31,7 @@ impl Scale {
                 [if low < 0.0 { low - room } else { 0.0 }, high + room]
             }
             Kind::Log => {
-                // Less than a factor of two apart would show noise as if it were a difference.
+                // With a range below a factor of two, noise would look like a difference.
                 let room = (high / low).powf(0.05).max((2.0 / (high / low)).sqrt());
                 [low / room, high * room]
             }
@@ -38,12 +39,12 @@ impl Scale {
         Self { kind, values, places }
     }
 
-    /// A scale with these ends.
+    /// Makes a scale with these ends.
     pub fn between(kind: Kind, values: [f64; 2], places: [f64; 2]) -> Self {
         Self { kind, values, places }
     }
 
-    /// Where a value stands, or nothing where the scale cannot show it.
+    /// Returns the position of a value; `None` if the scale cannot show it.
     pub fn place(&self, value: f64) -> Option<f64> {
         let along = match self.kind {
             Kind::Linear => (value - self.values[0]) / (self.values[1] - self.values[0]),
@@ -53,12 +54,12 @@ impl Scale {
         place.is_finite().then_some(place)
     }
 
-    /// The ends in values.
+    /// Returns the values at the ends.
     pub fn ends(&self) -> [f64; 2] {
         self.values
     }
 
-    /// Round values to label, in order.
+    /// Returns round values for labels, in order.
     pub fn ticks(&self) -> Vec<f64> {
         match self.kind {
             Kind::Linear => linear_ticks(self.values),
@@ -67,7 +68,7 @@ impl Scale {
     }
 }
 
-/// Multiples of 1, 2 or 5 times a power of ten, four to eight of them.
+/// Returns four to eight multiples of 1, 2 or 5 times a power of ten.
 fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let rough = (high - low) / 5.0;
     let power = 10f64.powf(rough.log10().floor());
@@ -78,7 +79,8 @@ fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
 }
 
-/// Powers of ten, with 2 and 5 between them where the range is short, or every few powers where it is long.
+/// Returns powers of ten, with 2 and 5 between them for short ranges, or only every few powers for long
+/// ranges.
 fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (high / low).log10();
@@ -95,7 +97,7 @@ fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
         .collect()
 }
 
-/// A tick's label: no more digits than it needs.
+/// Returns a tick's label, with as few digits as possible.
 pub fn label(value: f64) -> String {
     let rounded = format!("{value:.6}");
     let short =

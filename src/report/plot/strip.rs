@@ -13,9 +13,9 @@ pub struct Row {
     pub name: String,
     /// The median as text.
     pub value: String,
-    /// Every sample in the order taken, as percent above or below the median.
+    /// Every sample in the order taken, as a percentage above or below the median.
     pub deviations: Vec<f64>,
-    /// The 95% interval of the median, likewise; none of too few samples.
+    /// The 95% interval of the median, likewise; `None` with too few samples.
     pub interval: Option<[f64; 2]>,
     /// First and third quartile, likewise.
     pub quartiles: Option<[f64; 2]>,
@@ -32,30 +32,30 @@ pub struct Strip {
     pub rows: Vec<Row>,
 }
 
-/// Where the parts of a strip plot stand.
+/// The layout of a strip plot.
 #[derive(Clone, Copy)]
 struct Form {
     layout: Layout,
-    /// A row's height.
+    /// Height of a row.
     row: f64,
-    /// The space for a name above its dots.
+    /// Space for a name above its dots.
     head: f64,
 }
 
-/// Names stand on the left.
+/// Names are on the left.
 const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
-/// Names stand above.
+/// Names are above.
 const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
-/// No row has more dots; where there are more samples, every second, third, ... is shown.
+/// The largest number of dots in a row. With more samples, only every second, third, ... is shown.
 const DOTS: usize = 120;
 
 impl Strip {
-    /// The plot as SVG.
+    /// Returns the plot as SVG.
     pub fn svg(&self) -> String {
         self.drawn(BESIDE)
     }
 
-    /// The plot as SVG for a phone.
+    /// Returns the plot as SVG for a phone.
     pub fn narrow_svg(&self) -> String {
         self.drawn(ABOVE)
     }
@@ -89,7 +89,8 @@ impl Strip {
         svg.finish([right + margin, end], &self.title, label)
     }
 
-    /// How far the axis reaches to both sides: past nearly all samples, but an outlier does not flatten the rest.
+    /// Returns the range of the axis on both sides. It contains nearly all samples; outliers are ignored, so
+    /// that they do not compress the rest.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();
@@ -133,7 +134,7 @@ fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), 
     let last = row.deviations.len().saturating_sub(1).max(1) as f64;
     let dots = row.deviations.iter().enumerate().step_by(every).map(|(place, deviation)| {
         let y = top + 7.0 + (height - 14.0) * place as f64 / last;
-        // A line of no length with round ends is a dot, and one path holds them all.
+        // A line of zero length with round ends is a dot, and one path contains all of them.
         format!("M{} {}h0", number(x(*deviation)), number(y))
     });
     svg.element(

@@ -1,8 +1,8 @@
-//! SVG written element by element; whatever is put in is escaped.
+//! Writes SVG element by element; all text is escaped.
 
 use std::fmt::{Display, Write};
 
-/// Text made harmless in SVG, XML and HTML, in elements and in quoted attributes.
+/// Escapes text for SVG, XML and HTML, in elements and in quoted attributes.
 pub fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
@@ -13,7 +13,7 @@ pub fn escape(text: &str) -> String {
             '"' => safe.push_str("&quot;"),
             '\'' => safe.push_str("&#39;"),
             '\n' => safe.push_str("&#10;"),
-            // XML has no way to write other control characters, escaped or not.
+            // XML cannot represent other control characters, even when escaped.
             control if control.is_control() => safe.push(' '),
             other => safe.push(other),
         }
@@ -21,22 +21,22 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// A number as SVG wants it: two decimals are a fiftieth of a pixel.
+/// Formats a number with two decimals, since that is a fiftieth of a pixel.
 pub fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// From a line of text to the next, in pixels.
+/// Height of a line of text in pixels.
 pub const LINE: f64 = 16.0;
 
-/// A drawing that grows.
+/// A drawing that is being made.
 #[derive(Clone, Debug, Default)]
 pub struct Svg {
     body: String,
 }
 
-/// Which end of a text stands at its place.
+/// Which part of a text is at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// The left.
@@ -58,7 +58,7 @@ impl Anchor {
 }
 
 impl Svg {
-    /// An element with nothing in it.
+    /// Writes an empty element.
     pub fn element(&mut self, name: &str, attributes: &[(&str, &dyn Display)]) {
         self.tag(name, attributes);
         self.body.push_str("/>");
@@ -83,7 +83,7 @@ impl Svg {
         }
     }
 
-    /// A straight line of a class, in the colour it has where no style sheet says otherwise.
+    /// Draws a straight line. The colour applies if no style sheet sets one for the class.
     pub fn line(&mut self, class: &str, colour: &str, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
         let (x1, y1, x2, y2) = (number(x1), number(y1), number(x2), number(y2));
         self.element(
@@ -92,12 +92,12 @@ impl Svg {
         );
     }
 
-    /// A line of text.
+    /// Writes a line of text.
     pub fn text(&mut self, class: &str, [x, y]: [f64; 2], anchor: Anchor, text: &str) {
         self.text_in(class, super::palette::INK, [x, y], anchor, text);
     }
 
-    /// A line of text in a colour.
+    /// Writes a line of text in a colour.
     pub fn text_in(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], anchor: Anchor, text: &str) {
         let size = if class.contains("small") { 11 } else { 12 };
         self.open(
@@ -115,14 +115,14 @@ impl Svg {
         self.close("text");
     }
 
-    /// Lines of text, one below the other.
+    /// Writes several lines of text.
     pub fn lines(&mut self, class: &str, [x, y]: [f64; 2], anchor: Anchor, lines: &[String]) {
         for (place, line) in (0..).zip(lines) {
             self.text(class, [x, y + LINE * f64::from(place)], anchor, line);
         }
     }
 
-    /// A text that reads upwards, its middle at the place.
+    /// Writes a text from bottom to top, centred at the position.
     pub fn upright_text(&mut self, class: &str, [x, y]: [f64; 2], text: &str) {
         let turn = format!("translate({} {}) rotate(-90)", number(x), number(y));
         self.open("g", &[("transform", &turn)]);
@@ -130,7 +130,7 @@ impl Svg {
         self.close("g");
     }
 
-    /// A text that climbs to a place where it ends.
+    /// Writes a slanted text that ends at the position.
     pub fn slanted_text(&mut self, class: &str, colour: &str, [x, y]: [f64; 2], text: &str) {
         let turn = format!("translate({} {}) rotate(-35)", number(x), number(y));
         self.open("g", &[("transform", &turn)]);
@@ -138,7 +138,7 @@ impl Svg {
         self.close("g");
     }
 
-    /// The drawing as a document of its own, which a page may also hold.
+    /// Returns the drawing as a document, which a page can also embed.
     pub fn finish(self, [width, height]: [f64; 2], name: &str, about: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" \

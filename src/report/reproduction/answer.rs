@@ -1,4 +1,5 @@
-//! The answer first: the best memory strategy, the best local size, why, and how sure, in four lines.
+//! The answer at the top of the page, in four lines: the best memory strategy, the best local size, why, and
+//! how certain that is.
 
 use crate::measure::Ranking;
 use crate::memory::readable;
@@ -10,7 +11,7 @@ use crate::report::view;
 use crate::report::words::Looks;
 use crate::strategy::PRESETS;
 
-/// The paper's kernel with its vectors and triangles in one memory or another.
+/// The paper's kernel with its vectors and triangles in different memories.
 const MEMORY: [&str; 7] = [
     "naive",
     "naive-scratch",
@@ -20,25 +21,25 @@ const MEMORY: [&str; 7] = [
     "compounded",
     "constant-triangles",
 ];
-/// The bytes that a test reads of its ray: origin and direction, three floats each.
+/// Bytes of a ray that a test reads: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 
 /// The four lines, and the plots that show them.
 #[derive(Default)]
 pub struct Answer {
-    /// Where working data is best kept.
+    /// The memory in which working data is fastest.
     pub strategy: String,
-    /// Which local size is best.
+    /// The best local size.
     pub size: String,
     /// The reason, from the records.
     pub why: String,
-    /// How sure that is.
+    /// How certain that is.
     pub sure: String,
-    /// Time against local size, a plot a scene.
+    /// Time over local size, one plot per scene.
     pub plots: Vec<Plot>,
 }
 
-/// The kernels of one scene that differ in their memories only.
+/// The kernels of one scene that differ only in their memories.
 struct Contest<'a> {
     group: &'a Group<'a>,
     ranking: Ranking<&'a Record>,
@@ -67,7 +68,8 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// What a device's records say, of the run that tried most memories; each line says so where nothing is known.
+/// Returns the answer for a device, from the run that has most memories. Each line says so if nothing is
+/// known.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     let kinds = |run: &&Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -98,15 +100,15 @@ fn unknown() -> Answer {
     Answer { strategy: line(), size: line(), why: line(), sure: line(), plots: Vec::new() }
 }
 
-/// "on teapot ...; on still-life ...".
+/// Formats as "on teapot ...; on still-life ...".
 fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> String {
     let lines = contests.iter().map(|contest| format!("on {} {}", contest.group.scene, say(contest)));
     lines.collect::<Vec<_>>().join("; ")
 }
 
-const NO_WINNER: &str = "no winner, for want of samples";
+const NO_WINNER: &str = "no winner (too few samples)";
 
-/// Different names of some records, in their order.
+/// Returns the different names of some records, in their order.
 fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in records {
@@ -117,7 +119,7 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     names
 }
 
-/// "private (vectors private, triangles global): 1.887 ms"; or those that tie.
+/// Returns "private (vectors private, triangles global): 1.887 ms", or the names of those that tie.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
@@ -127,7 +129,7 @@ fn strategy(contest: &Contest<'_>) -> String {
     }
 }
 
-/// Where a preset keeps its vectors and its triangles.
+/// Describes in which memories a preset keeps its vectors and its triangles.
 fn homes(name: &str) -> String {
     let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else { return String::new() };
     let axis = |wanted: &str| {
@@ -136,13 +138,13 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// "8 x 8", or how many tie; and of the naive kernel alone.
+/// Returns "8 x 8", or how many sizes tie; also for the naive kernel alone.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
         contest.group.records.iter().copied().filter(|record| record.preset.as_deref() == Some("naive"));
     let naive = sizes(&ranking(naive).winners);
-    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (of naive alone {naive})") }
+    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (naive only: {naive})") }
 }
 
 fn sizes(records: &[&Record]) -> String {
@@ -157,7 +159,8 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// What the best moves less than naive, and what the compiler made of both; of the scene with most triangles.
+/// Explains the result by the memory traffic that the best kernel avoids and by the compiler's output for
+/// both, for the scene with most triangles.
 fn why(contests: &[Contest<'_>]) -> String {
     let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
         return NO_WINNER.to_owned();
@@ -169,7 +172,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray of each test from global memory ({moved} per frame on {} for primary rays alone, by arithmetic), {} from {}; {}",
+        "naive reads the ray from global memory at each test (by arithmetic {moved} per frame on {} for primary rays alone), {} from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),
@@ -187,7 +190,7 @@ fn place_of_vectors(record: &Record) -> &'static str {
     }
 }
 
-/// The known facts of a record: name and value.
+/// Returns the known properties of a record: name and value.
 fn facts(record: &Record) -> Vec<(&'static str, String)> {
     let kernel = record.main_kernel();
     let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());
@@ -203,17 +206,17 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// "62 against 67 registers, ..."; what is known of both.
+/// Compares the properties known for both: "62 against 67 registers, ...".
 fn against(best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(name, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == name)?;
         Some(format!("{value} against {other} {name}"))
     };
     let pairs: Vec<String> = best.iter().filter_map(pair).collect();
-    if pairs.is_empty() { "the compiler tells no registers".to_owned() } else { pairs.join(", ") }
+    if pairs.is_empty() { "the compiler does not report registers".to_owned() } else { pairs.join(", ") }
 }
 
-/// How many times as long naive takes, and who ties.
+/// Returns the ratio of naive's time to the best, and which points tie.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
@@ -225,7 +228,7 @@ fn sure(contest: &Contest<'_>) -> String {
     };
     let few = match contest.ranking.unranked.len() {
         0 => String::new(),
-        few => format!(", {few} have not enough samples"),
+        few => format!(", {few} have too few samples"),
     };
     format!("{ratio}{tie}{few}")
 }
@@ -255,9 +258,10 @@ mod tests {
             "{}",
             found.strategy
         );
-        assert_eq!(found.size, "on teapot 8 x 8 (of naive alone 4 x 4)");
+        assert_eq!(found.size, "on teapot 8 x 8 (naive only: 4 x 4)");
         assert!(
-            found.why.contains("from global memory (9.8 GB") && found.why.contains("no registers"),
+            found.why.contains("from global memory (9.8 GB")
+                && found.why.contains("does not report registers"),
             "{}",
             found.why
         );

@@ -1,4 +1,4 @@
-//! The paper's curves over block sizes, Figures 6 to 8, beside ours.
+//! The paper's curves over block sizes (Figures 6 to 8), with ours.
 
 use crate::record::{Group, Record, duration, interval, median, not_enough, ratio};
 use crate::report::claims::Run;
@@ -9,7 +9,7 @@ use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 use crate::report::words::{times, tip};
 
-/// One of the paper's curves beside ours.
+/// One of the paper's curves, with ours.
 struct Curve<'a> {
     name: &'static str,
     number: usize,
@@ -33,8 +33,9 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-/// The paper's figure of this number twice: as shapes and in milliseconds, and its values; of the run that has most of it, for a
-/// curve is not put together of several. None where nothing of it was measured.
+/// Returns two plots of the paper's figure with this number, as shapes and in milliseconds, and its values.
+/// They are taken from the single run that has most of it, since a curve must not be combined from several
+/// runs. `None` if no part of it was measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],
@@ -59,7 +60,7 @@ pub(super) fn curves_of(
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
 
-/// The curves over block sizes: in milliseconds, or each over its least value.
+/// Draws the curves over block sizes: in milliseconds, or each divided by its least value.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
         .iter()
@@ -96,7 +97,7 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
         if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
     };
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
-    // A shape is made of ratios, which few samples have no part in.
+    // A shape consists of ratios, for which few samples are not enough.
     let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
     let fastest =
         ours().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
@@ -124,7 +125,7 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
     all.into_iter().filter(|one| !one.marks.is_empty()).collect()
 }
 
-/// Curve, block, published, ours, ours over published.
+/// Returns rows of curve, block, published time, our time, and ours divided by the published one.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

@@ -1,4 +1,4 @@
-//! The paper's figures, each beside ours, with the known differences.
+//! The paper's figures, each with ours and the known differences.
 
 use super::curves::curves_of;
 use super::predicted::predicted;
@@ -19,9 +19,9 @@ pub struct Described {
     pub number: u32,
     /// Its title.
     pub title: String,
-    /// Scenes whose picture is shown.
+    /// Scenes whose pictures are shown.
     pub pictures: Vec<String>,
-    /// The known differences from the paper's.
+    /// The known differences between the paper's figure and ours.
     pub differs: String,
 }
 
@@ -31,28 +31,28 @@ struct File {
     figure: Vec<Described>,
 }
 
-/// A figure as the page shows it.
+/// A figure for the page.
 pub struct Figure {
     /// Its number, title and known differences.
     pub about: Described,
-    /// Our pictures of it.
+    /// Our pictures for it.
     pub pictures: Vec<Picture>,
-    /// Our plots of it.
+    /// Our plots for it.
     pub plots: Vec<Plot>,
-    /// Curve, block, published, ours, ours over published.
+    /// Rows of curve, block, published time, our time, and ours divided by the published one.
     pub rows: Vec<[String; 5]>,
-    /// The command that would measure it, if no record does.
+    /// The command that would measure it, if there is no record.
     pub missing: String,
 }
 
-/// Every figure.
+/// Returns every figure.
 pub fn described() -> Result<Vec<Described>> {
     let file: File = toml::from_str(TABLE)
         .map_err(|error| toml_error("figures.toml", TABLE, &error, "its head has every key"))?;
     Ok(file.figure)
 }
 
-/// A figure on a device; `suffix` makes the names of its plots its own among devices.
+/// Returns a figure for a device. `suffix` makes the names of its plots unique among devices.
 pub fn figure(
     about: Described,
     runs: &[Run<'_>],
@@ -74,7 +74,7 @@ pub fn figure(
     Figure { about, pictures: shown, plots, rows, missing }
 }
 
-/// The picture that a device cast of a scene: of the run that has it largest.
+/// Returns a device's picture of a scene, from the run with the largest picture.
 fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures<'_>) -> Option<Picture> {
     let groups = runs.iter().flat_map(|run| &run.groups);
     let own = groups.filter(|group| group.scene == scene && group.device == device);

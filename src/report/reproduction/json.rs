@@ -1,4 +1,4 @@
-//! The reproduction for programs: the page's content without plots.
+//! The reproduction as JSON for programs: the page's content without plots.
 
 use super::{Device, Reproduction};
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use crate::report::claims::Claim;
 use serde_json::{Value, json};
 
 impl Reproduction {
-    /// Each device's answer and claims; `docs/format.md` documents every field.
+    /// Returns each device's answer and claims; `docs/format.md` documents every field.
     pub fn json(&self) -> Result<String> {
         let devices: Vec<Value> = self.devices.iter().map(device).collect();
         let text = serde_json::to_string_pretty(&json!({ "devices": devices }));

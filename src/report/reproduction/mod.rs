@@ -1,4 +1,5 @@
-//! The paper beside the measurement: the answer, its figures redrawn, its claims tested, its contradictions said.
+//! The reproduction of the paper: the answer, the paper's figures with ours, its claims and their verdicts,
+//! and its contradictions.
 
 mod answer;
 mod curves;
@@ -28,7 +29,7 @@ pub struct Reproduction {
     devices: Vec<Device>,
     notes: Vec<String>,
     commands: Vec<String>,
-    /// Names of the folders that have reports of their own, which lie beside the page.
+    /// Names of folders with their own reports, which are next to the page.
     reports: Vec<String>,
 }
 
@@ -50,7 +51,8 @@ struct Paper {
 }
 
 impl Reproduction {
-    /// The page of these folders: the more of the paper's configs they hold, the more claims can be tested.
+    /// Makes the page for these folders. The more of the paper's configs they contain, the more claims can be
+    /// tested.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let records: Vec<_> = folders.iter().map(|folder| merged(std::slice::from_ref(folder))).collect();
@@ -83,13 +85,13 @@ impl Reproduction {
         })
     }
 
-    /// The page as HTML.
+    /// Returns the page as HTML.
     pub fn html(&self) -> Result<String> {
         self.render()
             .map_err(|error| Error::fault(format!("the reproduction page could not be written: {error}")))
     }
 
-    /// Every plot on it.
+    /// Returns every plot of the page.
     pub fn plots(&self) -> Vec<&Plot> {
         self.devices
             .iter()
@@ -101,7 +103,7 @@ impl Reproduction {
     }
 }
 
-/// The commands that made the folders, each once.
+/// Returns the commands that made the folders, each once.
 fn commands(folders: &[Folder]) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     for command in folders.iter().map(|folder| super::environment::view(folder).command) {

@@ -1,4 +1,4 @@
-//! The paper's Figure 5: how many threads a multiprocessor is predicted to hold at each block size.
+//! The paper's Figure 5: the predicted number of threads on a multiprocessor, by block size.
 
 use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
 use crate::record::Record;
@@ -10,15 +10,15 @@ use crate::report::plot::scale::Kind;
 
 /// The paper's table: block, threads per multiprocessor.
 const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
-/// The blocks that it speaks of.
+/// The block sizes in the paper.
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
-/// Its registers per thread.
+/// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// Its device.
+/// The compute capability of the paper's device.
 const PAPER: &str = "2.0";
 
-/// The published row, what its own registers make of it, and what the naive kernel's registers make of it on this device where
-/// they are known.
+/// Returns Figure 5: the published values, the prediction from the paper's registers, and the prediction from
+/// the naive kernel's registers on this device, if known.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
@@ -39,9 +39,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
         diagonal: false,
         series,
     };
-    let caption = "Dashed: the paper's table, by blocks and threads alone. Compute capability 2.0 with the paper's 63 registers a \
-                   thread holds 512 at most, and cannot launch 32x32. On a device that tells its kernels' registers, the naive \
-                   kernel's own prediction stands beside.";
+    let caption = "Dashed: the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, compute capability 2.0 holds at most 512 threads and cannot launch 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
     Plot::of(format!("figure-5{suffix}"), caption, &chart)
 }
 
@@ -60,7 +58,7 @@ fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
     mark(block, found.threads, &format!("limited by {}", found.limiter))
 }
 
-/// The occupancy predicted for the naive kernel, from the registers that its compiler reported.
+/// Returns the predicted occupancy of the naive kernel, from the registers that its compiler reported.
 fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let records: Vec<&Record> = groups.flat_map(|group| group.records.iter().copied()).collect();

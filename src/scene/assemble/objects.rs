@@ -1,4 +1,5 @@
-//! One `[[object]]`: a file, a shape or triangles of its own, placed and painted.
+//! Builds one `[[object]]`: a mesh file, a generated shape or inline triangles, with its transform and
+//! material.
 
 use crate::error::{Error, Result, line_of, nearest, nearest_file};
 use crate::filetype::{MeshFormat, Opened, Wanted};
@@ -17,7 +18,8 @@ use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
-/// The object's triangles in the scene's space; `crease` is the angle of meshes that have none of their own.
+/// Returns the object's triangles in the coordinates of the scene. `crease` is the default angle for meshes
+/// without normals.
 pub(super) fn build(
     document: &Document,
     object: &Spanned<ObjectWire>,
@@ -54,7 +56,7 @@ pub(super) fn build(
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    // A bare mesh stays around its own middle.
+    // A bare mesh stays at its own centre.
     let origin = if document.bare { DVec3::ZERO } else { file.origin };
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
@@ -63,8 +65,8 @@ pub(super) fn build(
     Ok(file)
 }
 
-/// The material with what the file says in place of its own. One of k_g and
-/// shininess makes a highlight; the other is then the paper's.
+/// Returns the material, with the file's values replacing those of `base`. Either k_g or shininess alone
+/// makes a highlight; the other then has the paper's value.
 fn paint(base: &Material, wire: &MaterialWire) -> Material {
     let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
     if wire.k_g.is_none() && wire.shininess.is_none() {
@@ -95,7 +97,7 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // A bare mesh was named on the command line.
+    // A bare mesh was named on the command line, so it may be quoted.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
@@ -103,7 +105,7 @@ fn read_file(
         read.notes.push("its cameras and lights are not used: those of the scene are".to_owned());
     }
     for note in read.notes.drain(..).map(|note| format!("{}: {note}", path.display())) {
-        // Notes of a mesh that several objects share appear once.
+        // Notes on a mesh that several objects use appear once.
         if !notes.contains(&note) {
             notes.push(note);
         }
@@ -111,14 +113,14 @@ fn read_file(
     Ok(read)
 }
 
-/// Refuses a file that is no mesh, naming the line that asks for it in the fewest words.
+/// Refuses a file that is not a mesh, with a short message and the line that names the file.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let line = line_of(&document.text, file.span().start);
     let name = format!("{}:{line}: {}", document.name, path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
 }
 
-/// Refuses keys that belong to another kind of object: they would do nothing.
+/// Refuses keys that belong to another kind of object and would have no effect.
 fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     let spans = |keys: [(&'static str, Option<Range<usize>>); 3]| {
         keys.into_iter().find_map(|(key, span)| span.map(|span| (key, span)))
@@ -149,7 +151,7 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     }
 }
 
-/// The shape of a name with its parameters.
+/// Returns the shape with this name and its parameters.
 fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
     let Some(mut shape) = Shape::from_name(name.get_ref()) else {
         let meant = nearest(name.get_ref(), Shape::NAMES);
@@ -167,8 +169,8 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Refuses a shape whose mesh the host cannot hold: half as many vertices as triangles, and half of all once more
-/// while the rest of the scene is joined to it.
+/// Refuses a shape whose mesh does not fit into the host's memory. There are half as many vertices as
+/// triangles, and half of everything is needed again while the rest of the scene is joined to it.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;
@@ -179,7 +181,7 @@ fn room_for(shape: &Shape) -> Result<()> {
 /// Faces as lists of vertex numbers from 0, optionally with lists of normal numbers.
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
-/// Triangles given in the file itself.
+/// Returns inline triangles.
 fn inline(
     document: &Document,
     wire: &ObjectWire,
@@ -192,7 +194,7 @@ fn inline(
     let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
     mesh.positions = vectors(vertices.get_ref());
     mesh.normals = wire.normals.as_ref().map(|list| vectors(list.get_ref())).unwrap_or_default();
-    // Normals without lists of their own go with the vertices.
+    // Without separate lists, normals belong to the vertices.
     let face_normals = wire.face_normals.as_ref().or(wire.normals.as_ref().map(|_| faces));
     check_indices(document, faces, mesh.positions.len(), "vertex")?;
     if let Some(face_normals) = face_normals {

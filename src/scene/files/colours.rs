@@ -1,28 +1,30 @@
-//! Colours of vertices. A triangle has one material, so it gets the mean of its corners' colours.
+//! Vertex colours. A triangle has one material, so it gets the mean of its corners' colours.
 
 use crate::scene::Mesh;
 use crate::scene::material::Material;
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Steps of a colour's channel, as in most files.
+/// Number of steps of a colour's channel, as in most files.
 const FINE: f32 = 255.0;
-/// Where a mesh has more colours than 16-bit indices can name: these make no more than 32,768.
+/// Number of steps for a mesh that has more colours than 16-bit indices can address; they give at most 32,768
+/// colours.
 const COARSE: f32 = 31.0;
-/// Materials that 16-bit indices can name.
+/// Number of materials that 16-bit indices can address.
 const MOST: usize = 1 << 16;
 
-/// The linear value of a channel as displays have it (sRGB, IEC 61966-2-1).
+/// Converts a displayed channel (sRGB, IEC 61966-2-1) to linear light.
 pub(in crate::scene) fn linear(displayed: f32) -> f32 {
     if displayed <= 0.04045 { displayed / 12.92 } else { ((displayed + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The inverse of [`linear`].
+/// Converts linear light to a displayed channel.
 fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Gives each triangle a material: its corners' mean colour times its material's. `colours` are linear, per position.
+/// Gives each triangle a material: the mean colour of its corners, multiplied by its material's. `colours`
+/// are linear, one per position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     for steps in [FINE, COARSE] {
         let (materials, numbers) = painted(mesh, colours, steps);
@@ -34,7 +36,7 @@ pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     }
 }
 
-/// The materials of all triangles, and each triangle's number among them.
+/// Returns the materials of all triangles, and each triangle's material number.
 fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32>) {
     let (mut materials, mut known) = (Vec::new(), HashMap::new());
     let mut number = |key: (u32, [u32; 3])| {
@@ -57,10 +59,10 @@ fn painted(mesh: &Mesh, colours: &[Vec3], steps: f32) -> (Vec<Material>, Vec<u32
     (materials, numbers)
 }
 
-/// The note on them for the user.
+/// Returns a note about vertex colours for the user.
 pub(in crate::scene) fn note(count: usize) -> String {
     format!(
-        "colours of {} are one per triangle, the mean of its corners",
+        "colours of {}: each triangle has one colour, the mean of its corners",
         crate::words::counted(count, "vertex")
     )
 }

@@ -1,41 +1,41 @@
-//! Lights of a file, in the units of its own.
+//! The lights of a mesh file, in the file's units.
 
 use crate::scene::Light;
 use glam::{DVec3, Vec3};
 
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
-/// For the mean brightness a light is no nearer to the centre than this part of the radius.
+/// For the mean brightness, a light counts as at least this fraction of the radius away from the centre.
 const NEAREST_RADII: f64 = 0.25;
 
-/// Where a file's light comes from.
+/// Where the light comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Source {
     Point(DVec3),
-    /// It shines along this direction, of unit length.
+    /// From infinity, along this direction of length 1.
     Direction(DVec3),
 }
 
-/// A light as its file has it: only the ratios between the lights of one file mean something here.
+/// A light of a file. Only the ratios between the lights of one file are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct FileLight {
     source: Source,
-    /// The intensity of a point light, or the irradiance of a directional one.
+    /// The intensity of a point light, or the irradiance of a directional light.
     strength: DVec3,
 }
 
 impl FileLight {
-    /// One that shines from a point with an intensity.
+    /// Makes a point light.
     pub(super) fn point(position: DVec3, intensity: DVec3) -> Self {
         Self { source: Source::Point(position), strength: intensity }
     }
 
-    /// One that shines along a direction with an irradiance.
+    /// Makes a directional light.
     pub(super) fn direction(direction: DVec3, irradiance: DVec3) -> Self {
         Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
     }
 
-    /// The same with another origin of the coordinates.
+    /// Returns the light with a different origin of coordinates.
     pub(super) fn relative_to(self, origin: DVec3) -> Self {
         match self.source {
             Source::Point(position) => Self { source: Source::Point(position - origin), ..self },
@@ -43,7 +43,7 @@ impl FileLight {
         }
     }
 
-    /// Its position, and its power without a factor that all lights share.
+    /// Returns its position, and its power up to a factor that all lights share.
     fn placed(&self, centre: DVec3, radius: f64) -> (DVec3, DVec3) {
         match self.source {
             Source::Point(position) => (position, self.strength),
@@ -55,7 +55,8 @@ impl FileLight {
     }
 }
 
-/// Lights that together light the centre of a ball as brightly as one of `power` at `distance` would.
+/// Returns lights that together illuminate the centre of a ball as brightly as one light of `power` at
+/// `distance`.
 pub(in crate::scene) fn of_file(
     lights: &[FileLight],
     (centre, radius): (DVec3, f64),

@@ -1,4 +1,4 @@
-//! Meshes that people have, from files: OBJ, PLY, STL and glTF, told apart by what they hold.
+//! Reads mesh files: OBJ, PLY, STL and glTF, recognised by their contents.
 
 mod colours;
 mod gltf;
@@ -22,28 +22,30 @@ pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::origin_of;
 pub(in crate::scene) use pictures::Pictures;
 
-/// A mesh's bytes, its points and its triangles, the last two twice for a moment, take about this many times the file's
-/// length (measured of OBJ: 3.2 for dragons of 202,520 and 810,080 triangles, 2026-11-20).
+/// Memory needed to read a mesh, as a multiple of the file's size. It contains the bytes, the points and the
+/// triangles, the last two twice for a short time. (Measured for OBJ: 3.2 with dragons of 202,520 and 810,080
+/// triangles, 2026-11-20.)
 const READING_FACTOR: u64 = 4;
 
-/// What a file of meshes held, and what in it was passed over.
+/// The contents of a mesh file, with notes on what was ignored.
 #[derive(Default)]
 pub(in crate::scene) struct MeshFile {
-    /// Triangles; those without normals have [`MISSING`](super::normals::MISSING) ones.
+    /// The mesh; normals that are missing have the number [`MISSING`](super::normals::MISSING).
     pub mesh: Mesh,
-    /// What was taken off every position in double precision; zero unless the mesh lies far from the file's origin.
+    /// The vector that was subtracted from every position, in double precision; zero unless the mesh lies far
+    /// from the file's origin.
     pub origin: DVec3,
-    /// The first triangles of what follows its first part, where a file has parts that stand for themselves.
+    /// The first triangle of each part after the first, if the file has separate parts.
     pub more_starts: Vec<u32>,
     /// The first camera of the file, relative to the origin.
     pub camera: Option<Camera>,
     /// The file's lights, relative to the origin.
     pub lights: Vec<FileLight>,
-    /// Sentences for the user.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// The format of an open file: by what it holds, or, where that does not tell, by its ending.
+/// Returns the format of an open file, from its contents or else from its extension.
 pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshFormat> {
     match opened.filetype {
         FileType::Mesh(format) => Some(format),
@@ -52,7 +54,7 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
     }
 }
 
-/// Reads meshes and the files they name: those in their folder, or any where that is permitted.
+/// Reads a mesh and the files that it names. These must be in its folder, unless others are permitted.
 pub(in crate::scene) fn read(
     path: &Path,
     opened: Opened,
@@ -81,15 +83,15 @@ pub(in crate::scene) fn read(
     Ok(file)
 }
 
-/// Removes a file's text from mistakes and notes, if raycl may not show it.
+/// Removes quotations of the file from errors and notes, if raycl may not show its text.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { notes: Vec::new(), ..file };
-    let outside = "its text is not shown, as it lies outside of the folder of the file that names it";
+    let outside = "its text is not shown, since it lies outside of the folder of the file that names it";
     let mistake = || Error::input(format!("{name}: damaged, or not {}", format.name())).with_help(outside);
     file.map(told).map_err(|_| mistake())
 }
 
-/// A mistake in a mesh that has no line.
+/// Returns the error for a mistake in a mesh that has no line.
 fn mistake(name: &str, what: impl std::fmt::Display) -> Error {
     Error::input(format!("{name}: {what}"))
         .with_help("the file may be cut off or damaged; export it again, or convert it to OBJ")

@@ -1,24 +1,26 @@
-//! Meshes far from the origin, such as maps: single precision would tell too few of their points apart.
+//! Moves meshes that are far from the origin, such as maps, since single precision could not distinguish many
+//! of their points.
 
 use super::mistake;
 use crate::error::Result;
 use crate::scene::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
-/// A mesh lies far from the origin where its centre is this many of its radii away: f32 has then lost four of its 24 bits.
+/// A mesh counts as far from the origin if its centre is this many radii away; f32 has then lost four of its
+/// 24 bits.
 const FAR_RADII: f64 = 16.0;
 
-/// What to take off the positions of a mesh within these bounds, so that single precision holds them: its centre in whole
-/// numbers where it is far, else nothing.
+/// Returns the vector to be subtracted from the positions of a mesh with these bounds: its centre in whole
+/// numbers if it is far away, else zero.
 pub(in crate::scene) fn origin_of(low: DVec3, high: DVec3) -> DVec3 {
     let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
     let far = centre.is_finite() && centre.length() > FAR_RADII * radius;
-    // A small mesh has no whole number near it.
+    // A small mesh may not contain a point with whole coordinates.
     let rounded = if radius > 1.0 { centre.round() } else { centre };
     if far { rounded } else { DVec3::ZERO }
 }
 
-/// Positions in single precision, and what was taken off them.
+/// Returns positions in single precision, and the vector that was subtracted from them.
 pub(super) fn settle(name: &str, positions: &[DVec3]) -> Result<(Vec<Vec3>, DVec3)> {
     let most = f64::from(MAX_COORDINATE);
     let odd = positions.iter().position(|p| !(p.is_finite() && p.abs().max_element() <= most));

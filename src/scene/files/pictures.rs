@@ -1,4 +1,4 @@
-//! Textures of meshes, from pictures in files.
+//! Reads textures from picture files.
 
 use crate::memory::Available;
 use crate::reader::{self, Kind};
@@ -10,22 +10,22 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Texels across or down that a picture may have.
+/// Largest width and height of a texture in texels.
 const MOST_ACROSS: u32 = 1 << 14;
-/// Texels that all pictures of a mesh may have: 1 GiB.
+/// Largest number of texels of all textures of a mesh: 1 GiB.
 const MOST_TEXELS: usize = 1 << 28;
-/// What decoding a picture may take: texels of 16 bits a channel.
+/// Largest memory for decoding a picture: texels with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// Recognised by a file's first bytes. TGA has no such bytes, and is recognised by the file's ending.
+/// Formats that are recognised by a file's first bytes. TGA is recognised by the file's extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
-/// What goes wrong with a picture, in words that follow its name.
+/// An error about a picture, in words that follow the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's texels.
 type Decoded = ([u32; 2], Arc<[u32]>);
 
-/// The textures of a mesh, each picture decoded once.
+/// The textures of a mesh; each picture is decoded once.
 #[derive(Default)]
 pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
@@ -35,7 +35,7 @@ pub(in crate::scene) struct Pictures {
 }
 
 impl Pictures {
-    /// The number of the texture that a file in reach makes.
+    /// Returns the number of the texture from a file.
     pub fn file(&mut self, reach: Reach<'_>, name: &str, wrap: [Wrap; 2]) -> Parsed<u32> {
         let path = reach.locate(name)?;
         if let Some(number) = self.known.get(&(path.clone(), wrap)) {
@@ -52,9 +52,10 @@ impl Pictures {
         Ok(number)
     }
 
-    /// The number of the texture that a picture's bytes make; `key` tells it from other pictures of the file.
+    /// Returns the number of the texture from a picture's bytes; `key` identifies the picture within the mesh
+    /// file.
     pub fn bytes(&mut self, key: &str, bytes: &[u8], wrap: [Wrap; 2]) -> Parsed<u32> {
-        // No path that was resolved is relative.
+        // Resolved paths are never relative, so they cannot equal this key.
         let key = (Path::new("in the file").join(key), wrap);
         if let Some(number) = self.known.get(&key) {
             return Ok(*number);
@@ -75,12 +76,12 @@ impl Pictures {
     }
 }
 
-/// The texels of a picture.
+/// Decodes a picture.
 fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let ending = ending.filter(|format| *format == ImageFormat::Tga);
     let format = image::guess_format(bytes).ok().or(ending);
     let format = format.filter(|format| FORMATS.contains(format));
-    let format = format.ok_or("is no PNG, JPEG, BMP or TGA")?;
+    let format = format.ok_or("is not a PNG, JPEG, BMP or TGA")?;
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
     let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
@@ -88,7 +89,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} each way"));
     }
-    // Twice: as decoded, and as kept.
+    // Needed twice: as decoded, and as stored.
     let needed = 8 * u64::from(width) * u64::from(height);
     let sum = format!("8 B x {width} x {height} texels");
     Available::read()
@@ -141,7 +142,7 @@ mod tests {
         assert!(decoded(b"nothing", None).unwrap_err().contains("no PNG"));
         assert!(decoded(&png(2, 2)[..20], None).unwrap_err().contains("cannot be decoded"));
         let mut huge = png(2, 2);
-        // The header's width.
+        // The width in the header.
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
         assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("no PNG"));

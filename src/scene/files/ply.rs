@@ -12,7 +12,7 @@ use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
 use std::io::Cursor;
 
-/// Reads a file called `name`.
+/// Reads a file named `name`.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     let failed = |error: ParseError| misread(name, &error);
     let mut reader = Reader::new(Cursor::new(bytes));
@@ -24,7 +24,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     parts.mesh(name, &header)
 }
 
-/// The mistake with its line, where the reader tells it, and without the file's text.
+/// Returns the error with its line, if the reader reports one, and without the file's text.
 fn misread(name: &str, error: &ParseError) -> Error {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
@@ -35,13 +35,13 @@ fn misread(name: &str, error: &ParseError) -> Error {
     }
 }
 
-/// The elements of a file that are read.
+/// The elements that are read.
 #[derive(Default)]
 struct Parts {
     vertices: Vec<Vertex>,
     faces: Vec<Face>,
     strips: Vec<Face>,
-    /// Elements of other kinds: name and count.
+    /// Elements of other types: name and count.
     others: Vec<(String, usize)>,
 }
 
@@ -76,7 +76,7 @@ impl Parts {
         let mut mesh = Mesh { positions: settled, materials: vec![Material::default()], ..Mesh::default() };
         if with_normals {
             mesh.normals = self.vertices.iter().map(|vertex| vertex.normal).collect();
-            // What is no number is no direction.
+            // Normals that are not finite are replaced.
             mesh.normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|n| *n = Vec3::ZERO);
         }
         let mut push = |corners: [u32; 3]| {
@@ -117,12 +117,12 @@ impl Parts {
         Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
     }
 
-    /// What is passed over.
+    /// Returns notes on what was ignored.
     fn notes(&self, header: &Header, short: usize) -> Vec<String> {
         let mut notes = Vec::new();
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
-            notes.push(format!("{textures} TextureFile asks for textures, which raycl does not do: each triangle has one colour"));
+            notes.push(format!("{textures} TextureFile asks for textures, which raycl does not support: each triangle has one colour"));
         }
         let of_faces = header.elements.get("face").filter(|face| face.properties.contains_key("red"));
         if let Some(face) = of_faces {
@@ -144,11 +144,11 @@ impl Parts {
     }
 }
 
-/// A vertex; what a file does not have stays zero.
+/// A vertex; properties that the file does not have stay zero.
 struct Vertex {
     position: DVec3,
     normal: Vec3,
-    /// As displays have it, 0 to 1.
+    /// As displayed, 0 to 1.
     colour: Vec3,
 }
 
@@ -200,7 +200,7 @@ fn number(property: &Property) -> Option<f64> {
     })
 }
 
-/// A face or a strip: numbers of vertices.
+/// A face or a strip: indices of vertices.
 struct Face(Option<Property>);
 
 impl Face {
@@ -220,7 +220,7 @@ impl Face {
         self.numbers().into_iter().map(|number| corner(number, count)).collect()
     }
 
-    /// The triangles of a strip, every other one turned; -1 begins anew.
+    /// Passes on the triangles of a strip; every second one is reversed, and -1 starts a new strip.
     fn triangles(&self, count: usize, push: &mut impl FnMut([u32; 3])) -> std::result::Result<(), String> {
         for strip in self.numbers().split(|&number| number == -1) {
             let corners: Vec<u32> =
@@ -255,7 +255,7 @@ impl PropertyAccess for Face {
     }
 }
 
-/// An element that is passed over.
+/// An element that is ignored.
 struct Skipped;
 
 impl PropertyAccess for Skipped {

@@ -1,5 +1,5 @@
-//! STL, ASCII and binary. Its triangles share no corners: equal ones are joined, so that surfaces can be smooth. The normals
-//! of its facets are not read: they are those of the corners' order, where they are right at all.
+//! Reads STL, ASCII and binary. Triangles in STL share no corners, so equal corners are joined, which allows
+//! smooth surfaces. The facets' normals are not read: correct ones follow from the order of the corners.
 
 use super::origin::settle;
 use super::{MeshFile, mistake};
@@ -11,12 +11,12 @@ use crate::scene::obj::{decimal, quoted};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Bytes of a binary file before its triangles.
+/// Number of bytes before the triangles of a binary file.
 const HEADER_BYTES: usize = 84;
-/// A normal, three corners and two bytes more.
+/// A normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
 
-/// Reads a file called `name`.
+/// Reads a file named `name`.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     let mut notes = Vec::new();
     let corners = if is_binary(bytes) {
@@ -35,7 +35,8 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 
-/// Whether the length is what the count says: the first word of a binary file may be `solid` too.
+/// Returns whether the file's length matches its count of triangles. A binary file may also begin with
+/// `solid`.
 fn is_binary(bytes: &[u8]) -> bool {
     count(bytes).is_some_and(|count| HEADER_BYTES + TRIANGLE_BYTES * count == bytes.len())
 }
@@ -49,14 +50,14 @@ fn rows(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES)
 }
 
-/// Three corners per triangle.
+/// Returns three corners per triangle.
 fn binary(bytes: &[u8]) -> Vec<DVec3> {
     let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
     let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
     rows(bytes).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
-/// The same of text: all that counts is `vertex x y z`, three before each `endfacet`. The mistake has its line.
+/// Does the same for text. It uses only `vertex x y z`, three before each `endfacet`. The error has the line.
 fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
     let mut corners = Vec::new();
     let lines = || bytes.split(|&byte| byte == b'\n');
@@ -83,9 +84,9 @@ fn vertex<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> std::result::Result<
     Ok(DVec3::new(number()?, number()?, number()?))
 }
 
-/// Corners that are equal become one position.
+/// Joins equal corners to one position.
 fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
-    // Adding zero makes zeros of both signs one.
+    // Adding zero makes -0 and 0 equal.
     let mut order: Vec<([u64; 3], u32)> = (0..)
         .zip(corners)
         .map(|(place, corner)| (corner.to_array().map(|x| (x + 0.0).to_bits()), place))

@@ -1,7 +1,7 @@
 use super::*;
 use crate::scene::{Shape, generate};
 
-/// From three quarters, for images of an aspect.
+/// Returns a view from the default direction, for images of an aspect ratio.
 const fn three_quarter(aspect: f64) -> View {
     View {
         up: DVec3::Y,
@@ -15,7 +15,8 @@ fn from(azimuth: f64, elevation: f64, up: DVec3) -> View {
     View { up, azimuth_degrees: Some(azimuth), elevation_degrees: Some(elevation), ..three_quarter(1.6) }
 }
 
-/// What a picture shows of a mesh, as parts of its half width and half height: left, right, bottom, top.
+/// Returns the extent of a mesh in a picture, as fractions of half its width and height: left, right, bottom,
+/// top.
 fn extent(camera: &Camera, mesh: &Mesh, aspect: f64) -> [f64; 4] {
     let mut extent = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for position in &mesh.positions {
@@ -29,7 +30,7 @@ fn extent(camera: &Camera, mesh: &Mesh, aspect: f64) -> [f64; 4] {
     extent
 }
 
-/// A box of these sizes around a place.
+/// Returns a box of this size around a point.
 fn block(size: Vec3, centre: Vec3) -> Mesh {
     let mut mesh = generate(&Shape::Sphere { triangles: 400 });
     let corner = |p: Vec3| p.signum() * size / 2.0 + centre;

@@ -1,13 +1,14 @@
-//! Edges that stay sharp in a mesh without normals of its own.
+//! Keeps edges sharp in a mesh without normals.
 
 use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// At a corner of more faces than this each keeps its own normal: comparing all of them would take too long.
+/// At a corner with more faces than this, each face keeps its own normal, since comparing all of them would
+/// take too long.
 const MOST_FACES: usize = 1024;
 
-/// A face at a position: its unit normal, and the same times its area.
+/// A face at a position: its unit normal, and that multiplied by its area.
 struct Face {
     triangle: u32,
     unit: DVec3,
@@ -22,8 +23,8 @@ impl Face {
     }
 }
 
-/// Gives the corners of triangles, which have smooth normals, others where faces meet at more than an angle: the mean of those
-/// faces that turn from the corner's own by less.
+/// Replaces smooth normals at corners whose faces meet at more than an angle: a corner gets the mean of the
+/// faces whose normals differ from its own face's by less than the angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
     for around in sharp_corners(mesh, triangles, (crease / 2.0).cos()).chunk_by(|a, b| a.0 == b.0) {
@@ -42,8 +43,8 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     }
 }
 
-/// Positions at which some face turns from the smooth normal by more than half the angle, for only there can two be too far
-/// apart: each with all triangles there, in order.
+/// Returns the positions at which a face's normal differs from the smooth one by more than half the angle,
+/// with all triangles there, in order. Only at these can two faces differ by more than the angle.
 fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {
     let parted = |triangle: &u32| {
         let unit = Face::of(mesh, *triangle).unit;
@@ -68,7 +69,7 @@ fn mean(face: &Face, around: &[Face], least_cosine: f64) -> DVec3 {
     if around.len() > MOST_FACES {
         return face.weighted;
     }
-    // Rounding must not part faces of one plane, also where the angle is zero.
+    // Rounding must not separate faces of one plane, even if the angle is zero.
     let near = |other: &&Face| other.unit.dot(face.unit) >= least_cosine - 1e-9;
     around.iter().filter(near).map(|other| other.weighted).sum()
 }
@@ -83,7 +84,7 @@ mod tests {
     use crate::scene::{Shape, generate};
     use glam::Vec3;
 
-    /// Eight corners that all faces share.
+    /// Returns a cube with eight corners that its faces share.
     fn cube() -> Mesh {
         let bit = |number: u32, bit: u32| if number >> bit & 1 == 1 { 1.0 } else { -1.0 };
         let positions = (0..8).map(|n| Vec3::new(bit(n, 0), bit(n, 1), bit(n, 2))).collect();

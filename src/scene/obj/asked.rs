@@ -1,15 +1,17 @@
-//! What a file asks for and raycl does not do: counted where it is read, told once in a sentence of each kind.
+//! Counts features in a file that raycl does not support. They are counted while the file is read, and each
+//! kind is reported once.
 
 use super::text::{quoted, words};
 use crate::words::counted;
 use std::collections::BTreeMap;
 
-/// The most keywords of one kind that are counted separately; a file may invent any number of them.
+/// Largest number of keywords of one kind that are counted separately, since a file may contain any number of
+/// them.
 const KEPT_NAMES: usize = 16;
-/// The most of them that a note lists.
+/// Largest number of keywords that a note lists.
 const TOLD_NAMES: usize = 8;
 
-/// A kind of thing that is asked for.
+/// A kind of unsupported feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::scene) enum Wish {
     Texture,
@@ -35,19 +37,19 @@ pub(in crate::scene) enum Wish {
 }
 
 impl Wish {
-    /// What is asked for, and what is done in its place.
+    /// Returns the feature, and what raycl does instead.
     fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "only a material's colour has one"),
-            Self::TextureOption => ("options of textures", "they are passed over"),
+            Self::Texture => ("textures", "only a material's colour may have one"),
+            Self::TextureOption => ("options of textures", "they are ignored"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Emission => ("emitted light", "only lights of the scene shine"),
             Self::Reflection => ("mirror reflections", "surfaces show lights only"),
             Self::Refraction => ("refraction", "every surface is opaque"),
-            Self::Unlit => ("a colour without light", "it is lit as any other"),
+            Self::Unlit => ("a colour without light", "it is lit like any other"),
             Self::NoHighlight => ("no highlight", "a Ks that is not zero makes one"),
             Self::ShadowCatcher => ("an invisible surface for shadows", "it is seen"),
-            Self::UnknownModel => ("a model of light unknown here", "Kd, Ks and Ns are used"),
+            Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
             Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),
             Self::Shine => ("ways to shine", "surfaces are diffuse, in their base colour"),
@@ -57,12 +59,12 @@ impl Wish {
             Self::FreeForm => ("curves and surfaces", "only faces are seen"),
             Self::Attribute => ("display attributes", "all faces are seen alike"),
             Self::OtherFile => ("another file or command", "it is neither read nor run"),
-            Self::Unknown => ("unknown things", "they are passed over"),
+            Self::Unknown => ("unknown things", "they are ignored"),
         }
     }
 }
 
-/// How often each kind of thing is asked for, and by which keywords.
+/// The number of uses of each kind of feature, with the keywords.
 #[derive(Clone, Debug, Default)]
 pub(in crate::scene) struct Asked(BTreeMap<Wish, Count>);
 
@@ -79,7 +81,7 @@ impl Count {
         }
     }
 
-    /// Each keyword, with its own count where it is not the only one.
+    /// Lists each keyword, with its count if there are several.
     fn told(&self) -> String {
         if let [(name, _)] = self.names.iter().collect::<Vec<_>>()[..] {
             return name.clone();
@@ -92,7 +94,7 @@ impl Count {
 }
 
 impl Asked {
-    /// Counts a keyword.
+    /// Counts a use.
     pub fn add(&mut self, wish: Wish, keyword: &[u8]) {
         let name = match wish {
             Wish::Unknown => quoted(keyword),
@@ -103,17 +105,17 @@ impl Asked {
         count.add(&name, 1);
     }
 
-    /// Whether nothing was asked for.
+    /// Returns whether nothing was counted.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Adds another piece of the file.
+    /// Adds the counts of another piece of the file.
     pub fn extend(&mut self, other: &Self) {
         self.join(other, |count| count.total);
     }
 
-    /// Adds one material: it counts once of each kind, however many of its lines ask for it.
+    /// Adds the counts of a material: it counts once per kind, however many of its lines use the feature.
     pub fn add_material(&mut self, material: &Self) {
         self.join(material, |_| 1);
     }
@@ -126,7 +128,8 @@ impl Asked {
         }
     }
 
-    /// A sentence of each kind; `who` is a material or a statement. The keywords are the file's own words.
+    /// Returns a note for each kind; `who` is a material or a statement. The keywords are quoted from the
+    /// file.
     pub fn notes(&self, who: &str, quotes: bool) -> impl Iterator<Item = String> {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();
@@ -134,8 +137,8 @@ impl Asked {
             let names = if quotes { format!(" ({})", count.told()) } else { String::new() };
             let verb = if count.total == 1 { "asks" } else { "ask" };
             match wish {
-                Wish::Unknown => format!("unknown keywords of {asking} are passed over{names}"),
-                _ => format!("{asking} {verb} for {what}{names}, which raycl does not do: {instead}"),
+                Wish::Unknown => format!("unknown keywords of {asking} are ignored{names}"),
+                _ => format!("{asking} {verb} for {what}{names}, which raycl does not support: {instead}"),
             }
         })
     }

@@ -1,4 +1,4 @@
-//! The second pass: faces, cut into triangles, with every index checked.
+//! The second pass: reads faces, cuts them into triangles, and checks every index.
 
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
@@ -10,7 +10,7 @@ use crate::words::counted;
 use glam::Vec3;
 use std::collections::{BTreeSet, HashMap};
 
-/// How many points lie before a piece of the file, and its first material's name.
+/// The number of points before a piece of the file, and the name of its first material.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Start<'a> {
     pub positions: usize,
@@ -19,8 +19,8 @@ pub(super) struct Start<'a> {
     material: &'a str,
 }
 
-/// The starts of all pieces and, last, of what would follow the file; `coordinates` are those of textures, of each piece or
-/// of none.
+/// Returns the starts of all pieces and, last, of the end of the file. `coordinates` has the texture
+/// coordinates of each piece, or is empty.
 pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
@@ -34,32 +34,32 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]
     starts
 }
 
-/// What faces refer to.
+/// The inputs for reading faces.
 pub(super) struct FaceContext<'a> {
     pub positions: &'a [Vec3],
     pub total: Start<'a>,
-    /// Material indices; 0 is the default.
+    /// Indices of materials; 0 is the default.
     pub materials: &'a HashMap<String, u32>,
     /// Whether texture coordinates were read.
     pub mapped: bool,
 }
 
-/// A piece's triangles; absent normals are [`MISSING`].
+/// The triangles of a piece; missing normals are [`MISSING`].
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
     /// The indices of each triangle's texture coordinates, or [`MISSING`]; empty if the file has none.
     pub places: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
-    /// Where the first face with normals at some corners only is.
+    /// The first face that has normals at some corners only.
     partial_normals: Option<usize>,
-    /// Faces that name a normal which the file lacks.
+    /// Faces that refer to a normal which the file does not have.
     lost_normals: Seen,
-    /// Faces of fewer than three corners.
+    /// Faces with fewer than three corners.
     short: Seen,
 }
 
-/// How often something was seen, and where first.
+/// The number of occurrences, and the position of the first.
 #[derive(Clone, Copy, Default)]
 struct Seen {
     count: usize,
@@ -72,7 +72,7 @@ impl Seen {
         self.count += 1;
     }
 
-    /// That of a whole file, of its pieces in order.
+    /// Combines the counts of consecutive pieces.
     fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,
@@ -104,13 +104,13 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
     Ok(faces)
 }
 
-/// One corner of a face: a position and, if it has them, a normal and a texture coordinate.
+/// One corner of a face: a position and, if present, a normal and a texture coordinate.
 type Corner = (u32, u32, u32);
 
-/// In a [`Corner`]: a normal is named that the file lacks.
+/// In a [`Corner`]: refers to a normal that the file does not have.
 const LOST: u32 = MISSING - 1;
 
-/// Whether some corners have a normal and others have none.
+/// Returns whether some corners have a normal and others have none.
 fn some_normals_missing(corners: &[Corner]) -> bool {
     let missing = corners.iter().filter(|corner| corner.1 == MISSING).count();
     0 < missing && missing < corners.len()
@@ -127,7 +127,8 @@ impl FaceChunk {
         0
     }
 
-    /// Counts what is odd about a face; one that names a normal which is not there gets none of its own.
+    /// Counts irregularities of a face. If it refers to a normal that does not exist, all its normals are
+    /// dropped.
     fn look_at(&mut self, offset: usize, corners: &mut [Corner]) {
         if corners.len() < 3 {
             self.short.at(offset);
@@ -143,7 +144,7 @@ impl FaceChunk {
         if corners.len() < 3 {
             return Ok(());
         }
-        // A normal at some corners only cannot be interpolated: then none counts.
+        // Normals at some corners only cannot be interpolated, so none is used.
         let complete = corners.iter().all(|corner| corner.1 != MISSING);
         let mut push = |[a, b, c]: [usize; 3]| {
             let [a, b, c] = [corners[a], corners[b], corners[c]];
@@ -179,8 +180,8 @@ fn read_corners(
     Ok(())
 }
 
-/// `position`, `position/texture`, `position//normal` or `position/texture/normal`;
-/// a part after a slash may be empty.
+/// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a
+/// slash may be empty.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
     // A plain number, as in most meshes without normals.
     if let Some(position) = plain_index(token, context.total.positions) {
@@ -190,7 +191,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
     let texture = parts.next().unwrap_or_default();
-    // One that the file lacks is as good as none: the triangle is counted with those that have none.
+    // A coordinate that the file does not have counts as missing, and its triangle is counted with those that
+    // have none.
     let coordinate = match integer(texture) {
         None if texture.is_empty() => MISSING,
         None => return Err(not_an_index(texture, token)),
@@ -208,7 +210,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     Ok((position, normal, coordinate))
 }
 
-/// A normal's number, or [`LOST`] where the file has no such normal; 0 and what is no number are mistakes.
+/// Returns a normal's index, or [`LOST`] if the file has no such normal. 0 and text that is not a number are
+/// mistakes.
 fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Result<u32, String> {
     match resolve(part, token, "normal", seen.normals, context.total.normals) {
         Err(_) if integer(part).is_some_and(|value| value != 0) => Ok(LOST),
@@ -216,7 +219,7 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
     }
 }
 
-/// The zero-based index of a short number from 1 to `total`; `None` for anything else.
+/// Returns the zero-based index of a short number from 1 to `total`; `None` for anything else.
 fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     let mut value = 0_u32;
     for byte in token {
@@ -229,7 +232,7 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
-/// The zero-based index that `part` means: from 1, or from -1 backwards.
+/// Returns the zero-based index that `part` stands for: counted from 1, or backwards from -1.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
@@ -248,7 +251,7 @@ fn not_an_index(part: &[u8], token: &[u8]) -> String {
     format!("{} in {} is not an index; expected a whole number", quoted(part), quoted(token))
 }
 
-/// A whole number; one beyond i64 is as far out of bounds as i64's ends.
+/// Parses an integer; one beyond i64 becomes the nearest i64, which is out of bounds too.
 fn integer(token: &[u8]) -> Option<i64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),
@@ -264,7 +267,7 @@ fn integer(token: &[u8]) -> Option<i64> {
     Some(if negative { -size } else { size })
 }
 
-/// Says where a face has normals at some corners only.
+/// Notes which face has normals at some corners only.
 pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
     if let Some(offset) = faces.iter().find_map(|chunk| chunk.partial_normals) {
         notes.push(format!(
@@ -275,13 +278,13 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
     }
 }
 
-/// Says what was made up for, or left out of, odd faces.
+/// Notes what was added to, or left out of, irregular faces.
 pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
     let all = |of: fn(&FaceChunk) -> Seen| faces.iter().map(of).fold(Seen::default(), Seen::joined);
     let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
     if lost.count > 0 {
         notes.push(format!(
-            "line {}: {} normals (vn) that the file lacks: these normals are made from the faces' shape",
+            "line {}: {} normals (vn) that the file does not have: these normals are made from the faces' shape",
             source.line(lost.first),
             naming(lost.count)
         ));
@@ -295,12 +298,12 @@ pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut V
     }
 }
 
-/// "1 face names", "2 faces name".
+/// Returns "1 face names" or "2 faces name".
 fn naming(count: usize) -> String {
     format!("{} {}", counted(count, "face"), if count == 1 { "names" } else { "name" })
 }
 
-/// Says how many materials no MTL file defines.
+/// Notes how many materials no MTL file defines.
 pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
@@ -308,6 +311,6 @@ pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &
     let count = counted(names.len(), "material");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), stands in"
+        "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used"
     ));
 }

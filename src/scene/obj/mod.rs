@@ -36,16 +36,16 @@ pub(in crate::scene) use polygon::triangulate;
 pub(in crate::scene) use text::{decimal, quoted};
 pub(in crate::scene) use textures::unmapped;
 
-/// What reading a mesh may touch and tell.
+/// The permissions for reading a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Permitted {
-    /// MTL files outside of the mesh's folder.
+    /// Whether MTL files outside of the mesh's folder may be read.
     pub beyond: bool,
-    /// Messages that quote the mesh.
+    /// Whether messages may quote the mesh.
     pub quotes: bool,
 }
 
-/// Reads OBJ text called `name`, and the MTL files in reach that it names.
+/// Reads OBJ text named `name`, and the MTL files that it names, if they may be read.
 pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let text = text::normalise(bytes);
     let quotes = reach.permitted.quotes;
@@ -100,7 +100,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 
-/// Gives triangles the colours of their vertices, where any has one.
+/// Gives triangles the colours of their vertices, if any vertex has one.
 fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String>) {
     let coloured = points.iter().map(|chunk| chunk.coloured).sum();
     if coloured == 0 {
@@ -112,14 +112,14 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
         colours.extend_from_slice(&chunk.colours);
         colours.resize(end, Vec3::ONE);
     }
-    // What has no material is in its own colour.
+    // Triangles without a material have the colours of their vertices only.
     mesh.materials[0].lambertian = Vec3::ONE;
     paint(mesh, &colours);
     notes.push(colours_note(coloured));
 }
 
-/// The points of all pieces, and what was taken off them: of a mesh far from its origin they are read twice, the second
-/// time in double precision.
+/// Returns the points of all pieces, and the vector that was subtracted from them. If a mesh is far from its
+/// origin, its points are read again in double precision.
 fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, DVec3)> {
     let read =
         |origin| in_order(source, chunks.par_iter().map(|chunk| points::read(chunk, origin)).collect());
@@ -132,12 +132,12 @@ fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, DV
     }
 }
 
-/// The texture coordinates of each piece, which only materials with textures need.
+/// Returns the texture coordinates of each piece; they are only read if a material has a texture.
 fn read_coordinates(source: &Source, chunks: &[Chunk]) -> Result<Vec<Vec<[f32; 2]>>> {
     in_order(source, chunks.par_iter().map(points::texture_coordinates).collect())
 }
 
-/// The chunks' results, or the mistake that comes first in the file.
+/// Returns the pieces' results, or the first mistake in the file.
 fn in_order<T>(source: &Source, results: Vec<std::result::Result<T, Mistake>>) -> Result<Vec<T>> {
     results.into_iter().collect::<std::result::Result<_, _>>().map_err(|mistake| source.error(mistake))
 }

@@ -1,4 +1,4 @@
-//! MTL files, through `tobj`, after a look at each line so that a mistake has a place.
+//! Reads MTL files with `tobj`, after checking each line so that mistakes have a location.
 
 use super::Permitted;
 use super::asked::Asked;
@@ -13,26 +13,26 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Materials with their names; number 0 is the default one.
+/// Materials and their names; number 0 is the default material.
 pub(super) struct Materials {
     pub list: Vec<Material>,
-    /// What each asks for and raycl does not do.
+    /// The unsupported features of each material.
     pub asked: Vec<Asked>,
-    /// The picture that each takes its colour from, too.
+    /// The texture of each material.
     pub maps: Vec<Option<ColourMap>>,
     pub by_name: HashMap<String, u32>,
 }
 
-/// Where MTL files may be read from: an OBJ from elsewhere must not read any file.
+/// Which MTL files may be read. An OBJ file from an unknown source must not be able to read arbitrary files.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Reach<'a> {
-    /// The mesh's folder, which names are relative to.
+    /// The mesh's folder; names are relative to it.
     pub folder: &'a Path,
-    /// What else may be read, and what be told.
+    /// Permissions to read other files, and to quote them.
     pub permitted: Permitted,
 }
 
-/// Loads every MTL file that can be; the others end in a note.
+/// Loads all MTL files that can be loaded; the others give a note.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -65,7 +65,7 @@ pub(super) fn load_all<'a>(
 }
 
 impl Reach<'_> {
-    /// A name with spaces if there is such a file, else several names.
+    /// Returns one name with spaces if there is such a file, else several names.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         match self.locate(library) {
             Ok(_) => vec![library],
@@ -73,15 +73,15 @@ impl Reach<'_> {
         }
     }
 
-    /// The file behind a name, links followed, if it may be read.
+    /// Returns the path of a file after following links, if it may be read.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
         let path = self.folder.join(name.replace('\\', "/")).canonicalize();
         match path {
             Ok(path) if !self.permitted.beyond && !lies_in(&path, self.folder) => Err(OUTSIDE.to_owned()),
             Ok(path) if path.is_dir() => Err("is a folder".to_owned()),
-            // A pipe or a device may never end.
-            Ok(path) if !path.is_file() => Err("is no ordinary file".to_owned()),
+            // Reading a pipe or a device may never end.
+            Ok(path) if !path.is_file() => Err("is not an ordinary file".to_owned()),
             path => path.map_err(unreadable),
         }
     }
@@ -125,22 +125,22 @@ impl Materials {
     }
 }
 
-/// A material file after a look at each line.
+/// A checked material file.
 #[derive(Default)]
 struct Checked {
-    /// The lines that `tobj` is to read.
+    /// The lines for `tobj`.
     plain: String,
-    /// What the others say of each material.
+    /// The other lines of each material.
     extras: Vec<Extras>,
 }
 
-/// What a material says that `tobj` is not asked about.
+/// The properties of a material that are not read by `tobj`.
 #[derive(Default)]
 struct Extras {
     asked: Asked,
-    /// What `illum` says.
+    /// The value of `illum`.
     model: Option<Vec<u8>>,
-    /// What `map_Kd` says, and where.
+    /// The value of `map_Kd`, and its position.
     map: Option<(usize, ColourMap)>,
 }
 
@@ -156,8 +156,8 @@ impl Extras {
     }
 }
 
-/// The lines that matter here, checked and in the form `tobj` takes: it stops at an
-/// empty `map_Kd`, a single grey value, an inline comment or Latin-1 text.
+/// Returns the lines that raycl uses, checked and in a form that `tobj` accepts; it fails on an empty
+/// `map_Kd`, a single grey value, an inline comment or Latin-1 text.
 fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
     let Checked { mut plain, mut extras } = Checked::default();
     for chunk in super::text::chunks(text) {
@@ -186,14 +186,14 @@ fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
     Ok(Checked { plain, extras })
 }
 
-/// Three values, or one for all three, as MTL allows.
+/// Parses three values, or one for all three, as MTL allows.
 fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
     let values: Vec<f32> =
         tokens(rest).take(3).map(|token| value(name, token)).collect::<std::result::Result<_, _>>()?;
     match values[..] {
         [grey] => Ok([grey; 3]),
         [r, g, b] => Ok([r, g, b]),
-        _ => Err(format!("{} of {} numbers; expected one or three", words(name), values.len())),
+        _ => Err(format!("{} with {} numbers; expected one or three", words(name), values.len())),
     }
 }
 
@@ -204,7 +204,7 @@ fn value(name: &[u8], token: &[u8]) -> std::result::Result<f32, String> {
         .ok_or_else(|| format!("{} in {}; expected a number from 0 to {most:e}", quoted(token), words(name)))
 }
 
-/// Kd is k_L, Ks is k_G and Ns is s; without a Ks there is no highlight.
+/// Converts a material: Kd is k_L, Ks is k_G and Ns is s. Without a Ks there is no highlight.
 fn convert(material: &tobj::Material) -> Material {
     let lambertian = material.diffuse.map_or(Vec3::splat(DEFAULT_LAMBERTIAN), Vec3::from_array);
     let glossy = material.specular.map_or(Vec3::ZERO, Vec3::from_array);

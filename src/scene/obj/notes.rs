@@ -1,4 +1,4 @@
-//! What a user should know of a mesh that was read: what it asks for and does not get.
+//! Notes for the user on features of a mesh that raycl does not support.
 
 use super::asked::Asked;
 use super::points::PointChunk;
@@ -7,10 +7,11 @@ use crate::scene::normals::MISSING;
 use crate::words::counted;
 use std::collections::BTreeSet;
 
-/// Notes of vertices' colours, smoothing groups and other statements; `mesh` is as the file has it, without normals made for it.
+/// Returns notes on vertex colours, smoothing groups and other statements. `mesh` is as read, without
+/// generated normals.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
-    // One group is what is done: all faces without normals are smooth.
+    // A single group needs no note: all faces without normals are smooth anyway.
     let edges = groups.len() > 1 || groups.iter().any(|group| *group == "off");
     let made = |mesh: &Mesh| mesh.triangles.iter().filter(|triangle| triangle.normals[0] == MISSING).count();
     let made = if edges { made(mesh) } else { 0 };
@@ -26,7 +27,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
     notes.extend(asked.notes("statement", quotes));
 }
 
-/// Notes of the materials that some triangle has.
+/// Returns notes on the materials that are used by a triangle.
 pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     if asked.iter().all(Asked::is_empty) {
         return;

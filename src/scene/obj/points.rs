@@ -1,4 +1,4 @@
-//! The first pass: vertices, normals, which materials are spoken of, and what is asked for that is not done.
+//! The first pass: reads vertices and normals, the names of materials, and unsupported statements.
 
 use super::asked::Asked;
 use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
@@ -8,45 +8,45 @@ use crate::scene::files::linear;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
-/// What a piece of the file says before its faces are read.
+/// The contents of a piece of the file, except its faces.
 #[derive(Default)]
 pub(super) struct PointChunk {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    /// What `mtllib` lines name.
+    /// The names in `mtllib` lines.
     pub libraries: Vec<String>,
-    /// The material that holds after the piece, if it changed.
+    /// The last `usemtl` of the piece, if there is one.
     pub last_material: Option<String>,
-    /// How many vertices have a colour.
+    /// Number of vertices with a colour.
     pub coloured: usize,
-    /// Linear, one per vertex as far as any has one.
+    /// Linear colours, one per vertex up to the last that has one.
     pub colours: Vec<Vec3>,
-    /// The smoothing groups that `s` lines name; `off` is one.
+    /// The smoothing groups in `s` lines, including `off`.
     pub smoothing: BTreeSet<String>,
-    /// What other statements ask for.
+    /// Unsupported statements.
     pub asked: Asked,
 }
 
 impl PointChunk {
-    /// What follows the last vertex's coordinates: one number is a weight, three are a colour.
+    /// Reads the numbers after a vertex's coordinates: one is a weight, three are a colour.
     fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>) {
         let mut channel = || tokens.next().and_then(number);
         let (Some(red), Some(green), Some(blue)) = (channel(), channel(), channel()) else { return };
         self.coloured += 1;
         self.colours.resize(self.positions.len() - 1, Vec3::ONE);
-        // Some programs write 0 to 255.
+        // Some programs write colours from 0 to 255.
         let most = if red.max(green).max(blue) > 1.0 { 255.0 } else { 1.0 };
         self.colours.push((Vec3::new(red, green, blue) / most).map(linear));
     }
 
-    /// The smallest and the largest position.
+    /// Returns the bounding box of the positions.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let first = *self.positions.first()?;
         Some(self.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
     }
 }
 
-/// Positions are those of the file less an origin.
+/// Reads a piece; `origin` is subtracted from positions.
 pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
@@ -72,7 +72,8 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
     Ok(points)
 }
 
-/// The texture coordinates of a piece: two numbers each, of which the second may be absent, and a third is passed over.
+/// Reads the texture coordinates of a piece: two numbers each. The second may be missing, and a third is
+/// ignored.
 pub(super) fn texture_coordinates(chunk: &Chunk) -> Result<Vec<[f32; 2]>, Mistake> {
     let lines = chunk.lines().map(|(offset, line)| (offset, keyword(line)));
     let coordinates = lines.filter(|(_, (word, _))| *word == b"vt").map(|(offset, (_, rest))| {
@@ -87,7 +88,7 @@ pub(super) fn texture_coordinates(chunk: &Chunk) -> Result<Vec<[f32; 2]>, Mistak
     coordinates.collect()
 }
 
-/// A group's number; none is as good as `off`.
+/// Returns the number of a smoothing group; a missing number means `off`.
 fn smoothing_group(rest: &[u8]) -> String {
     match tokens(rest).next() {
         None | Some(b"0" | b"off") => "off".to_owned(),
@@ -108,7 +109,7 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
     Err(Mistake::new(offset, message))
 }
 
-/// A position of a mesh far from its origin, which was read before in single precision.
+/// Reads a position of a mesh far from its origin; the first reading was in single precision.
 fn relative<'a>(
     offset: usize,
     tokens: &mut impl Iterator<Item = &'a [u8]>,
@@ -125,7 +126,7 @@ fn relative<'a>(
     Ok((DVec3::from_array(values) - origin).as_vec3())
 }
 
-/// The first three numbers; a weight or a colour may follow.
+/// Reads the first three numbers; a weight or a colour may follow.
 fn vector<'a>(
     offset: usize,
     what: &str,

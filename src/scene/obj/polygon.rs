@@ -1,13 +1,13 @@
-//! A polygon's triangles: a fan where it is convex, else by cutting off ears.
+//! Triangulates polygons: a fan for a convex polygon, ear clipping for others.
 
 use glam::{DVec2, DVec3};
 
-/// Ear clipping is cubic at worst: a concave face of more corners is refused.
+/// Ear clipping takes cubic time in the worst case, so concave faces with more corners are refused.
 pub(super) const MAX_CONCAVE_CORNERS: usize = 1024;
 
-/// Cuts an outline of at least three corners into triangles of corner indices, in
-/// the outline's orientation; `None` if it is concave with more than
-/// 1024 corners. A self-crossing outline gives some triangles, never a failure.
+/// Divides an outline of at least three corners into triangles of corner indices, in the outline's
+/// orientation. `None` if it is concave with more than 1024 corners. A self-intersecting outline gives
+/// arbitrary triangles, but never fails.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
     if is_convex(&flat) {
@@ -16,10 +16,10 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
     (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&flat))
 }
 
-/// The outline in the coordinate plane it is seen largest in, counter-clockwise.
+/// Projects the outline onto the coordinate plane in which its area is largest, counter-clockwise.
 fn flatten(outline: &[DVec3]) -> Vec<DVec2> {
     let next = outline.iter().cycle().skip(1);
-    // Newell's normal: also right for outlines that are not quite flat.
+    // Newell's normal, which also works for outlines that are not quite flat.
     let normal: DVec3 = outline.iter().zip(next).map(|(a, b)| (a - outline[0]).cross(b - outline[0])).sum();
     let size = normal.abs();
     let project = |p: &DVec3| {
@@ -38,7 +38,7 @@ fn sign(value: f64) -> f64 {
     if value < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Twice the signed area of a triangle.
+/// Returns twice the signed area of a triangle.
 fn area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - a)
 }
@@ -52,7 +52,7 @@ fn clip_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..flat.len()).collect();
     let mut triangles = Vec::with_capacity(flat.len() - 2);
     while left.len() > 3 {
-        // A polygon that crosses itself may have no ear: cut off any corner then.
+        // A self-intersecting polygon may have no ear; then any corner is cut off.
         let ear = (0..left.len()).find(|&at| is_ear(flat, &left, at)).unwrap_or(0);
         triangles.push(around(&left, ear));
         left.remove(ear);
@@ -66,7 +66,7 @@ fn around(left: &[usize], at: usize) -> [usize; 3] {
     [left[(at + count - 1) % count], left[at], left[(at + 1) % count]]
 }
 
-/// Whether the corner sticks out and no other corner lies in its triangle.
+/// Returns whether the corner is convex and no other corner lies in its triangle.
 fn is_ear(flat: &[DVec2], left: &[usize], at: usize) -> bool {
     let corners = around(left, at);
     let [a, b, c] = corners.map(|i| flat[i]);

@@ -1,4 +1,4 @@
-//! Odd and bad files, and `tobj` as the oracle for good ones.
+//! Tests with irregular and invalid files; `tobj` is the reference for valid ones.
 
 use super::*;
 use crate::filetype::Opened;
@@ -10,7 +10,7 @@ fn read(text: &str) -> Result<MeshFile> {
     completed(text.as_bytes())
 }
 
-/// With the normals that are made for it.
+/// Parses a file and adds generated normals.
 fn completed(bytes: &[u8]) -> Result<MeshFile> {
     let mut file = parse("test.obj", nowhere(), bytes)?;
     normals::complete(&mut file.mesh, None);
@@ -104,8 +104,8 @@ fn normals_at_some_corners_only_are_generated_at_all() {
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
 }
 
-/// A folder with a mesh whose material file is reached by `library`, and a file outside; the first material's k_L
-/// if the outer file was read.
+/// Makes a folder with a mesh that names a material file by `library`, and a material file outside of it.
+/// Returns whether the outer file was read, and the notes.
 #[cfg(unix)]
 fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let outer = tempfile::tempdir().unwrap();
@@ -144,7 +144,7 @@ fn a_material_file_outside_the_folder_or_missing_is_a_note() {
     }
 }
 
-/// The notes of one triangle with this text before it, beside a material file with that text.
+/// Returns the notes for one triangle after this text, with a material file of that text.
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
@@ -170,8 +170,8 @@ fn what_a_material_asks_for_is_told_by_name_and_count() {
         ("illum 3", "asks for mirror reflections (illum 3)"),
         ("illum 7\nNi 1.5", "asks for refraction (illum 7)"),
         ("illum 10", "asks for an invisible surface for shadows (illum 10)"),
-        ("illum 42", "asks for a model of light unknown here (illum 42)"),
-        ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are passed over (`kd`)"),
+        ("illum 42", "asks for an unknown illumination model (illum 42)"),
+        ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are ignored (`kd`)"),
     ];
     for (lines, expected) in cases {
         let notes = notes_of("usemtl a", &format!("newmtl a\n{lines}\n"));
@@ -184,7 +184,7 @@ fn what_a_material_has_and_needs_not_be_done_is_not_told() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Kd\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
-    // Nor what a material asks for that no triangle has.
+    // A feature of a material that no triangle uses gives no note either.
     assert_eq!(notes_of("usemtl a", "newmtl a\nnewmtl b\nmap_Kd b.png\n"), Vec::<String>::new());
 }
 
@@ -205,7 +205,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("usemap wood", "asks for textures (usemap)"),
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
         ("call other.obj", "asks for another file or command (call)"),
-        ("foo\nbar", "unknown keywords of 2 statements are passed over (`bar` 1, `foo` 1)"),
+        ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
         ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices are one per triangle"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),

@@ -1,16 +1,16 @@
-//! OBJ text: lines, pieces of whole lines, tokens, and where a mistake is.
+//! OBJ text: lines, pieces of whole lines, tokens, and the locations of mistakes.
 
 use crate::error::Error;
 use std::borrow::Cow;
 
-/// A line longer than this is not shown around a mistake.
+/// Longer lines are not quoted at a mistake.
 const SHOWN_LINE_BYTES: usize = 400;
-/// Nor is a file longer than this copied into an error.
+/// Longer files are not copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;
-/// Pieces shorter than this are not worth another thread.
+/// Shorter pieces are not worth another thread.
 const CHUNK_BYTES: usize = 1 << 17;
 
-/// A mistake at a byte of the normalised text.
+/// A mistake at a byte offset of the normalised text.
 #[derive(Debug)]
 pub(super) struct Mistake {
     offset: usize,
@@ -23,7 +23,7 @@ impl Mistake {
     }
 }
 
-/// A text with the name users know it by.
+/// A text and its name in messages.
 pub(super) struct Source<'a> {
     pub name: &'a str,
     pub text: &'a [u8],
@@ -32,12 +32,12 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// The number of the line, from 1, that holds the byte at `offset`.
+    /// Returns the number, from 1, of the line that contains the byte at `offset`.
     pub fn line(&self, offset: usize) -> usize {
         1 + self.text[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
     }
 
-    /// The mistake with its file and line, and the line itself where it can be shown.
+    /// Returns the error with its file and line, and the line itself if it may be quoted.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
         let line = &self.text[before.len()..];
@@ -49,7 +49,7 @@ impl Source<'_> {
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
-        // Only UTF-8 text has the same offsets in the error as in the file.
+        // Only in UTF-8 text are the offsets in the error those in the file.
         match std::str::from_utf8(self.text) {
             Ok(text) if text.len() <= SHOWN_FILE_BYTES && length <= SHOWN_LINE_BYTES => {
                 let span = before.len()..before.len() + length;
@@ -61,7 +61,7 @@ impl Source<'_> {
     }
 }
 
-/// What a statement ought to be: said in place of a text that may not be quoted.
+/// Returns what a statement should be, for messages that may not quote the text.
 fn expected(line: &[u8]) -> &'static str {
     match keyword(line).0 {
         b"v" => "`v x y z`: three finite numbers within +-1e12",
@@ -81,7 +81,7 @@ pub(super) struct Chunk<'a> {
 }
 
 impl<'a> Chunk<'a> {
-    /// Its lines without surrounding space, each with its offset in the text.
+    /// Returns its lines without surrounding blanks, each with its offset in the text.
     pub fn lines(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let mut offset = self.start;
         self.bytes.split(|&byte| byte == b'\n').map(move |line| {
@@ -92,7 +92,7 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Cuts a text at line ends into pieces for all threads.
+/// Divides a text at line ends into pieces for all threads.
 pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     let target = (text.len() / (4 * rayon::current_num_threads())).max(CHUNK_BYTES);
     let mut chunks = Vec::new();
@@ -106,8 +106,8 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     chunks
 }
 
-/// The text with line feeds only, without byte order mark, and continued lines
-/// joined. A joined line is followed by as many empty ones, so that line numbers stay.
+/// Returns the text with line feeds only, without a byte order mark, and with continued lines joined. Empty
+/// lines follow a joined one, so that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let continued = || bytes.contains(&b'\\') && bytes.windows(2).any(|pair| pair == b"\\\n");
@@ -117,7 +117,7 @@ pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut joined = 0;
     for line in split_lines(bytes) {
-        // A comment such as `# made from C:\` continues nothing.
+        // A comment such as `# made from C:\` is not continued.
         let comment = joined == 0 && line.trim_ascii_start().starts_with(b"#");
         match line.strip_suffix(b"\\") {
             Some(head) if !comment => {
@@ -135,7 +135,7 @@ pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(out)
 }
 
-/// Lines that end in LF, CR LF or CR.
+/// Splits lines at LF, CR LF or CR.
 fn split_lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = Some(bytes);
     std::iter::from_fn(move || {
@@ -149,19 +149,19 @@ fn split_lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// A line's first word and what follows it.
+/// Returns a line's first word and the rest.
 pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
     let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
     line.split_at(end)
 }
 
-/// The words of a line, up to a comment.
+/// Returns the words of a line, up to a comment.
 pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let end = line.iter().position(|&byte| byte == b'#').unwrap_or(line.len());
     line[..end].split(u8::is_ascii_whitespace).filter(|token| !token.is_empty())
 }
 
-/// A name or a word for a message: UTF-8, else Latin-1.
+/// Decodes a name or a word for a message: UTF-8, else Latin-1.
 pub(super) fn words(bytes: &[u8]) -> String {
     let bytes = bytes.trim_ascii();
     match std::str::from_utf8(bytes) {
@@ -170,7 +170,7 @@ pub(super) fn words(bytes: &[u8]) -> String {
     }
 }
 
-/// A token as a message shows it: printable, and not the whole of a megabyte.
+/// Returns a token for messages: printable, and shortened if it is long.
 pub(in crate::scene) fn quoted(token: &[u8]) -> String {
     let mut shown: String = words(token).chars().take(40).flat_map(char::escape_default).collect();
     if token.len() > 40 {
@@ -179,19 +179,20 @@ pub(in crate::scene) fn quoted(token: &[u8]) -> String {
     format!("`{shown}`")
 }
 
-/// A finite f32, or `None`.
+/// Parses a finite f32.
 pub(super) fn number(token: &[u8]) -> Option<f32> {
     let parsed = || std::str::from_utf8(token).ok()?.parse().ok();
     short_number(token).or_else(parsed).filter(|value: &f32| value.is_finite())
 }
 
-/// A finite decimal number in double precision.
+/// Parses a finite decimal number in double precision.
 pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// A decimal number of few digits, as most of a mesh are: integer and power of ten are then floats, and one division
-/// rounds once (Clinger, "How to Read Floating Point Numbers Accurately", 1990).
+/// Parses a decimal number of few digits, as most numbers in meshes are. The integer and the power of ten are
+/// then exact floats, and one division rounds once (Clinger, "How to Read Floating Point Numbers Accurately",
+/// 1990).
 fn short_number(token: &[u8]) -> Option<f32> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     let digits = token.strip_prefix(b"-").unwrap_or(token);

@@ -1,4 +1,4 @@
-//! Colours from pictures: what `map_Kd` of a material asks for, and where triangles lie in them.
+//! Textures of OBJ meshes: the `map_Kd` of materials, and the triangles' texture coordinates.
 
 use super::asked::{Asked, Wish};
 use super::mtl::Reach;
@@ -9,18 +9,18 @@ use crate::scene::{Mapped, Mesh, Textures, Wrap};
 use crate::words::counted;
 use glam::Vec3;
 
-/// Options of a map that take one word, and are passed over.
+/// Options of a map that have one argument, which are ignored.
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
-/// What a material's `map_Kd` asks for.
+/// The texture of a material's `map_Kd`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ColourMap {
     /// The picture's file.
     pub name: String,
-    /// What messages call the line that names it.
+    /// The location of the line that names it, for messages.
     at: String,
-    /// Whether the material has no colour of its own, or black, which would hide the picture.
+    /// Whether the material has no colour or black, which would hide the texture.
     alone: bool,
     scale: [f32; 2],
     offset: [f32; 2],
@@ -28,7 +28,7 @@ pub(super) struct ColourMap {
 }
 
 impl ColourMap {
-    /// That of a line, without its keyword; none where it names no file. Options that are not done are counted.
+    /// Parses a line without its keyword; `None` if it names no file. Unsupported options are counted.
     pub fn of_line(rest: &[u8], asked: &mut Asked) -> Option<Self> {
         let mut map = Self {
             name: String::new(),
@@ -58,20 +58,20 @@ impl ColourMap {
             };
         }
         let (first, last) = (all.get(at)?, all.last()?);
-        // A name may have spaces.
+        // A file name may contain spaces.
         let from = first.as_ptr() as usize - rest.as_ptr() as usize;
         let to = last.as_ptr() as usize - rest.as_ptr() as usize + last.len();
         map.name = words(&rest[from..to]);
         Some(map)
     }
 
-    /// The same with what messages call its line, and whether its material has no colour of its own.
+    /// Returns the same with the line's location, and whether its material has no colour.
     pub fn told(self, at: String, alone: bool) -> Self {
         Self { at, alone, ..self }
     }
 
-    /// The number of its texture: of its file, or, where that is not there, of one of its name beside the mesh, since files
-    /// name places on their makers' disks.
+    /// Returns the number of its texture. If the file does not exist, a file of that name in the mesh's
+    /// folder is tried, since many files contain paths of their authors' disks.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures) -> Result<u32, String> {
         let wrap = [self.wrap; 2];
         pictures.file(reach, &self.name, wrap).or_else(|why| {
@@ -81,26 +81,27 @@ impl ColourMap {
         })
     }
 
-    /// A corner's place in the picture, whose rows are counted from its top: OBJ counts from the bottom.
+    /// Returns a corner's coordinates in the texture, whose rows are counted from the top; OBJ counts from
+    /// the bottom.
     fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         [self.offset[0] + self.scale[0] * u, 1.0 - (self.offset[1] + self.scale[1] * v)]
     }
 }
 
-/// The first two numbers; one that is absent is usual.
+/// Returns the first two numbers; missing ones are taken from `usual`.
 fn pair(numbers: &[f32], usual: f32) -> [f32; 2] {
     [0, 1].map(|axis| numbers.get(axis).copied().unwrap_or(usual))
 }
 
-/// What faces say of textures.
+/// The texture coordinates of faces.
 pub(super) struct Places {
-    /// `vt` of the whole file.
+    /// All `vt` of the file.
     pub coordinates: Vec<[f32; 2]>,
-    /// The numbers of each triangle's in it.
+    /// The indices of each triangle's coordinates.
     pub corners: Vec<[u32; 3]>,
 }
 
-/// Gives the triangles of a mesh their textures: those of materials that some triangle has.
+/// Gives the triangles of a mesh their textures; only materials that a triangle uses are considered.
 pub(super) fn apply(
     mesh: &mut Mesh,
     maps: &[Option<ColourMap>],
@@ -149,7 +150,7 @@ pub(super) fn apply(
     }
 }
 
-/// The note on triangles without texture coordinates.
+/// Returns a note on triangles without texture coordinates.
 pub(in crate::scene) fn unmapped(count: usize) -> String {
     let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
     format!(

@@ -1,11 +1,12 @@
-//! Which statements of OBJ and MTL ask for what raycl does not do. Those that change no picture ask for nothing:
-//! names and groups (`o`, `g`, `mg`), texture coordinates (`vt`; the map that needs them is told), how free-form shapes are
-//! made (`cstype`, `deg`, `parm`, ...; the shape is told), a refractive index (`Ni`; the refraction is told).
+//! Recognises statements of OBJ and MTL that raycl does not support. Statements that affect no picture are
+//! not counted: names and groups (`o`, `g`, `mg`), texture coordinates (`vt`; the texture that uses them is
+//! counted), the construction of free-form shapes (`cstype`, `deg`, `parm`, ...; the shape is counted), a
+//! refractive index (`Ni`; refraction is counted).
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
-/// What a line of an OBJ file asks for that is none of `v`, `vn`, `f`, `usemtl` and `mtllib`.
+/// Counts a line of an OBJ file other than `v`, `vn`, `f`, `usemtl` and `mtllib`.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
@@ -25,7 +26,7 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     asked.add(wish, keyword);
 }
 
-/// What a line of a material asks for that is none of `newmtl`, `Kd`, `Ks` and `Ns`.
+/// Counts a line of a material other than `newmtl`, `Kd`, `Ks` and `Ns`.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);
@@ -51,7 +52,8 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// What a material's model of light asks for; 2 is done, 1 too unless there is a highlight to leave out.
+/// Counts a material's illumination model, unless it is supported: 2 is, and so is 1 if there is no highlight
+/// to leave out.
 pub(super) fn of_model(asked: &mut Asked, model: Option<&[u8]>, has_highlight: bool) {
     let Some(model) = model else { return };
     let wish = match model {

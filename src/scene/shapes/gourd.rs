@@ -1,18 +1,18 @@
-//! A gourd: our own stand-in for Figure 9's, whose data the paper does not give.
+//! A gourd that replaces the one of the paper's Figure 9, whose data is not published.
 
 use super::grid::{revolve, split};
 use crate::scene::Mesh;
 use crate::scene::normals::flatten;
 use std::f64::consts::PI;
 
-/// About `triangles` triangles; 648 give 18 segments and 18 rings exactly.
+/// Returns a gourd of about `triangles` triangles; 648 give exactly 18 segments and 18 rings.
 pub(super) fn gourd(triangles: u32) -> Mesh {
     let (segments, rings) = split(f64::from(triangles) / 2.0, 1.0);
     revolve(segments, rings, profile)
 }
 
-/// The gourd as a careless artist leaves it: its vertices off their places, its facets flat, one of about six of them
-/// facing inwards, so that no light reaches it.
+/// Returns a gourd with typical mistakes of modelling: vertices are displaced, facets are flat, and about one
+/// in six faces inwards, so that no light reaches it.
 pub(super) fn broken(triangles: u32) -> Mesh {
     const OFF: f32 = 0.05;
     let mut mesh = gourd(triangles);
@@ -30,7 +30,7 @@ pub(super) fn broken(triangles: u32) -> Mesh {
     mesh
 }
 
-/// A number from 0 to 1 for each index that looks like chance and is the same on every machine (the finalizer of
+/// Returns a pseudo-random number from 0 to 1 for each index, the same on every machine (the finalizer of
 /// MurmurHash3, A. Appleby).
 fn scattered(index: u32) -> f32 {
     let mut bits = index.wrapping_add(0x9e37_79b9);
@@ -40,7 +40,7 @@ fn scattered(index: u32) -> f32 {
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// A sphere's outline, drawn out to a belly and a head with a waist between.
+/// Returns the outline of a sphere, deformed to a belly and a head with a waist between them.
 fn profile(t: f64) -> (f64, f64) {
     let (sin, cos) = (PI * t).sin_cos();
     let bulge = |at: f64, width: f64| (-((t - at) / width).powi(2)).exp();

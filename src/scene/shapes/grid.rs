@@ -4,8 +4,8 @@ use crate::scene::{Material, Mesh, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// `columns` x `rows` quads of two triangles each over u and v from 0 to 1.
-/// `surface` gives a point and its normal, which points along du x dv.
+/// Returns `columns` x `rows` quads of two triangles each, over u and v from 0 to 1. `surface` returns a
+/// point and its normal, which has the direction of du x dv.
 pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3) + Sync) -> Mesh {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let stride = columns + 1;
@@ -21,9 +21,9 @@ pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3
     mesh(vertices, triangles)
 }
 
-/// Triangles of a closed surface about the y axis: `rings` circles of `segments`
-/// vertices between two poles make 2 x segments x rings of them. `profile` gives
-/// radius and height over t from 0 (the lower pole) to 1.
+/// Returns the triangles of a closed surface around the y axis: `rings` circles of `segments` vertices
+/// between two poles give 2 x segments x rings triangles. `profile` returns radius and height over t from 0
+/// (the lower pole) to 1.
 pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, f64) + Sync) -> Mesh {
     let (segments, rings) = (segments.max(3), rings.max(1));
     let pole = |t: f64, normal| (DVec3::new(0.0, profile(t).1, 0.0), normal);
@@ -54,7 +54,7 @@ pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, 
     mesh(vertices, triangles)
 }
 
-/// A point of a surface of revolution; its normal comes from the profile's slope.
+/// Returns a point of a surface of revolution; its normal follows from the profile's slope.
 fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3, DVec3) {
     let (radius, height) = profile(t);
     let step = 1e-5;
@@ -65,8 +65,8 @@ fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3
     (DVec3::new(radius * cos, height, -radius * sin), normal.normalize_or(DVec3::Y))
 }
 
-/// How many columns and rows of quads make about `quads`, with about `aspect` as many
-/// columns as rows: of the row counts near the ideal one, that which comes nearest.
+/// Returns the numbers of columns and rows of about `quads` quads, with about `aspect` as many columns as
+/// rows. Of the row counts near the ideal one, the closest is used.
 pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     let ideal = (quads / aspect).sqrt().max(1.0);
     let columns = |rows: u32| (quads / f64::from(rows)).round().max(1.0);
@@ -79,7 +79,7 @@ pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     (columns(rows) as u32, rows)
 }
 
-/// The quad with `a`, `b` below and `c`, `d` above.
+/// Returns the two triangles of a quad with `a`, `b` below and `c`, `d` above.
 fn quad(a: u32, b: u32, c: u32, d: u32) -> [[u32; 3]; 2] {
     [[a, b, d], [a, d, c]]
 }

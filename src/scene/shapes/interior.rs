@@ -1,4 +1,4 @@
-//! A hall with two rows of columns, its faces towards who stands inside.
+//! A hall with two rows of columns, whose faces are visible from inside.
 
 use super::grid::{grid, split};
 use crate::scene::Mesh;
@@ -9,19 +9,20 @@ const WIDTH: f64 = 4.0;
 const HEIGHT: f64 = 3.0;
 const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
-/// Fewer triangles do not look like a column.
+/// With fewer triangles, a column does not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
-/// Columns take this part of the triangles: they are what is round.
+/// The fraction of triangles for columns, which are the round parts.
 const COLUMN_SHARE: f64 = 0.75;
 
-/// About `triangles` triangles, at least twelve; below some hundred, fewer columns.
+/// Returns a hall of about `triangles` triangles, at least twelve; with fewer than some hundred there are
+/// fewer columns.
 pub(super) fn interior(triangles: u32) -> Mesh {
     let triangles = f64::from(triangles);
     let columns = ((COLUMN_SHARE * triangles / MIN_COLUMN_TRIANGLES) as u32).min(MAX_COLUMNS) & !1;
     let mut mesh = Mesh::default();
     let mut budget = COLUMN_SHARE * triangles;
     for number in 0..columns {
-        // Each takes its part of what is left, so that rounding does not add up.
+        // Each column gets its share of the remaining triangles, so that rounding errors do not add up.
         let (around, up) = split(budget / f64::from(columns - number) / 2.0, 0.5);
         let part = column(around.max(4), up, foot(number, columns / 2));
         budget -= part.triangles.len() as f64;
@@ -40,14 +41,14 @@ pub(super) fn interior(triangles: u32) -> Mesh {
     mesh
 }
 
-/// Where a column stands: alternately left and right, from front to back.
+/// Returns the position of a column: alternately left and right, from front to back.
 fn foot(number: u32, a_side: u32) -> DVec3 {
     let side = if number.is_multiple_of(2) { -1.0 } else { 1.0 };
     let depth = (f64::from(number / 2) + 0.5) / f64::from(a_side);
     DVec3::new(side * 0.27 * WIDTH, 0.0, -LENGTH * depth)
 }
 
-/// A shaft between a base and a capital, open at both ends.
+/// Returns a column with base and capital, open at both ends.
 fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
     let radius = |v: f64| {
         let flare = |distance: f64| 0.13 * (-(distance / 0.06).powi(2)).exp();
@@ -61,7 +62,7 @@ fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
     })
 }
 
-/// Floor, ceiling, left, right, back and front as a corner and two edges; the normal,
+/// Returns floor, ceiling, left, right, back and front walls, each as a corner and two edges; the normal,
 /// edge x edge, points into the hall.
 fn walls() -> [[DVec3; 3]; 6] {
     let (x, y, z) = (DVec3::X * WIDTH, DVec3::Y * HEIGHT, DVec3::Z * LENGTH);

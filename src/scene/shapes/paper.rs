@@ -3,7 +3,7 @@
 use crate::scene::{Material, Mesh, Triangle};
 use glam::Vec3;
 
-/// Flat triangles, each with corners and one normal.
+/// Returns flat triangles, each with its corners and one normal.
 fn flat<const N: usize>(positions: &[Vec3], faces: [([u32; 3], Vec3); N]) -> Mesh {
     let triangles = (0..).zip(&faces).map(|(face, (positions, _))| Triangle {
         positions: *positions,
@@ -19,7 +19,7 @@ fn flat<const N: usize>(positions: &[Vec3], faces: [([u32; 3], Vec3); N]) -> Mes
     }
 }
 
-/// y = -1 under and in front of the paper's camera.
+/// Returns the plane y = -1 below and in front of the paper's camera.
 pub(super) fn ground() -> Mesh {
     let (x, near, far) = (10.0, -0.01, -10.0);
     let corners = [(-x, far), (-x, near), (x, near), (x, far)].map(|(x, z)| Vec3::new(x, -1.0, z));
@@ -29,7 +29,7 @@ pub(super) fn ground() -> Mesh {
     mesh
 }
 
-/// Figure 3's two visible faces with the paper's normals, then the back and the base.
+/// Returns Figure 3's two visible faces with the paper's normals, then the back and the base.
 pub(super) fn pyramid() -> Mesh {
     let [apex, front, left, right] =
         [(0.0, 2.0, -3.5), (0.0, -1.0, -2.0), (-2.0, -1.0, -3.0), (2.0, -1.0, -3.0)].map(Vec3::from);

@@ -4,9 +4,9 @@ use super::grid::{revolve, split};
 use crate::scene::Mesh;
 use std::f64::consts::PI;
 
-/// About `triangles` triangles, at least six, nearly square on the equator.
+/// Returns a sphere of about `triangles` triangles, at least six, which are nearly square on the equator.
 pub(super) fn sphere(triangles: u32) -> Mesh {
-    // A sphere is twice as far around as from pole to pole.
+    // The equator is twice as long as a meridian from pole to pole.
     let (segments, rings) = split(f64::from(triangles) / 2.0, 2.0);
     revolve(segments, rings, |t| ((PI * t).sin(), -(PI * t).cos()))
 }

@@ -5,7 +5,7 @@ use crate::scene::Mesh;
 use glam::DVec3;
 use serde::Deserialize;
 
-/// M. Newell, 1975; the file says by way of what.
+/// M. Newell, 1975; the file names the source of the data.
 const DATA: &str = include_str!("newell_teapot_patches.json");
 
 #[derive(Deserialize)]
@@ -17,8 +17,8 @@ struct Data {
 /// A patch's 4 x 4 control points.
 type Patch = [[DVec3; 4]; 4];
 
-/// 32 x 2 x `columns` x `rows` triangles. Those on the collapsed edges of the lid and
-/// the base have no area and are kept: the paper counts them.
+/// Returns 32 x 2 x `columns` x `rows` triangles. Those at the collapsed edges of the lid and the base have
+/// no area; they are kept, since the paper counts them.
 pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for patch in patches() {
@@ -28,29 +28,29 @@ pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// About `triangles` triangles, at least 64. Rows and columns may differ: every edge
-/// that patches share is between rows or between columns of both.
+/// Returns about `triangles` triangles, at least 64. The numbers of rows and columns may differ: patches
+/// share edges only between rows and rows, or between columns and columns.
 pub(super) fn of_triangles(triangles: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
     teapot(columns, rows)
 }
 
 fn patches() -> Vec<Patch> {
-    // The data is part of this program, and a test reads it.
+    // The data is part of the program, and a test parses it.
     let Ok(data) = serde_json::from_str::<Data>(DATA) else { return Vec::new() };
     let point = |index: &usize| {
         let [x, y, z] = data.vertices[*index];
-        // z is up in the data; a turn about x keeps it right-handed.
+        // z is up in the data; a rotation about x keeps it right-handed.
         DVec3::new(x, z, -y)
     };
     let row = |patch: &[usize], j: usize| std::array::from_fn(|i| point(&patch[4 * j + i]));
     data.patches.iter().map(|patch| std::array::from_fn(|j| row(patch, j))).collect()
 }
 
-/// The point at u (within control rows) and v (across them), and the outward normal.
+/// Returns the point at u (within control rows) and v (across them), and the outward normal.
 fn surface(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3) {
     let position = blend(patch, bernstein(u), bernstein(v));
-    // Where an edge is collapsed to a point, the normal is its neighbourhood's.
+    // If an edge is collapsed to a point, the normal of a nearby point is used.
     let normal = normal(patch, u, v).or_else(|| normal(patch, u.clamp(1e-3, 0.999), v.clamp(1e-3, 0.999)));
     (position, normal.unwrap_or(DVec3::Y))
 }

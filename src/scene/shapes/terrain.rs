@@ -5,11 +5,11 @@ use crate::scene::Mesh;
 use glam::DVec3;
 
 const OCTAVES: u32 = 7;
-/// Hills across the terrain in the first octave.
+/// Number of hills across the terrain in the first octave.
 const FIRST_FREQUENCY: f64 = 3.5;
 const HEIGHT: f64 = 0.6;
 
-/// About `triangles` triangles, at least two.
+/// Returns a terrain of about `triangles` triangles, at least two.
 pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 2.0, 1.0);
     grid(columns, rows, |u, v| {
@@ -20,12 +20,12 @@ pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     })
 }
 
-/// Height and slopes: octaves of half the size and two fifths of the height each.
+/// Returns height and slopes: each octave has half the size and two fifths of the height of the previous one.
 fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);
     for octave in 0..OCTAVES {
-        // Shifted, so that the octaves' lattices do not meet.
+        // Shifted, so that the lattices of octaves do not coincide.
         let shift = 17.3 * f64::from(octave);
         let noise = noise(x * frequency + shift, z * frequency - shift, seed.wrapping_add(octave));
         sum.0 += amplitude * noise.0;
@@ -37,7 +37,7 @@ fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     sum
 }
 
-/// Noise from 0 to 1, and its slopes.
+/// Returns noise from 0 to 1, and its slopes.
 fn noise(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (i, k) = (x.floor(), z.floor());
     let ((sx, dx), (sz, dz)) = (fade(x - i), fade(z - k));
@@ -48,13 +48,13 @@ fn noise(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     (value, (along_x + twist * sz) * dx, (along_z + twist * sx) * dz)
 }
 
-/// Perlin's 6t^5 - 15t^4 + 10t^3, and its slope.
+/// Returns Perlin's 6t^5 - 15t^4 + 10t^3, and its slope.
 fn fade(t: f64) -> (f64, f64) {
     let value = t * t * t * (t * (6.0 * t - 15.0) + 10.0);
     (value, 30.0 * t * t * (t - 1.0) * (t - 1.0))
 }
 
-/// A number from 0 to 1 for a lattice point (a murmur finaliser over its coordinates).
+/// Returns a pseudo-random number from 0 to 1 for a lattice point (a murmur finaliser over its coordinates).
 fn hash(x: i32, z: i32, seed: u32) -> f64 {
     let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (z as u32).wrapping_mul(0xd816_3841) ^ seed;
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);

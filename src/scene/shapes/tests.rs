@@ -60,7 +60,7 @@ fn normals_are_unit_vectors_on_their_triangles_side() {
     }
 }
 
-/// How often each directed edge of the mesh occurs.
+/// Returns how often each directed edge occurs in the mesh.
 fn directed_edges(mesh: &Mesh) -> HashMap<(u32, u32), u32> {
     let mut edges = HashMap::new();
     for [a, b, c] in mesh.triangles.iter().map(|t| t.positions) {
@@ -77,7 +77,7 @@ fn sphere_gourd_and_pyramid_are_closed() {
     for shape in [Shape::Sphere { triangles: 6 }, fine, Shape::Gourd { triangles: 648 }, Shape::Pyramid] {
         let edges = directed_edges(&generate(&shape));
         for ((a, b), count) in &edges {
-            // Two triangles share the edge and pass it in opposite directions.
+            // Two triangles share the edge, in opposite directions.
             assert_eq!((*count, edges.get(&(*b, *a))), (1, Some(&1)), "{shape:?}");
         }
     }

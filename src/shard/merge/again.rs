@@ -1,10 +1,12 @@
-//! Shards that were attempted more than once, as after a requeue: the first copy may have run on beside the second.
+//! Reports shards that were attempted more than once, as after a requeue, since the first attempt may still
+//! have run during the second.
 
 use super::choice::few;
 use crate::shard::Attempt;
 use std::collections::BTreeMap;
 
-/// Names the attempts at each of these shards, in a line. Attempts on other devices are other work.
+/// Returns a note with the attempts at each of these shards. Attempts on different devices are not counted as
+/// repeated.
 pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
     let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&str>> = BTreeMap::new();
     for attempt in attempts {

@@ -1,4 +1,4 @@
-//! Which attempt's record of a point counts.
+//! Chooses which attempt's record of a point is used.
 
 use super::{Measured, lines};
 use crate::error::Result;
@@ -6,7 +6,7 @@ use crate::record::{Outcome, Record};
 use crate::shard::Attempt;
 use std::collections::{BTreeMap, HashMap};
 
-/// The records that count, by key, and what other attempts found of the same points.
+/// The chosen records by key, and the other attempts' outcomes for the same points.
 #[derive(Debug, Default)]
 pub struct Chosen {
     best: HashMap<String, Measured>,
@@ -14,8 +14,9 @@ pub struct Chosen {
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
-/// Reads the attempts' records. A wrong image beats everything; a time beats no time; then more samples count, then the lower name of an
-/// attempt, and never a clock. Within an attempt the later record counts, as in any journal.
+/// Reads the attempts' records. A wrong image takes precedence over everything, and a time over no time. Then
+/// more samples are preferred, then the attempt whose name sorts first; clocks are never compared. Within an
+/// attempt the later record is used, as in any journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut chosen = Chosen::default();
     for (place, attempt) in attempts.iter().enumerate() {
@@ -28,22 +29,23 @@ pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     Ok(chosen)
 }
 
-/// The lower counts.
+/// Returns a rank; the lowest is chosen.
 fn rank(record: &Record) -> (u8, usize) {
     let kind = match record.outcome {
         Outcome::WrongImage => 0,
         Outcome::Measured => 1,
-        // A limit of the device holds for all attempts; a failure may be due to a single attempt.
+        // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
         Outcome::Infeasible | Outcome::BuildFailed => 2,
         Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
-        // Nothing was found out; another attempt may have been asked for it.
+        // The point was not tried; another attempt may have been asked to try it.
         Outcome::OtherKind => 4,
     };
     (kind, usize::MAX - record.samples_ms.len())
 }
 
 impl Chosen {
-    /// Attempts come in the order of their names: an equal one changes nothing.
+    /// Adds an attempt's record. Attempts are added in the order of their names, so an equal rank changes
+    /// nothing.
     fn offer(&mut self, attempt: usize, record: Record) {
         let Some((known, held)) = self.best.get_mut(&record.key) else {
             self.best.insert(record.key.clone(), (attempt, record));
@@ -56,17 +58,17 @@ impl Chosen {
         }
     }
 
-    /// Whether a point has a record.
+    /// Returns whether a point has a record.
     pub fn has(&self, key: &str) -> bool {
         self.best.contains_key(key)
     }
 
-    /// The records of some points, in their order.
+    /// Returns the records of some points, in their order.
     pub fn of_keys<'a>(mut self, keys: impl Iterator<Item = &'a str>) -> Vec<Measured> {
         keys.filter_map(|key| self.best.remove(key)).collect()
     }
 
-    /// What is to be said of points that several attempts measured.
+    /// Returns notes on points that several attempts measured.
     pub fn notes(&self, attempts: &[Attempt]) -> Vec<String> {
         let mut notes = Vec::new();
         for (key, found) in self.several.iter().filter(|(_, found)| is_wrong_and_right(found)) {
@@ -96,7 +98,10 @@ impl Chosen {
             } else {
                 format!("{} points were", self.several.len())
             };
-            notes.push(format!("{points} measured by several attempts ({}); of each one record counts, the others stay in their parts.", few(&who)));
+            notes.push(format!(
+                "{points} measured by several attempts ({}); one record of each is used.",
+                few(&who)
+            ));
         }
         notes
     }
@@ -107,7 +112,7 @@ fn is_wrong_and_right(found: &[(usize, Outcome)]) -> bool {
     found.iter().any(|(_, outcome)| wrong(outcome)) && !found.iter().all(|(_, outcome)| wrong(outcome))
 }
 
-/// Some names, or the first four of many.
+/// Joins some names; of many, only the first four.
 pub fn few(names: &[&str]) -> String {
     let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")

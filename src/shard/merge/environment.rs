@@ -1,4 +1,4 @@
-//! Where and how a merged folder was made: what the first attempt wrote down, and every machine that took part.
+//! The environment of a merged folder: that of the first attempt, with every machine that took part.
 
 use crate::error::{Error, Result};
 use crate::record::write_whole;
@@ -6,7 +6,7 @@ use crate::shard::Attempt;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Writes `environment.json`; nothing where no attempt came that far.
+/// Writes `environment.json`; nothing if no attempt has written one.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let read = |attempt: &Attempt| -> Option<(String, Value)> {
         let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;

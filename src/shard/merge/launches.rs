@@ -1,15 +1,15 @@
-//! New numbers for launches: each attempt counts its own from 0.
+//! Renumbers launches, since each attempt counts its own from 0.
 
 use super::Measured;
 use crate::record::Record;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// The number of each attempt's launches that records rest on, in the order of attempts.
+/// The new numbers of the launches that records use, in the order of attempts.
 #[derive(Clone, Debug, Default)]
 pub struct Launches(BTreeMap<(usize, u32), u32>);
 
 impl Launches {
-    /// The launches that these records use.
+    /// Numbers the launches that these records use.
     pub fn of<'a>(records: impl Iterator<Item = &'a Measured>) -> Self {
         let used = |(attempt, record): &Measured| {
             let attempt = *attempt;
@@ -19,7 +19,7 @@ impl Launches {
         Self(all.into_iter().zip(0..).collect())
     }
 
-    /// A launch's number; none where no record rests on it.
+    /// Returns a launch's new number; `None` if no record uses it.
     pub fn number(&self, attempt: usize, launch: u32) -> Option<u32> {
         self.0.get(&(attempt, launch)).copied()
     }
@@ -32,7 +32,7 @@ impl Launches {
     }
 }
 
-/// The samples that records rest on: attempt, launch and key of each.
+/// Returns the samples that records use: attempt, launch and key of each.
 pub fn counted(records: &[Measured]) -> HashSet<(usize, u32, &str)> {
     let of = |(attempt, record): &'_ Measured| (*attempt, record.sample_launches.clone());
     let mut counted = HashSet::new();

@@ -1,5 +1,5 @@
-//! Attempts put together to one folder of results, as of one run. No device is needed, and no clock decides: the same parts make the same
-//! folder, however often and wherever they are merged. Attempts' folders are only read.
+//! Merges attempts into one folder of results, like that of a single run. It uses neither a device nor a
+//! clock: the same attempts always give the same folder. The attempts' folders are not changed.
 
 mod again;
 mod choice;
@@ -22,26 +22,26 @@ use serde::de::DeserializeOwned;
 use serde_json::json;
 use std::path::Path;
 
-/// What was put together.
+/// The result of a merge.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Merged {
-    /// Attempts that there are.
+    /// Number of attempts.
     pub attempts: usize,
-    /// Points of the plan that have a record, on all kinds of device.
+    /// Number of the plan's points that have a record, on all kinds of device.
     pub records: usize,
-    /// Samples that were kept, and those that stay in their parts.
+    /// Number of samples that were merged, and of those that were not.
     pub samples: [usize; 2],
-    /// What is to be said wherever the figures are shown.
+    /// Notes to be shown with the results.
     pub notes: Vec<String>,
-    /// What is yet to be measured.
+    /// The points that still have to be measured.
     pub missing: Missing,
 }
 
-/// A record, or a control measurement, and the place of the attempt that measured it.
+/// A record, and the index of the attempt that measured it.
 type Measured = (usize, Record);
 
-/// Merges the attempts of a folder, and writes all but summary and pages. `meant` has words of the kinds of device that are meant; without
-/// any, all are that took part.
+/// Merges the attempts of a folder, and writes all files except summary and pages. `meant` has words that
+/// select kinds of device; without any, all kinds that took part are used.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
@@ -56,7 +56,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
-    // First of all: what is written from here on is known to be a merge's.
+    // Written first, so that the folder is known to be a merge's.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;
@@ -75,14 +75,14 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     Ok(Merged { attempts: attempts.len(), records: records.len(), samples, notes, missing })
 }
 
-/// That a folder is not one that shards write to.
+/// Returns the error for a folder that has no shards.
 pub fn no_shards(out: &Path) -> Error {
     let what = if out.is_dir() { "holds no experiment in shards" } else { "is no folder" };
     Error::input(format!("{} {what}", out.display()))
-        .with_help("name the folder that was --out of `raycl run --shard`")
+        .with_help("give the folder that was --out of `raycl run --shard`")
 }
 
-/// A run's own results are nobody's parts.
+/// Refuses a folder with the results of a run, which are not merged from attempts.
 fn refuse_other_results(out: &Path) -> Result<()> {
     match out.join("records.jsonl").exists() && !out.join(MERGE).exists() {
         true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
@@ -91,7 +91,8 @@ fn refuse_other_results(out: &Path) -> Result<()> {
     }
 }
 
-/// The kinds that took part and are meant, always the host's, and the words that mean none of those that took part.
+/// Returns the selected kinds of those that took part, always with the host's, and the words that match none
+/// of them.
 fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
     let all = Kind::all(out)?;
     let has = |kind: &Kind, word: &String| {
@@ -110,12 +111,12 @@ fn took_part(out: &Path) -> Result<String> {
     Ok(names.join(", "))
 }
 
-/// What became of attempts that did not end by themselves, in a line.
+/// Returns a note on attempts that did not end by themselves.
 fn ended_early(attempts: &[Attempt]) -> Option<String> {
     let ends: Vec<Option<End>> = attempts.iter().map(Attempt::end).collect();
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
-        (count(&|end| end.is_none()), "were killed, or are at work yet"),
+        (count(&|end| end.is_none()), "were killed, or are still running"),
         (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost their launcher"),
         (count(&|end| matches!(end, Some(End::Interrupted))), "were interrupted"),
         (count(&|end| matches!(end, Some(End::Failed(_)))), "could not go on"),
@@ -146,7 +147,8 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
     write_whole(&out.join(MERGE), &text)
 }
 
-/// The samples of the records that count, under the launches' new numbers; how many they are, and how many stay in their parts.
+/// Writes the samples of the chosen records with the launches' new numbers. Returns how many there are, and
+/// how many were left out.
 fn write_samples(
     out: &Path,
     attempts: &[Attempt],
@@ -173,7 +175,7 @@ fn write_samples(
     Ok(counts)
 }
 
-/// Lines of launches that records rest on, under the launches' new numbers.
+/// Writes the lines of launches that records use, with the launches' new numbers.
 fn write_renumbered<T: Serialize + DeserializeOwned>(
     out: &Path,
     name: &str,
@@ -194,7 +196,7 @@ fn write_renumbered<T: Serialize + DeserializeOwned>(
     })
 }
 
-/// What devices can do at most, where attempts measured it: a device by its name is the first attempt's.
+/// Writes the peak rates that attempts measured. If several have one device's, the first is used.
 fn write_peak(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     for attempt in attempts {
@@ -222,7 +224,7 @@ fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::
     file.write_all(&text)
 }
 
-/// An attempt that was killed at once has no such file.
+/// Reads a journal; an attempt that was killed early does not have one.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
 }

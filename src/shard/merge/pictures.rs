@@ -1,11 +1,11 @@
-//! The pictures that records name, copied beside them.
+//! Copies the pictures of records.
 
 use crate::error::{Error, Result};
 use crate::record::{Record, own_folder, write_page};
 use std::path::{Component, Path, PathBuf};
 
-/// Copies a record's pictures from its attempt's folder. One that is there with the same bytes stays; where another has its name the
-/// record names the copy with the hash of its bytes.
+/// Copies a record's pictures from its attempt's folder. An identical file is kept. If a different file has
+/// the name, the copy's name gets a hash of its bytes.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     let pictures = [
         &mut record.image,
@@ -19,7 +19,7 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
         if !stays_inside(name) {
             continue;
         }
-        // What was lost with its machine is a picture less, and no reason to lose the times.
+        // A picture that was lost with its machine is no reason to lose the times.
         let Ok(bytes) = std::fs::read(attempt.join(&name)) else { continue };
         let (mut target, mut place) = (name.clone(), out.join(&name));
         if std::fs::read(&place).is_ok_and(|there| there != bytes) {
@@ -37,7 +37,7 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     Ok(())
 }
 
-/// Whether a name leads nowhere but into the folder.
+/// Returns whether a path stays within the folder.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }

@@ -1,4 +1,4 @@
-//! The points that a merged folder shows, with their names: those of every selected kind of device.
+//! The points of a merged folder, with their names: those of every selected kind of device.
 
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};
@@ -6,14 +6,14 @@ use std::collections::{HashMap, HashSet};
 
 /// The points of a merge.
 pub struct Planned {
-    /// Each once: scene by scene and size by size, in these a kind of device after the other.
+    /// The points, each once: by scene, by image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// What tells a caster on the host from the same on another kind of host, by key.
+    /// The name of each caster on the host, by key, which distinguishes kinds of host.
     hosts: HashMap<String, String>,
 }
 
 impl Planned {
-    /// The points of a plan on these kinds of device.
+    /// Makes the points of a plan on these kinds of device.
     pub fn of(plan: &ShardPlan, kinds: &[Kind]) -> Self {
         let mut all: Vec<(usize, usize, usize, PlannedPoint)> = Vec::new();
         let mut hosts = HashMap::new();
@@ -39,12 +39,12 @@ impl Planned {
         Self { points: points.filter(|point| seen.insert(point.key.clone())).collect(), hosts }
     }
 
-    /// The points' keys, in their order.
+    /// Returns the points' keys, in their order.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.points.iter().map(|point| point.key.as_str())
     }
 
-    /// Gives a caster on the host the name of its kind, by which tables and plots tell it from the same elsewhere.
+    /// Gives a caster on the host the name of its kind, by which tables and plots distinguish it.
     pub fn tell_apart(&self, record: &mut Record) {
         if let Some(what) = self.hosts.get(&record.key) {
             record.strategy = format!("{} ({what})", record.strategy);

@@ -1,4 +1,4 @@
-//! Headers that are right, and each way to be wrong.
+//! Tests of correct headers, and of each possible mistake.
 
 use super::super::AXES;
 use super::*;
@@ -39,7 +39,7 @@ fn prose_may_have_colons_and_addresses() {
     assert_eq!(read("intersector", &text).map(|header| header.meaning).unwrap_or_default(), "mine");
 }
 
-/// A line of the right header replaced by another: what is said, in which line, and the remedy.
+/// Replaces a line of the correct header; checks the message, its line, and the remedy.
 fn mistake(line: &str, by: &str, said: &str, help: &str) {
     let text = RIGHT.replacen(line, by, 1);
     assert_ne!(text, RIGHT, "{line} is not in it");
@@ -84,13 +84,13 @@ fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
     mistake(
         "record_floats",
         "record_float",
-        "line 3: 'record_float' is no key of a header of inter",
+        "line 3: 'record_float' is not a key of a header of inter",
         "'record_floats'",
     );
     mistake(
         "exact_signs: no",
         "memory: local",
-        "line 5: 'memory' is no key of a header of inter",
+        "line 5: 'memory' is not a key of a header of inter",
         "docs/own-kernels.md",
     );
 }
@@ -108,10 +108,10 @@ fn a_header_that_contradicts_itself_has_both_lines() {
     mistake(
         "// exact_signs: no\n",
         "// exact_signs: no\n// exact_signs: yes\n",
-        "line 6: 'exact_signs' is said twice: first in line 5",
+        "line 6: 'exact_signs' occurs twice: first in line 5",
         "",
     );
-    mistake("mine\n", "mine\n// meaning: yours\n", "line 3: 'meaning' is said twice: first in line 2", "");
+    mistake("mine\n", "mine\n// meaning: yours\n", "line 3: 'meaning' occurs twice: first in line 2", "");
     mistake(
         "any-ray",
         "origin",

@@ -1,4 +1,4 @@
-//! What is needed to the byte, and limits that are just reached.
+//! Tests of exact numbers of bytes, and of limits that are just reached.
 
 use super::super::preset;
 use super::tests::{PAPER_DEVICE, workload};
@@ -53,7 +53,7 @@ fn what_a_shared_tile_hands_on_is_counted() {
         let w = Workload { image_size: [side, side], local_size: [32, 1], ..workload(1, 1) };
         Requirements::of(&of("tile-group"), &w).global_bytes
     };
-    // Image, nearest triangle, an entry of the queue, the word of its lights.
+    // Image, nearest triangle, one queue entry, the word of lights.
     assert_eq!(bytes(200) - bytes(100), (16 + 4 + 8 + 4) * 30_000);
 }
 

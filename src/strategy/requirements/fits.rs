@@ -1,11 +1,11 @@
-//! Whether work-groups and indices are such as a device, a family and a layout take, whatever their bytes.
+//! Checks of work-groups and indices that do not depend on bytes.
 
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{Fact, GROUP_LANES};
 use crate::strategy::{Infeasible, Strategy, Workload};
 
-/// Whether a work-group of this shape exists on the device at all.
+/// Checks that the device supports a work-group of this shape.
 pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
     let [x, y] = workload.local_size;
     let items = workload.work_group_items();
@@ -22,7 +22,7 @@ pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasibl
     Ok(())
 }
 
-/// Whether a work-group consists of groups that can share tiles.
+/// Checks that a work-group consists of groups that can share tiles.
 pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
     let [x, y] = workload.local_size;
     if !strategy.shares_tiles() {
@@ -43,7 +43,7 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     Ok(())
 }
 
-/// Whether 16-bit indices reach every entry, and the words of a tree every triangle.
+/// Checks that 16-bit indices reach every entry, and that a tree's child words can index every triangle.
 pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout.index_bits() == Some(16) && largest > 1 << 16 {
@@ -57,7 +57,7 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     Ok(())
 }
 
-/// Whether a family samples soft lights or a sky where the scene has some.
+/// Checks that the family supports soft lights and a sky, if the scene has them.
 pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let family = strategy.family();
     if !workload.is_soft() || family.takes(Fact::Soft) {
@@ -70,7 +70,7 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
     Err(Infeasible { reason: format!("{} has no {has}, which the scene has: {remedy}", family.label) })
 }
 
-/// Whether a family colours triangles by textures where the scene has some.
+/// Checks that the family supports textures, if the scene has them.
 pub fn textures(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let family = strategy.family();
     if !workload.is_textured() || family.takes(Fact::Textured) {

@@ -1,4 +1,4 @@
-//! Figures of the paper's device, and properties of the arithmetic at any sizes.
+//! Tests with the paper's device, and of the arithmetic at arbitrary sizes.
 
 use super::super::{AXES, PRESETS, Strategy, preset};
 use super::*;
@@ -63,7 +63,7 @@ fn vectors_of_24x24_do_not_fit_48_kib() {
 fn work_items_of_a_wide_strategy_cover_blocks_of_pixels() {
     let wide = preset("wide").unwrap().strategy;
     assert_eq!(workload(1, 6).global_size(&wide), [204, 126]);
-    // Pixels that do not fill a block of 4 x 4 have a work-item too.
+    // Pixels that do not fill a block of 4 x 4 need a work-item too.
     let odd = Workload { image_size: [33, 9], ..workload(1, 1) };
     assert_eq!(odd.global_size(&wide), [9, 3]);
 }
@@ -162,7 +162,7 @@ fn a_shared_tile_is_32_work_items_of_the_frame() {
     assert_eq!(workload.global_size(&strategy), [6 * 32, 6]);
 }
 
-/// A preset with some axes changed.
+/// Generates presets with some axes changed.
 fn strategies() -> impl proptest::strategy::Strategy<Value = Strategy> {
     let changes = prop::collection::vec(any::<[prop::sample::Index; 2]>(), 0..6);
     (prop::sample::select(PRESETS), changes).prop_map(|(preset, changes)| {
@@ -179,14 +179,14 @@ fn strategies() -> impl proptest::strategy::Strategy<Value = Strategy> {
     })
 }
 
-/// Sizes from none to as many as their types hold, small ones as often as huge ones.
+/// Generates sizes from 0 to the largest, small ones as often as huge ones.
 fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
     (0..=bits, any::<u64>()).prop_map(|(bits, number)| number.checked_shr(64 - bits).unwrap_or(0))
 }
 
 fn workloads() -> impl proptest::strategy::Strategy<Value = Workload> {
     let counts = [(); 6].map(|()| magnitudes(64));
-    // Far more pixels than raycl takes, and no more than a product of sizes in `usize` holds.
+    // Far more pixels than raycl supports, but a product that fits into `usize`.
     let side = |bits| magnitudes(bits).prop_map(|side| (side as u32).max(1));
     (counts, [side(30), side(30)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
         let counts = counts.map(|count| count as usize >> 1);
@@ -214,7 +214,7 @@ fn devices() -> impl proptest::strategy::Strategy<Value = DeviceLimits> {
     })
 }
 
-/// The device that has of everything what the better of two has.
+/// Returns a device that has the better of two limits everywhere.
 fn better(one: &DeviceLimits, other: &DeviceLimits) -> DeviceLimits {
     let sizes = [0, 1, 2].map(|side| one.work_item_sizes[side].max(other.work_item_sizes[side]));
     DeviceLimits {
@@ -228,22 +228,22 @@ fn better(one: &DeviceLimits, other: &DeviceLimits) -> DeviceLimits {
     }
 }
 
-/// The numbers of a text, in order.
+/// Returns the numbers of a text, in order.
 fn numbers(text: &str) -> Vec<u128> {
     text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }
 
-/// Whether the sum that a refusal states is right, and above the limit that it states.
+/// Returns whether the sum in a refusal is correct, and above the limit in it.
 fn adds_up(reason: &str) -> bool {
     if reason.starts_with("traversal = raster has no textures") {
-        return true; // whatever fits
+        return true; // any other sentence without numbers
     }
     let arithmetic = reason.split_once(": ").unwrap().1.replace("16-bit", "");
     let Some((needed, limit)) = arithmetic.split_once(" > ") else {
-        return reason.starts_with("work-group: "); // of a shape that shares no tile
+        return reason.starts_with("work-group: "); // of a shape that cannot share tiles
     };
     let Some((terms, total)) = needed.split_once(" = ") else {
-        // Two sides, of which one is too long; or a single number.
+        // Two sides, one of which is too long; or a single number.
         return numbers(needed).iter().zip(numbers(limit)).any(|(needed, limit)| *needed > limit);
     };
     let product = |term| numbers(term).into_iter().fold(1, u128::saturating_mul);

@@ -1,4 +1,4 @@
-//! Which frames, and the numbered pictures that hold them.
+//! Ranges of frames, and the numbered picture files.
 
 use crate::error::{Error, Result};
 use crate::image::{Radiance, frame_key, save_frame};
@@ -14,7 +14,7 @@ pub struct Frames {
     pub last: u32,
 }
 
-/// `3..7`, or `3` for one.
+/// Parses `3..7`, or `3` for one frame.
 pub fn parse(text: &str) -> std::result::Result<Frames, String> {
     let (first, last) = text.split_once("..").unwrap_or((text, text));
     let number = |part: &str| part.trim_start_matches('=').parse::<u32>().ok().filter(|number| *number > 0);
@@ -25,7 +25,7 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
 }
 
 impl Frames {
-    /// The same range, if there are enough frames.
+    /// Returns the same range, if there are that many frames.
     pub fn within(self, count: u32) -> Result<Self> {
         if self.last <= count {
             return Ok(self);
@@ -34,7 +34,8 @@ impl Frames {
         Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
     }
 
-    /// One process's share: neighbouring frames, about as many as every other process has; none if there are too few.
+    /// Returns the consecutive frames of one process, about as many as every other process has; `None` if
+    /// there are too few.
     pub fn of_shard(self, shard: Shard) -> Option<Self> {
         let before = |number: u32| (u64::from(self.len()) * u64::from(number) / u64::from(shard.of)) as u32;
         let (begin, end) = (before(shard.number - 1), before(shard.number));
@@ -50,7 +51,7 @@ impl Frames {
     }
 }
 
-/// Numbered pictures: `turn/dragon.png` stands for `turn/dragon-0001.png` and so on.
+/// Numbered picture files: `turn/dragon.png` stands for `turn/dragon-0001.png` and so on.
 #[derive(Debug)]
 pub struct Numbered {
     path: PathBuf,
@@ -60,7 +61,7 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    /// Pictures named after a target; its folder must be there.
+    /// Makes the names from a target, whose folder must exist.
     pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
         let digits = count.to_string().len().max(4);
         let choice = Choice { force, elsewhere: "-o FILE" };
@@ -78,13 +79,13 @@ impl Numbered {
         Target::new(self.file(number), self.choice)
     }
 
-    /// Their names, as printed for the user.
+    /// Returns their names, for messages.
     pub fn name(&self) -> String {
         let [first, last] = [self.wanted.first, self.wanted.last].map(|number| self.file(number));
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// The missing frames, with their keys. A different picture under a frame's name is refused.
+    /// Returns the missing frames with their keys. A different picture under a frame's name is refused.
     pub fn missing(&self, keys: &[(u32, String)]) -> Result<Vec<(u32, String)>> {
         let mut missing = Vec::new();
         for (number, key) in keys {
@@ -106,8 +107,7 @@ impl Numbered {
 }
 
 fn other(file: &Path, number: u32) -> Error {
-    let message =
-        format!("'{}' is there, and another picture than frame {number} of this turn", file.display());
+    let message = format!("'{}' exists and is not frame {number} of this turntable", file.display());
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 

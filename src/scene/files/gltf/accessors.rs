@@ -1,4 +1,4 @@
-//! Numbers in a glTF file's buffers.
+//! Reads numbers from a glTF file's buffers.
 
 use super::Parsed;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
@@ -7,7 +7,7 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 use std::borrow::Cow;
 
-/// Elements that one accessor may have: more triangles than a scene may.
+/// Largest number of elements of an accessor; larger than any supported scene needs.
 const MOST_ELEMENTS: u64 = 1 << 31;
 
 /// The file's numbers.
@@ -17,7 +17,7 @@ pub(super) struct Numbers<'a> {
     pub buffers: &'a [Cow<'a, [u8]>],
 }
 
-/// Where elements lie.
+/// The position of elements in a buffer.
 struct Place<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -26,7 +26,8 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// The components of an element; the last element may be cut off.
+    /// Returns the components of an element; `None` beyond the end of the buffer. The padding after the last
+    /// element may be missing.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
         let size = bytes_of(self.component);
         let start = number.checked_mul(self.stride)?;
@@ -38,7 +39,7 @@ impl Place<'_> {
         Some(values)
     }
 
-    /// One number, normalised where the accessor says so (glTF 2.0, 3.6.2.2).
+    /// Returns one number, normalised if the accessor says so (glTF 2.0, 3.6.2.2).
     fn component(&self, bytes: &[u8]) -> f64 {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
@@ -63,7 +64,7 @@ fn bytes_of(component: ComponentType) -> usize {
 }
 
 impl<'a> Numbers<'a> {
-    /// The elements of an accessor of `N` components.
+    /// Returns the elements of an accessor with `N` components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let told = |what: String| format!("accessor {number}: {what}");
@@ -71,7 +72,7 @@ impl<'a> Numbers<'a> {
         self.elements(accessor).map_err(told)
     }
 
-    /// How many components an accessor's elements have.
+    /// Returns the number of components in an accessor's elements.
     pub fn components(&self, index: Index<Accessor>) -> usize {
         self.root.get(index).and_then(|accessor| components(accessor).ok()).unwrap_or(0)
     }
@@ -101,9 +102,9 @@ impl<'a> Numbers<'a> {
         Ok(values)
     }
 
-    /// Elements of an accessor that only has those that differ from zero.
+    /// Returns the elements of an accessor that only stores those that differ from zero.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
-        // Nothing of the file backs them, so they may not be any number.
+        // Such elements take no bytes in the file, so their number must be limited.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
         if count > held.max(1 << 16) {
             return Err(format!("{} elements that no buffer holds", accessor.count.0));

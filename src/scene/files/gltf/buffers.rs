@@ -1,4 +1,4 @@
-//! The bytes that a glTF file names: in it as base64, beside it, or behind it in a binary file.
+//! The buffers of a glTF file: embedded as base64, in separate files, or at the end of a binary file.
 
 use super::Parsed;
 use crate::reader::{self, Kind};
@@ -10,7 +10,7 @@ use gltf::json::Root;
 use gltf::json::buffer::Buffer;
 use std::borrow::Cow;
 
-/// All buffers in the file's order.
+/// Returns all buffers in the file's order.
 pub(super) fn load<'a>(
     root: &Root,
     reach: Reach<'_>,
@@ -25,7 +25,7 @@ pub(super) fn load<'a>(
                 read(buffer, reach, binary.take()).map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // What is missing may never be asked for: accessors are checked one by one.
+                // A missing buffer may never be used, since accessors are checked one by one.
                 0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
                 _ => Ok(bytes),
             }
@@ -50,7 +50,7 @@ fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) ->
     bytes.map(Cow::Owned).map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
 }
 
-/// The bytes of a `data:` uri: a type that does not matter, `;base64,` and what follows.
+/// Decodes a `data:` URI: any type, `;base64,` and the data.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("a data: uri without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
@@ -58,7 +58,7 @@ pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     engine.decode(text.trim_ascii()).map_err(|error| format!("its base64 is damaged: {error}"))
 }
 
-/// A name in which `%20` stands for a space; what is no such escape stays.
+/// Replaces escapes such as `%20` in a name; anything else stays.
 pub(super) fn unescaped(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

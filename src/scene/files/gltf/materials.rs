@@ -1,4 +1,4 @@
-//! glTF materials: the base colour of each, and what else they ask for.
+//! glTF materials: the base colour of each, and their unsupported features.
 
 use crate::scene::material::Material;
 use crate::scene::obj::{Asked, Wish};
@@ -7,14 +7,14 @@ use gltf::json::material::{AlphaMode, Material as Wire};
 use gltf::json::validation::Checked;
 use gltf::json::{Root, extensions::material::Material as Extensions};
 
-/// Materials with what they ask for; number 0 is for primitives that have none.
+/// Materials and their unsupported features; number 0 is for primitives without a material.
 pub(super) struct Materials {
     pub list: Vec<Material>,
     pub asked: Vec<Asked>,
 }
 
 pub(super) fn read(root: &Root) -> Materials {
-    // The default's base colour is white, which k_L 0.8 shows without losing its highlights.
+    // The default base colour is white; as k_L 0.8 it can still show highlights.
     let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
     for wire in &root.materials {
         materials.list.push(Material::lambertian(base_colour(wire)));
@@ -23,7 +23,7 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// In linear light; that of the older model is `diffuseFactor`.
+/// Returns the colour in linear light; older files have it as `diffuseFactor`.
 fn base_colour(wire: &Wire) -> Vec3 {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness").map(|older| {
         let channel = |at| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;
@@ -43,7 +43,7 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
     others(wire).find(|(key, _)| *key == name).map(|(_, value)| value)
 }
 
-/// What a material asks for beside a colour.
+/// Counts a material's features other than a colour.
 fn asked(wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;

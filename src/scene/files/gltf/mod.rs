@@ -17,16 +17,16 @@ use nodes::Walk;
 use std::borrow::Cow;
 use textures::Files;
 
-/// What goes wrong inside of a file, in words.
+/// An error in a file, in words.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Extensions that a file may require: raycl supports what they add, or notes it if a material asks for it.
+/// Extensions that a file may require: raycl supports them, or adds a note if a material uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Families of extensions that a file may require, too: they concern surfaces only.
+/// Families of extensions that a file may also require, since they only concern surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
 
-/// Reads a file called `name`, and the buffers in reach that it names.
+/// Reads a file named `name`, and the buffers that it names, if they may be read.
 pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let (json, binary) = split(name, bytes)?;
     let root: Root = serde_json::from_slice(&json).map_err(|error| misread(name, &json, &error))?;
@@ -58,7 +58,7 @@ fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
     Ok((glb.json, glb.bin))
 }
 
-/// JSON that is no glTF, or glTF 1.
+/// Returns the error for JSON that is not glTF 2.0.
 fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
     let version = serde_json::from_slice::<serde_json::Value>(json).ok();
     let version = version.and_then(|value| value["asset"]["version"].as_str().map(str::to_owned));
@@ -77,7 +77,7 @@ fn is_known(extension: &str) -> bool {
     KNOWN.contains(&extension) || KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family))
 }
 
-/// Extensions that the file uses, that raycl does not support, and that no other note mentions.
+/// Returns a note on unsupported extensions that no other note mentions.
 fn passed_over(root: &Root) -> Option<String> {
     let unknown: Vec<String> = root
         .extensions_used
@@ -86,11 +86,10 @@ fn passed_over(root: &Root) -> Option<String> {
         .take(8)
         .map(|extension| quoted(extension.as_bytes()))
         .collect();
-    (!unknown.is_empty())
-        .then(|| format!("extensions that raycl does not have are passed over: {}", unknown.join(", ")))
+    (!unknown.is_empty()).then(|| format!("unsupported extensions are ignored: {}", unknown.join(", ")))
 }
 
-/// Names the extensions without which the file says it cannot be read.
+/// Refuses a file that requires unsupported extensions, and names them.
 fn refuse_required(name: &str, root: &Root) -> Result<()> {
     let lacking: Vec<String> = root
         .extensions_required
@@ -102,7 +101,7 @@ fn refuse_required(name: &str, root: &Root) -> Result<()> {
         return Ok(());
     }
     let what = if lacking.len() == 1 { "the extension" } else { "the extensions" };
-    Err(Error::input(format!("{name} requires {what} {}, which raycl does not have", lacking.join(", ")))
+    Err(Error::input(format!("{name} requires {what} {}, which raycl does not support", lacking.join(", ")))
         .with_help("export it without compression, with `gltf-transform copy` or Blender for example"))
 }
 
@@ -110,7 +109,7 @@ fn animations(root: &Root) -> Option<String> {
     let count = root.animations.len();
     (count > 0).then(|| {
         format!(
-            "{} left out: what they move stands as the file places it",
+            "{} left out: objects stay where the file places them",
             match count {
                 1 => "1 animation is".to_owned(),
                 _ => format!("{count} animations are"),

@@ -1,4 +1,4 @@
-//! The nodes of a glTF scene: where its meshes, cameras and lights stand.
+//! The nodes of a glTF scene, which place its meshes, cameras and lights.
 
 use super::accessors::Numbers;
 use super::primitives::{Part, Shape};
@@ -21,30 +21,30 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 use std::borrow::Cow;
 
-/// What a walk over the nodes has found; positions are the scene's, in double precision.
+/// The results of traversing the nodes; positions are in the scene's coordinates, in double precision.
 pub(super) struct Walk<'a> {
     numbers: Numbers<'a>,
     visited: Vec<bool>,
     positions: Vec<DVec3>,
     normals: Vec<Vec3>,
-    /// Linear, one per position.
+    /// Linear colours, one per position.
     colours: Vec<Vec3>,
-    /// Vertices that have a colour of their own.
+    /// Number of vertices that have a colour.
     coloured: usize,
     triangles: Vec<Triangle>,
-    /// Each material's, in the file's order.
+    /// The texture of each material, in the file's order.
     maps: &'a [Option<ColourMap>],
-    /// One a triangle, where any material has a texture.
+    /// One per triangle, if any material has a texture.
     mapped: Vec<Mapped>,
     /// The first triangle of each node that has a mesh.
     starts: Vec<u32>,
-    /// Each camera and where it stands.
+    /// Each camera and its position.
     cameras: Vec<(DVec3, Camera)>,
     lights: Vec<FileLight>,
     left_out: LeftOut,
 }
 
-/// What is passed over.
+/// Counts of unsupported parts.
 #[derive(Default)]
 struct LeftOut {
     orthographic: usize,
@@ -56,7 +56,7 @@ struct LeftOut {
 }
 
 impl<'a> Walk<'a> {
-    /// Walks the file's scene, or, where it has none, all nodes that are no other's child.
+    /// Traverses the file's scene, or, if it has none, all nodes without a parent.
     pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
         let mut walk = Self {
             numbers: Numbers { root, buffers },
@@ -79,7 +79,7 @@ impl<'a> Walk<'a> {
             None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
         };
         next.reverse();
-        // A stack of its own: nodes may be nested as deep as a file likes.
+        // An explicit stack, since nodes may be nested arbitrarily deep.
         while let Some((index, parent)) = next.pop() {
             let number = index.value();
             let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
@@ -147,7 +147,8 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Where the triangles of a part, whose corners are turned around where it is mirrored, lie in their texture.
+    /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the order of the corners
+    /// is reversed.
     fn add_places(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
         let map = map.filter(|_| !part.coordinates.is_empty()).ok_or(map.is_some());
         self.left_out.unmapped +=
@@ -159,7 +160,7 @@ impl<'a> Walk<'a> {
         }));
     }
 
-    /// A camera looks along its own -z.
+    /// A camera looks along its -z axis.
     fn add_camera(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
@@ -180,7 +181,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// A light shines along its node's -z.
+    /// A light shines along its node's -z axis.
     fn add_light(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         let named = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
         let Some(index) = named.map(|named| named.light) else { return Ok(()) };
@@ -209,7 +210,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// The mesh in single precision, with what the file wants to be seen by.
+    /// Returns the mesh in single precision, with the file's camera and lights.
     pub fn settled(
         self,
         name: &str,
@@ -244,7 +245,7 @@ impl<'a> Walk<'a> {
 impl LeftOut {
     fn notes(&self) -> impl Iterator<Item = String> {
         let notes = [
-            (self.orthographic, "orthographic camera", "not used: a view is in perspective"),
+            (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
             (self.spots, "spot light", "shown as lights in all directions"),
             (self.skins, "skinned mesh", "shown as stored, without its joints"),
             (self.targets, "primitive with morph targets", "shown without them"),
@@ -270,7 +271,7 @@ fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
         .map(|(number, _)| Index::new(number as u32))
 }
 
-/// A node's own transform.
+/// Returns a node's own transform.
 fn local(node: &Node) -> DMat4 {
     if let Some(matrix) = node.matrix {
         return DMat4::from_cols_array(&matrix.map(f64::from));
@@ -287,7 +288,8 @@ fn local(node: &Node) -> DMat4 {
     )
 }
 
-/// The inverse transpose but for its size, which also a flattened mesh has: the matrix of cofactors.
+/// Returns the matrix of cofactors. It equals the inverse transpose up to a factor, and also exists if the
+/// transform flattens the mesh.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

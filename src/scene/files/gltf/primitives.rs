@@ -8,21 +8,21 @@ use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// A part in its node's space.
+/// A part in the coordinates of its node.
 pub(super) struct Part {
     pub positions: Vec<DVec3>,
-    /// One a position, or none.
+    /// One per position, or empty.
     pub normals: Vec<DVec3>,
-    /// Linear, one per position, or none.
+    /// Linear colours, one per position, or empty.
     pub colours: Vec<Vec3>,
-    /// Coordinates in the material's texture, one per position, or none.
+    /// Coordinates in the material's texture, one per position, or empty.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
-    /// 0 where the part names none; the file's are from 1.
+    /// 0 if the part has no material; the file's materials start at 1.
     pub material: u32,
 }
 
-/// What a primitive is made of.
+/// The kind of a primitive.
 pub(super) enum Shape {
     Triangles(Part),
     /// Lines or points.
@@ -30,7 +30,7 @@ pub(super) enum Shape {
 }
 
 impl Part {
-    /// `set` is that of the texture coordinates that its material's texture wants.
+    /// Reads a primitive. `set` is the number of the texture coordinates that its material's texture uses.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
             primitive.mode
@@ -41,7 +41,7 @@ impl Part {
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
         };
-        // Without positions there is nothing to see; an extension may have them.
+        // Without positions nothing is visible, although an extension may provide them.
         let Some(index) = attribute(Semantic::Positions) else { return Ok(Shape::Other) };
         let positions: Vec<DVec3> = vectors(index)?;
         let normals: Vec<DVec3> = attribute(Semantic::Normals).map(vectors).transpose()?.unwrap_or_default();
@@ -76,7 +76,7 @@ impl Part {
         Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
-    /// Every triangle with corners of its own: without normals a mesh has flat faces (glTF 2.0, 3.7.2.1).
+    /// Gives every triangle its own corners, since a mesh without normals has flat faces (glTF 2.0, 3.7.2.1).
     fn flat(self) -> Self {
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
         let (mut colours, mut coordinates) = (Vec::new(), Vec::new());
@@ -96,7 +96,7 @@ impl Part {
     }
 }
 
-/// Texture coordinates, from the upper left corner.
+/// Reads texture coordinates, from the upper left corner.
 fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32; 2]>> {
     let coordinates = numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32));
     let coordinates: Vec<[f32; 2]> = coordinates.collect();
@@ -106,7 +106,7 @@ fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32
     }
 }
 
-/// Colours are linear, with alpha or without.
+/// Reads linear colours, with or without alpha.
 fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<Vec3>> {
     let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
     Ok(match numbers.components(index) {
@@ -115,7 +115,7 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<Vec3>> {
     })
 }
 
-/// The numbers of the positions in order.
+/// Returns the indices of the triangles' corners in order.
 fn corners(numbers: &Numbers<'_>, primitive: &Primitive, count: usize) -> Parsed<Vec<u32>> {
     let Some(index) = primitive.indices else { return Ok((0..count as u32).collect()) };
     let indices: Vec<u32> = numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect();

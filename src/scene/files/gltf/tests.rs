@@ -1,4 +1,4 @@
-//! Small files made here, good and bad.
+//! Tests with small valid and invalid files.
 
 use super::*;
 use crate::scene::mesh::Mesh;
@@ -10,7 +10,7 @@ use std::path::Path;
 
 const PERMITTED: Permitted = Permitted { beyond: false, quotes: true };
 
-/// One triangle: three positions, then three indices of 16 bits.
+/// Returns the buffer of one triangle: three positions, then three 16-bit indices.
 fn bytes() -> Vec<u8> {
     let positions: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let mut bytes: Vec<u8> = positions.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -18,7 +18,7 @@ fn bytes() -> Vec<u8> {
     bytes
 }
 
-/// The file around it; what a case changes is put in by replacing.
+/// Returns the file for that buffer; tests change it by replacing text.
 fn triangle() -> String {
     let data = STANDARD.encode(bytes());
     format!(
@@ -80,7 +80,7 @@ fn nodes_turn_scale_mirror_and_nest() {
     let mesh = read(&triangle().replace(r#""nodes": [{"mesh": 0, "translation": [0, 0, 5]}]"#, nested))
         .unwrap()
         .mesh;
-    // A quarter turn about z takes x to y and y to -x; then x is mirrored, and the winding with it.
+    // A quarter turn about z maps x to y and y to -x; then x is mirrored, which reverses the winding.
     let [a, b, c] = corners(&mesh);
     assert!(
         a.distance(Vec3::ZERO) < 1e-6 && b.distance(Vec3::X * 2.0) < 1e-6 && c.distance(Vec3::Y * 2.0) < 1e-6
@@ -138,7 +138,7 @@ fn colours_of_corners_make_one_of_the_triangle() {
         r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}"#,
     );
     let file = read(&text).unwrap();
-    // The positions serve as colours: black, red and green.
+    // The positions are used as colours: black, red and green.
     let colour = file.mesh.material(&file.mesh.triangles[0]).lambertian / 0.8;
     assert!((colour - Vec3::new(1.0, 1.0, 0.0) / 3.0).abs().max_element() < 5e-3, "{colour}");
     assert!(file.notes.iter().any(|note| note.contains("colours of 3 vertices")), "{:?}", file.notes);

@@ -1,4 +1,4 @@
-//! Base colours from pictures: in the file, beside it, or as base64.
+//! Base-colour textures: in the file, in a separate file, or as base64.
 
 use super::Parsed;
 use super::buffers::{decoded, unescaped};
@@ -12,27 +12,27 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
 
-/// The picture that a material takes its colour from.
+/// The texture of a material's colour.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ColourMap {
-    /// Its texture's number.
+    /// The texture's number.
     texture: u32,
     wrap: [Wrap; 2],
-    /// Which of a primitive's texture coordinates.
+    /// The number of the texture coordinates in a primitive.
     pub set: u32,
-    /// What is done to them first.
+    /// The transform of the coordinates.
     transform: Affine2,
 }
 
 impl ColourMap {
-    /// A triangle of this material.
+    /// Returns the texture coordinates of a triangle with this material.
     pub fn place(&self, corners: [[f32; 2]; 3]) -> Mapped {
         let placed = |corner| self.transform.transform_point2(Vec2::from_array(corner)).to_array();
         Mapped::new(corners.map(placed), self.texture, self.wrap)
     }
 }
 
-/// What pictures are read from.
+/// The sources of pictures.
 #[derive(Clone, Copy)]
 pub(super) struct Files<'a> {
     pub root: &'a Root,
@@ -41,14 +41,15 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
-    /// A colour map for every material that names one, in the file's order; what cannot be read is noted.
+    /// Returns a texture for every material that has one, in the file's order. Notes list what could not be
+    /// read.
     pub fn colour_maps(self, pictures: &mut Pictures, notes: &mut Vec<String>) -> Vec<Option<ColourMap>> {
         let map = |wire: &Wire| {
             let info = colour_texture(wire)?;
             let number = info.index.value();
             self.map(&info, pictures)
                 .map_err(|why| {
-                    // What is wrong may quote the file.
+                    // The reason may quote the file.
                     let why = if self.reach.permitted.quotes {
                         format!(" {why}")
                     } else {
@@ -118,7 +119,7 @@ impl Files<'_> {
     }
 }
 
-/// Which texture a material's colour has; that of the older model is `diffuseTexture`.
+/// Returns the texture of a material's colour; older files have it as `diffuseTexture`.
 fn colour_texture(wire: &Wire) -> Option<Info> {
     let older = super::materials::extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {
@@ -127,7 +128,7 @@ fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
-/// What KHR_texture_transform does to coordinates, and which it means, if it says so.
+/// Returns the transform of KHR_texture_transform, and the number of texture coordinates if it has one.
 fn transform(info: &Info) -> (Affine2, Option<u32>) {
     let named =
         info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
@@ -137,7 +138,7 @@ fn transform(info: &Info) -> (Affine2, Option<u32>) {
         Vec2::new(value(0), value(1))
     };
     let rotation = named["rotation"].as_f64().unwrap_or(0.0) as f32;
-    // Counter-clockwise where v grows upwards; here it grows downwards.
+    // The rotation is counter-clockwise if v grows upwards; here v grows downwards.
     let transform = Affine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
     (transform, named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok()))
 }

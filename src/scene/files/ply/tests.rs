@@ -1,4 +1,4 @@
-//! Small files made here.
+//! Tests with small files.
 
 use super::*;
 
