@@ -244,7 +244,7 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}, ", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "Preliminary: {whose}measured in a single launch of the program. Intervals do not include differences between launches; `[timing] launches = 3` measures these."
+            "A look: {whose}measured in one launch of the program. Intervals do not include differences between launches; `[timing] launches = 3` measures these."
         ));
     }
     notes.extend(
