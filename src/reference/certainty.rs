@@ -375,6 +375,22 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_sure_of_a_light_that_is_near_beside_the_spread_of_points() {
+        let scene = fixtures::figure_4();
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
+        // On the ground, far from the triangle and its shadow.
+        let point = DVec3::new(3.0, -1.0, 1.0);
+        let distance = point.distance(scene.lights[0].position.as_dvec3());
+        let find = |part: f64| {
+            let (known, spread) = (RefCell::new(vec![None]), part * distance);
+            let ground = scene.mesh.triangles.len() as u32 - 1;
+            Shadows { seen: &seen, tree: &tree, triangle: ground, point, spread, bias: 1e-3, known }.find(0)
+        };
+        assert_eq!([find(1e-6), find(0.02)], [Some(true), None]);
+    }
+
+    #[test]
     fn a_sample_remembers_changes_both_ways_and_adds_up() {
         let mut one = PixelSample::of(DVec3::splat(1.0), true);
         one.consider(DVec3::splat(0.25));

@@ -169,14 +169,15 @@ mod tests {
         assert_eq!(verdict(&runs("local-triangles", true), &records), Verdict::NotHeld);
         assert_eq!(verdict(&runs("naive", true), &records), Verdict::Held);
         assert_eq!(verdict(&runs("private", false), &records), Verdict::Cannot);
-        let fits = |triangles: u32| {
+        let fits = |(triangles, local_bytes): (u32, u32)| {
             format!(
-                "kind = 'fits', strategy = 'local-triangles', local_size = '8x8', triangles = {triangles}, local_bytes = 49152, fits = true"
+                "kind = 'fits', strategy = 'local-triangles', local_size = '8x8', triangles = {triangles}, local_bytes = {local_bytes}, fits = true"
             )
         };
+        // 104 bytes per triangle, which may fill the memory.
         assert_eq!(
-            [472, 473].map(|count| verdict(&fits(count), &records)),
-            [Verdict::Held, Verdict::NotHeld]
+            [(472, 49152), (473, 49152), (472, 472 * 104)].map(|case| verdict(&fits(case), &records)),
+            [Verdict::Held, Verdict::NotHeld, Verdict::Held]
         );
     }
 

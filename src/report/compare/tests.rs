@@ -136,7 +136,9 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
     let all = of(&usual, &anchored("new", 0.7, |_| 1.1));
     assert!(all.regressions(5.0)[0].starts_with("all points together are 10"), "{:?}", all.regressions(5.0));
+    assert_eq!(all.summary(), "0 faster, 4 slower, 0 same, 0 unclear");
     let one = of(&usual, &anchored("new", 1.2, |name| if name == "wide" { 1.1 } else { 1.0 }));
+    assert_eq!(one.summary(), "0 faster, 2 slower, 2 same, 0 unclear");
     let found = one.regressions(5.0);
     assert!(found[0].starts_with("wide at its 2 points is 10"), "{found:?}");
     assert!(found.iter().all(|line| !line.contains("naive") && !line.contains("all points")), "{found:?}");
