@@ -132,7 +132,7 @@ fn a_material_file_outside_the_folder_is_read_only_where_that_is_allowed() {
         assert_eq!(through(library, true), (true, Vec::new()), "{library}");
     }
     let (read, notes) = through("endless.mtl", true);
-    assert!(!read && notes[0].contains("no ordinary file"), "{notes:?}");
+    assert!(!read && notes[0].contains("not an ordinary file"), "{notes:?}");
 }
 
 #[test]
