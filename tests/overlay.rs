@@ -142,10 +142,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let said = mistake(&place, &folder);
     has(
         &said,
-        &[
-            "My test.cl: a value is named as its file is",
-            "rename it, for example to cast/intersect/my_test.cl",
-        ],
+        &["My test.cl: a value has its file's name", "rename it, for example to cast/intersect/my_test.cl"],
     );
 
     has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);

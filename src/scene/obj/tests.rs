@@ -206,7 +206,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
         ("call other.obj", "asks for another file or command (call)"),
         ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
-        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices are one per triangle"),
+        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices: each triangle has one colour"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
         ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): the default, k_L 0.8"),
