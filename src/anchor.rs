@@ -204,7 +204,7 @@ mod tests {
             assert!(text.contains(right));
             let broken = Anchor::of_text(&queue, units, &text.replace(right, wrong));
             let said = broken.err().expect("it is wrong").to_string();
-            assert!(said.contains("hit something else"), "{said}");
+            assert!(said.contains("hit something different"), "{said}");
         }
     }
 }

@@ -182,7 +182,11 @@ mod tests {
         let pipe = folder.path().join("pipe");
         mknodat(CWD, &pipe, FileType::Fifo, Mode::RWXU, 0).unwrap();
         for path in [&pipe, Path::new("/dev/zero"), Path::new("/dev/null")] {
-            assert!(open(path).unwrap_err().to_string().contains("no ordinary file"), "{}", path.display());
+            assert!(
+                open(path).unwrap_err().to_string().contains("expected an ordinary file"),
+                "{}",
+                path.display()
+            );
         }
         assert!(open(folder.path()).unwrap_err().to_string().contains("folder"));
     }

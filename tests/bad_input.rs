@@ -136,7 +136,7 @@ fn a_normal_index_that_does_not_exist() {
     has(
         &text,
         &[
-            "mesh.obj: line 5: 1 face names normals (vn) that the file lacks",
+            "mesh.obj: line 5: 1 face names normals (vn) that the file does not have",
             "line 6: 1 face of fewer than three corners is left out",
         ],
     );

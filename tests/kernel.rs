@@ -169,7 +169,7 @@ fn sizes_are_those_of_the_scene_and_the_local_size() {
         &text,
         &["// local size: 16 x 2 work-items;", "1026 triangles", "reqd_work_group_size(16 /* LOCAL_X */, 2"],
     );
-    has(&place.output(&["kernel", "tile-group"]), &["// local size: 32 x 1 ", "tell each other by barriers"]);
+    has(&place.output(&["kernel", "tile-group"]), &["// local size: 32 x 1 ", "exchange values by barriers"]);
 }
 
 #[test]

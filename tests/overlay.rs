@@ -114,7 +114,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let place = Place::new();
     let folder = changed(&place, FILE, "prepared_for: any-ray", "prepared_for: any-rays");
     let said = mistake(&place, &folder);
-    has(&said, &[FILE, "line 4", "'any-rays' is no 'prepared_for'", "did you mean 'any-ray'?"]);
+    has(&said, &[FILE, "line 4", "'any-rays' is not a valid 'prepared_for'", "did you mean 'any-ray'?"]);
     // A file that takes the place of a built-in value needs a header, too.
     let place = Place::new();
     let folder = changed(&place, "cast/intersect/watertight.cl", "// meaning: ", "// ");
@@ -142,10 +142,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let said = mistake(&place, &folder);
     has(
         &said,
-        &[
-            "My test.cl: a value is named as its file is",
-            "rename it, for example to cast/intersect/my_test.cl",
-        ],
+        &["My test.cl: a value has its file's name", "rename it, for example to cast/intersect/my_test.cl"],
     );
 
     has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);

@@ -181,10 +181,10 @@ fn runs_write_into_folders_of_results_only() {
         let message = refused_folder(&place, &[&run[..], more].concat());
         has(&message, &["'thesis' is not a folder of results: it contains 'summary.md'"]);
     }
-    has(&refused_folder(&place, &["reproduce", "--out", "thesis"]), &["it holds 'summary.md'"]);
+    has(&refused_folder(&place, &["reproduce", "--out", "thesis"]), &["it contains 'summary.md'"]);
     has(
         &refused_folder(&place, &["reproduce", "--page-only", "--out", "thesis"]),
-        &["it holds 'summary.md'"],
+        &["it contains 'summary.md'"],
     );
     assert_eq!(std::fs::read_dir(place.path("thesis")).expect("a folder").count(), 1);
     assert_eq!(place.text("thesis/summary.md"), MINE);

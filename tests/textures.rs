@@ -131,7 +131,7 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     let (found, said) = render(&place, &["--verify"]);
     has(&said, &["room.mtl:3: texture `none.png` cannot be read", "own colour is used"]);
     has(&said, &["room.mtl:7: texture `../up.png`"]);
-    has(&said, &["1 material asks for textures (map_Ks), which raycl does not do"]);
+    has(&said, &["1 material asks for textures (map_Ks), which raycl does not support"]);
     assert_eq!(found, render(&place, &["--set", "textures=false"]).0);
     std::fs::write(place.path("none.png"), "no picture").expect("a file");
     has(&render(&place, &[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);

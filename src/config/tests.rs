@@ -222,9 +222,9 @@ fn unknown_names_are_refused_with_the_nearest() {
 #[test]
 fn two_strategies_of_one_name_and_nothing_to_measure_are_refused() {
     let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\n");
-    refuses(&text, &["two strategies are called 'naive'", "test.toml:7:1"]);
+    refuses(&text, &["two strategies have the name 'naive'", "test.toml:7:1"]);
     refuses(&GOOD.replace("strategies", "#"), &["nothing to measure"]);
-    refuses(&GOOD.replace("local_sizes", "#"), &["'naive' has no local sizes", "test.toml:6:15"]);
+    refuses(&GOOD.replace("local_sizes", "#"), &["strategy 'naive' has no local sizes", "test.toml:6:15"]);
 }
 
 #[test]

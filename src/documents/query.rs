@@ -253,11 +253,11 @@ mod tests {
             let error = answer(query).expect_err(query);
             assert!(error.contains(part), "{error}");
         };
-        wrong("8x8", "no query");
+        wrong("8x8", "is not a query");
         wrong("new: naive 8x8", "'new' is not a source; expected one of old");
         wrong("published: teapot naive 8x8, 3 digit", "neither");
         wrong("old: naive 1x1 still-lfe", "did you mean 'still-life'?");
-        wrong("old: naive still-life", "expected one");
+        wrong("old: naive still-life", "expected exactly one");
         wrong("occupancy: capability=2.0 8x8", "registers= is missing");
     }
 }

@@ -36,7 +36,7 @@ impl Movie {
         Self { target, size, rate, format: Format::Y4m }
     }
 
-    /// Returns its name for messages.
+    /// Returns the name that messages use for the file or stream.
     pub fn name(&self) -> String {
         match self.format {
             Format::Apng(_) => self.target.path().display().to_string(),

@@ -190,7 +190,7 @@ mod tests {
         );
         std::fs::write(&path, "nonsense\n").unwrap();
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
-        assert!(error.message.contains("samples.jsonl:1: this line is no record"), "{}", error.message);
+        assert!(error.message.contains("samples.jsonl:1: this line is not a record"), "{}", error.message);
     }
 
     /// Tests a pipe, which takes bytes but cannot guarantee that they are on a disk.

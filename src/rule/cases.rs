@@ -46,7 +46,7 @@ pub struct Case {
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// Its kinds, which a test compares with the scene.
+    /// The kinds of scene that it belongs to; a test compares them with the scene.
     #[serde(default)]
     pub kinds: Vec<Kind>,
     /// The kinds of device that it is measured on.

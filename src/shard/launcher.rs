@@ -278,11 +278,11 @@ mod tests {
             (None, String::new(), "no launcher numbered this process"),
             (None, format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {step}"), "two launchers number this process"),
             (Some(4), format!("SLURM_ARRAY_TASK_ID=2 {step}"), "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4"),
-            (None, "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(), "SLURM_PROCID is 0 of 4 tasks, but this is no step"),
+            (None, "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(), "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl"),
             (
                 Some(4),
                 "SLURM_ARRAY_TASK_ID=2 SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
-                "SLURM_PROCID is 0 of 4 tasks, but this is no step",
+                "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl",
             ),
             (None, BATCH.to_owned(), "no launcher numbered"),
             (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),

@@ -30,7 +30,7 @@ struct Report {
     frame_ms: f64,
     /// The longest upload time of a device.
     upload_ms: f64,
-    /// The longest time for reading back of a device.
+    /// The longest time that a device takes to send the image back.
     read_ms: f64,
     /// Primary and shadow rays of the frame, divided by the longest device time.
     frame_rays_per_s: f64,

@@ -127,11 +127,11 @@ mod tests {
     #[test]
     fn a_misspelt_point_is_told_the_nearest_name() {
         for (text, told) in [
-            ("naiv 8x8 on teapot", "'naiv' is no preset; did you mean 'naive'?"),
-            ("naive 8x8 on teapott", "'teapott' is no scene; did you mean 'teapot'?"),
-            ("serial host on teapot", "'serial' is no baseline; did you mean 'serial-f32'?"),
-            ("naive 8 on teapot", "'8' is no size"),
-            ("naive 8x0 on teapot", "'8x0' is no size"),
+            ("naiv 8x8 on teapot", "'naiv' is not a known preset; did you mean 'naive'?"),
+            ("naive 8x8 on teapott", "'teapott' is not a known scene; did you mean 'teapot'?"),
+            ("serial host on teapot", "'serial' is not a known baseline; did you mean 'serial-f32'?"),
+            ("naive 8 on teapot", "'8' is not a size"),
+            ("naive 8x0 on teapot", "'8x0' is not a size"),
             ("naive 8x8 teapot", "is not a point; expected"),
         ] {
             let error = point(text).expect_err(text);

@@ -49,7 +49,7 @@ pub(super) fn curves_of(
     }
     let shapes = Plot::of(
         format!("figure-{number}-shapes{suffix}"),
-        "Each curve divided by its own least value: the shapes compare even though the devices do not. Points of fewer than five samples are left out.",
+        "Each curve divided by its own least value: shapes can be compared although the devices differ. Points with fewer than five samples are left out.",
         &drawn(&curves, number, device, true),
     );
     let times = Plot::of(

@@ -139,12 +139,12 @@ mod tests {
 
     #[test]
     fn what_is_no_picture_or_too_large_is_refused() {
-        assert!(decoded(b"nothing", None).unwrap_err().contains("no PNG"));
+        assert!(decoded(b"nothing", None).unwrap_err().contains("not a PNG"));
         assert!(decoded(&png(2, 2)[..20], None).unwrap_err().contains("cannot be decoded"));
         let mut huge = png(2, 2);
         // The width in the header.
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
-        assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("no PNG"));
+        assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("not a PNG"));
     }
 }

@@ -83,7 +83,7 @@ fn normals_that_the_file_lacks_are_made_and_told() {
         let file = read(&format!("{CORNERS}{face}\n{face}\nf 1 2 3\n")).unwrap();
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
         let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
-        assert!(note.starts_with("line 4: 2 faces name normals (vn) that the file lacks"), "{note}");
+        assert!(note.starts_with("line 4: 2 faces name normals (vn) that the file does not have"), "{note}");
     }
     let some = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2//1 3//1\nf 1//1 2//1 3//2\n")).unwrap();
     assert_eq!(some.mesh.corner_normals(&some.mesh.triangles[0]), [glam::Vec3::X; 3]);
@@ -132,7 +132,7 @@ fn a_material_file_outside_the_folder_is_read_only_where_that_is_allowed() {
         assert_eq!(through(library, true), (true, Vec::new()), "{library}");
     }
     let (read, notes) = through("endless.mtl", true);
-    assert!(!read && notes[0].contains("no ordinary file"), "{notes:?}");
+    assert!(!read && notes[0].contains("not an ordinary file"), "{notes:?}");
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),
         ("call other.obj", "asks for another file or command (call)"),
         ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
-        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices are one per triangle"),
+        ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices: each triangle has one colour"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
         ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): the default, k_L 0.8"),

@@ -70,15 +70,20 @@ fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
     mistake(
         "floats: 9",
         "floats: nine",
-        "line 3: 'nine' is no 'record_floats'; expected 1 to 64",
+        "line 3: 'nine' is not a valid 'record_floats'; expected 1 to 64",
         "docs/own-kernels.md",
     );
-    mistake("floats: 9", "floats: 65", "line 3: '65' is no 'record_floats'", "docs/own-kernels.md");
-    mistake("any-ray", "anyray", "line 4: 'anyray' is no 'prepared_for'; expected any-ray or", "'any-ray'");
+    mistake("floats: 9", "floats: 65", "line 3: '65' is not a valid 'record_floats'", "docs/own-kernels.md");
+    mistake(
+        "any-ray",
+        "anyray",
+        "line 4: 'anyray' is not a valid 'prepared_for'; expected any-ray or",
+        "'any-ray'",
+    );
     mistake(
         "signs: no",
         "signs: nope",
-        "line 5: 'nope' is no 'exact_signs'; expected yes or no",
+        "line 5: 'nope' is not a valid 'exact_signs'; expected yes or no",
         "docs/own-kernels.md",
     );
     mistake(
