@@ -99,16 +99,24 @@ impl User {
     /// Presses and lets go of the key that has this symbol (of a letter its code).
     pub fn press(&mut self, symbol: u32) {
         let code = self.keycode(symbol);
+        let mut request = Vec::new();
         for kind in [2, 3] {
-            let mut request = vec![25, 0, 11, 0];
+            request.extend([25, 0, 11, 0]);
             request.extend(self.window.to_le_bytes());
             request.extend([1 << (kind - 2), 0, 0, 0]);
             request.extend([kind, code, 0, 0, 0, 0, 0, 0]);
             request.extend([self.root, self.window, 0].map(u32::to_le_bytes).as_flattened());
             request.extend([0; 10]);
             request.extend([1, 0]);
-            self.send(&request);
         }
+        self.send(&request);
+        self.until_done();
+    }
+
+    /// Waits until the server has done what was asked: it forgets what a user asked who is gone. The window may be gone by then.
+    fn until_done(&mut self) {
+        self.send(&[43, 0, 1, 0]);
+        while read(&mut self.stream, 32)[0] != 1 {}
     }
 
     /// Puts the pointer on a pixel of the window.
