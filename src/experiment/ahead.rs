@@ -16,10 +16,6 @@ use std::time::{Duration, Instant};
 
 /// How often a waiting process checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// How long orders may wait without one being finished before all builders start. Drivers start one after the other, 0.2 s each on
-/// an H200, where a cached program is loaded in as much: one builder is enough until something has to be compiled.
-const PATIENCE: Duration = Duration::from_millis(900);
-
 /// A program, identified by its device and the hash of its source and options. The depth of a tree's stack
 /// follows from the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -51,10 +47,6 @@ pub trait Needs {
 #[derive(Default)]
 struct State {
     waiting: VecDeque<Order>,
-    /// Since when orders have been waiting without one being finished.
-    waiting_since: Option<Instant>,
-    /// Whether something had to be compiled.
-    compiles: bool,
     /// All programs ordered so far.
     ordered: HashSet<Program>,
     /// Finished programs, with the result if the builder survived. A point that waits for its program takes
@@ -125,9 +117,8 @@ impl Ahead {
     ) -> R {
         std::thread::scope(|scope| {
             let _closing = Closing(self);
-            for (number, mut spawner) in builders.into_iter().enumerate() {
-                let patience = if number == 0 { Duration::ZERO } else { PATIENCE };
-                scope.spawn(move || self.serve(spawner.as_mut(), patience, limit, interrupted));
+            for mut spawner in builders {
+                scope.spawn(move || self.serve(spawner.as_mut(), limit, interrupted));
             }
             work()
         })
@@ -141,9 +132,6 @@ impl Ahead {
     /// Requests the programs of points, in their order.
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
         let mut state = self.locked();
-        if state.waiting.is_empty() {
-            state.waiting_since = Some(Instant::now());
-        }
         for order in points.into_iter().filter_map(N::order) {
             if state.ordered.insert(order.program.clone()) {
                 state.waiting.push_back(order);
@@ -174,20 +162,11 @@ impl Ahead {
         Ok(())
     }
 
-    /// The loop of a builder: builds programs until the run ends. While it has no process, it takes only
-    /// programs that have waited for `patience`. If a process dies or hangs, its program stays unbuilt; the
-    /// point's own worker will try again and report the error.
-    fn serve(
-        &self,
-        spawner: &mut dyn Spawner,
-        patience: Duration,
-        limit: Duration,
-        interrupted: &AtomicBool,
-    ) {
+    /// The loop of a builder: builds programs until the run ends. If a process dies or hangs, its program
+    /// stays unbuilt; the point's own worker will try again and report the error.
+    fn serve(&self, spawner: &mut dyn Spawner, limit: Duration, interrupted: &AtomicBool) {
         let mut workers: HashMap<usize, Box<dyn Worker>> = HashMap::new();
-        let patience_of =
-            |workers: &HashMap<_, _>| if workers.is_empty() { patience } else { Duration::ZERO };
-        while let Some(Order { program, point }) = self.next(patience_of(&workers)) {
+        while let Some(Order { program, point }) = self.next() {
             let worker = workers
                 .remove(&program.device)
                 .or_else(|| started(spawner, program.device, limit, interrupted));
@@ -208,23 +187,12 @@ impl Ahead {
         }
     }
 
-    /// An order, once something was compiled or some have been waiting for as long as `patience`; none where the run ends.
-    fn next(&self, patience: Duration) -> Option<Order> {
+    fn next(&self) -> Option<Order> {
         let mut state = self.locked();
-        while !state.closed {
-            let waited =
-                state.waiting_since.filter(|_| !state.waiting.is_empty()).map(|since| since.elapsed());
-            let patience = if state.compiles { Duration::ZERO } else { patience };
-            match waited.map(|waited| patience.saturating_sub(waited)) {
-                None => state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
-                Some(Duration::ZERO) => return state.waiting.pop_front(),
-                Some(left) => {
-                    let waited = self.changed.wait_timeout(state, left);
-                    state = waited.unwrap_or_else(PoisonError::into_inner).0;
-                }
-            }
+        while state.waiting.is_empty() && !state.closed {
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-        None
+        state.waiting.pop_front()
     }
 
     fn finish(&self, program: Program, built: Option<Built>) {
@@ -233,11 +201,7 @@ impl Ahead {
             tally.work_ms += built.build_ms;
             *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
         }
-        let mut state = self.locked();
-        state.compiles |= built.as_ref().is_some_and(|built| !built.from_cache);
-        state.waiting_since = Some(Instant::now());
-        state.done.insert(program, built);
-        drop(state);
+        self.locked().done.insert(program, built);
         self.changed.notify_all();
     }
 

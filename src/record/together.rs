@@ -311,11 +311,7 @@ mod tests {
     #[test]
     fn one_launch_is_said_to_be_a_look() {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
-        assert!(
-            how_sure(&look)[0].starts_with("Preliminary: measured in a single launch"),
-            "{:?}",
-            how_sure(&look)
-        );
+        assert!(how_sure(&look)[0].starts_with("A look: measured in one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
         assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be detected here."]);
         assert!(how_sure(&[]).is_empty());

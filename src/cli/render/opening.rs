@@ -11,10 +11,6 @@ use crate::scene::{Loaded, Scene};
 use crate::strategy::{Strategy, Workload};
 use std::sync::mpsc::channel;
 
-/// Pictures of fewer pixels are not shown by the device: what that saves in reading is a hundredth of what its program takes to be
-/// compiled, a second (NVIDIA's 580 on an H200).
-const SHOWN_PIXELS: usize = 4 << 20;
-
 /// A scene and an open device.
 pub struct Opened {
     pub loaded: Loaded,
@@ -99,12 +95,11 @@ fn early(
     Some((spec, built))
 }
 
-/// What shows the picture on a device that does not share the host's memory; where it cannot be built, or the picture is small,
-/// the host does.
+/// Returns the program for the display transform if the device does not share the host's memory. If it cannot
+/// be built, the host applies the transform.
 fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
     let is_one_picture = guess::samples(args) == 1 && !args.motion.turns();
-    let is_small = (args.subject.width as usize) * (args.subject.height as usize) < SHOWN_PIXELS;
-    if queue.shares_memory || is_small || !is_one_picture || !may_be_shown(args, &target(args)) {
+    if queue.shares_memory || !is_one_picture || !may_be_shown(args, &target(args)) {
         return None;
     }
     let kept = Kept::of(guess::cache(args), &device.info);

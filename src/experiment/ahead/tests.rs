@@ -110,13 +110,3 @@ fn casters_on_the_host_have_no_program_and_ctrl_c_ends_the_wait() {
     let error = ahead.need(&mut [open(1, 0, "b", "exhaustive")], &now).unwrap_err();
     assert_eq!(error.exit_code(), 130);
 }
-
-#[test]
-fn a_builder_without_a_process_leaves_orders_to_the_others_for_a_while() {
-    let ahead = Ahead::default();
-    let patient = || ahead.next(Duration::from_millis(1)).map(|order| order.point);
-    ahead.order(&[open(7, 0, "a", "exhaustive")]);
-    assert_eq!(patient(), Some(7), "it waits until its patience ends");
-    ahead.locked().closed = true;
-    assert_eq!(patient(), None);
-}
