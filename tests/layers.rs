@@ -61,6 +61,6 @@ fn pngs_are_one_of_each_and_files_of_others_stay() {
     assert!(depth[(20, 12)].0 > depth[(39, 20)].0, "the triangle is nearer than the ground behind it");
     std::fs::write(place.path("a-nodes.png"), "mine").expect("a file");
     let message = place.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);
-    has(&message, &["'a-nodes.png' is there", "--layers FILE"]);
+    has(&message, &["'a-nodes.png' exists", "--layers FILE"]);
     has(&place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2), &["NAME.exr holds all of them"]);
 }
