@@ -95,8 +95,8 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process as another has ended: with its exit code, or as shells say that a signal ended it. Nothing is dropped then, so
-/// that no temporary folder may be there any more.
+/// Ends this process as another one ended: with its exit code, or with 128 plus the signal's number, as shells do. Nothing is dropped
+/// then, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     match status.code() {
         Some(0) => Ok(()),

@@ -41,8 +41,8 @@ pub fn installed() -> Vec<Driver> {
     found(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
-/// What a loader finds in the usual folder, or where it is told to look: in a folder, by an .icd file (of the usual folder, where its
-/// name has no slash and it is there), or by a library's name.
+/// Returns the drivers that a loader finds in the usual folder. If the environment names a folder, an .icd file or a library instead,
+/// only those are found; an .icd file whose name has no slash is searched for in the usual folder first.
 fn found(told: Option<&Path>, usual: &Path) -> Vec<Driver> {
     let folder = told.unwrap_or(usual);
     if told.is_none() || folder.is_dir() {

@@ -6,7 +6,7 @@ use super::protocol::{Reply, Request};
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::{Outcome, Record};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -101,7 +101,7 @@ pub struct Supervisor<'a> {
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started ahead and have not reported that they are ready.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
-    /// The launch at hand.
+    /// The number of the current launch.
     launch: u32,
     deaths: HashMap<usize, u32>,
     given_up: usize,
@@ -145,17 +145,17 @@ impl<'a> Supervisor<'a> {
             self.retire();
             self.launch = launch;
         }
-        let wanted: HashSet<_> = tasks.map(|task| task.post()).collect();
-        let mut free: Vec<_> = self.posts.drain().collect();
+        let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
+        // Workers that have a wanted scene keep it; any other of the device takes over one that is missing.
+        let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
+        self.posts.extend(kept);
         for post in wanted {
-            // One that has the scene already, or else any of the device.
-            let has_scene = free.iter().position(|(at, _)| *at == post);
-            let of_device = || free.iter().position(|(at, _)| at.0 == post.0);
-            if let Some(place) = has_scene.or_else(of_device) {
-                let (_, Post { worker, .. }) = free.swap_remove(place);
-                self.posts.insert(post, Post { worker, ready: HashSet::new() });
+            let of_device = free.iter().position(|(at, _)| at.0 == post.0);
+            if let Some(place) = of_device.filter(|_| !self.posts.contains_key(&post)) {
+                self.posts.insert(post, free.swap_remove(place).1);
             }
         }
+        self.posts.values_mut().for_each(|post| post.ready.clear());
         dismiss(free.into_iter().map(|(_, post)| post.worker).collect());
     }
 

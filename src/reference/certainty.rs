@@ -5,12 +5,12 @@ use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
 use super::shade::Sight;
+use super::shadows::{Points, Shadows};
 use super::soft::Seen;
 use super::tree::Tree;
 use crate::image::RELATIVE_LIMIT;
 use crate::scene::PixelFrame;
 use glam::DVec3;
-use std::cell::RefCell;
 
 /// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All correct casters must
 /// agree on a pixel that does not change under them.
@@ -31,7 +31,7 @@ const OFF_PLANE: f64 = 1e-6;
 const SKY_NUDGE: f64 = 1e-6;
 
 /// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
-const AT_LIGHT: f64 = 1e-6;
+pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// A pixel's radiance, and how it changes under nudges of its ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,8 +150,8 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let point = |(ray, hit): &(Ray<f64>, Hit<f64>)| ray.origin + ray.direction * hit.t;
     let centre = point(&(ray, hit));
     let spread = nudged.iter().map(|(_, other)| point(other).distance(centre)).fold(0.0, f64::max);
-    let known = RefCell::new(vec![None; seen.lights.len()]);
-    let shadows = Shadows { seen, tree, triangle, point: centre, spread: 1.01 * spread, bias, known };
+    let points = Points { triangle, centre, spread: 1.01 * spread };
+    let shadows = Shadows::new(seen, tree, points, bias);
     let radiance_of = |seen: &Seen<'_>, (ray, hit): &(Ray<f64>, Hit<f64>), bias: f64, part: f64| {
         let reaches = |sight: &Sight<f64>| {
             let end = sight.distance - part * asked.scale(sight);
@@ -171,53 +171,6 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     }
     asked.turn_sky(&mut sample, |seen| radiance_of(seen, &(ray, hit), bias, 0.0));
     Some(sample)
-}
-
-/// Which lights reach all points near a hit, or none of them; computed when first needed.
-struct Shadows<'a> {
-    seen: &'a Seen<'a>,
-    tree: &'a Tree,
-    triangle: u32,
-    point: DVec3,
-    spread: f64,
-    bias: f64,
-    known: RefCell<Vec<Option<Reaches>>>,
-}
-
-/// Whether a light reaches the points; `None` if that is uncertain.
-type Reaches = Option<bool>;
-
-impl Shadows<'_> {
-    fn reaches(&self, light: usize) -> Reaches {
-        // The sky is seen in a different direction from each point.
-        let known = *self.known.borrow().get(light)?;
-        known.unwrap_or_else(|| {
-            let found = self.find(light);
-            self.known.borrow_mut()[light] = Some(found);
-            found
-        })
-    }
-
-    fn some_are_unsure(&self) -> bool {
-        self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
-    }
-
-    /// Searches from the light, where all shadow rays meet.
-    fn find(&self, light: usize) -> Reaches {
-        let position = self.seen.lights[light].position.as_dvec3();
-        let off = self.point - position;
-        let distance = off.length();
-        let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
-        let [least, most] =
-            [distance - self.spread - 2.0 * self.bias, distance + self.spread - 0.5 * self.bias];
-        if least <= 4.0 * at_light || self.spread > 0.01 * distance {
-            return None;
-        }
-        let beam = Beam::new(position, off / distance, 1.1 * self.spread / distance);
-        let stopped =
-            beam.is_stopped_on_the_way_here(self.tree, self.triangle, [at_light, least], [-at_light, most])?;
-        Some(!stopped)
-    }
 }
 
 impl PixelSample {
@@ -372,22 +325,6 @@ mod tests {
                 quickly(&scene, culling);
             }
         }
-    }
-
-    #[test]
-    fn nothing_is_sure_of_a_light_that_is_near_beside_the_spread_of_points() {
-        let scene = fixtures::figure_4();
-        let tree = Tree::new(&scene.mesh, Culling::None);
-        let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
-        // On the ground, far from the triangle and its shadow.
-        let point = DVec3::new(3.0, -1.0, 1.0);
-        let distance = point.distance(scene.lights[0].position.as_dvec3());
-        let find = |part: f64| {
-            let (known, spread) = (RefCell::new(vec![None]), part * distance);
-            let ground = scene.mesh.triangles.len() as u32 - 1;
-            Shadows { seen: &seen, tree: &tree, triangle: ground, point, spread, bias: 1e-3, known }.find(0)
-        };
-        assert_eq!([find(1e-6), find(0.02)], [Some(true), None]);
     }
 
     #[test]

@@ -15,6 +15,7 @@ pub mod layers;
 pub mod ray;
 pub mod real;
 pub mod shade;
+pub mod shadows;
 pub mod soft;
 pub mod texture;
 pub mod traverse;

@@ -1,0 +1,96 @@
+//! Finds the lights that reach all points near a hit with one search per light, from the light.
+
+use super::beam::Beam;
+use super::certainty::AT_LIGHT;
+use super::soft::Seen;
+use super::tree::Tree;
+use glam::DVec3;
+use std::cell::RefCell;
+
+/// Which lights reach all points near a hit, or none of them; computed when first needed.
+#[derive(Debug)]
+pub struct Shadows<'a> {
+    seen: &'a Seen<'a>,
+    tree: &'a Tree,
+    points: Points,
+    bias: f64,
+    known: RefCell<Vec<Option<Reaches>>>,
+}
+
+/// Points of a triangle near one of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Points {
+    /// The number of the triangle.
+    pub triangle: u32,
+    /// The point in their midst.
+    pub centre: DVec3,
+    /// The largest distance from it.
+    pub spread: f64,
+}
+
+/// Whether a light reaches the points; `None` if that is uncertain.
+type Reaches = Option<bool>;
+
+impl<'a> Shadows<'a> {
+    /// Prepares the search for the lights of a sample.
+    pub fn new(seen: &'a Seen<'a>, tree: &'a Tree, points: Points, bias: f64) -> Self {
+        Self { seen, tree, points, bias, known: RefCell::new(vec![None; seen.lights.len()]) }
+    }
+
+    /// Returns whether a light reaches all points; `None` if that is uncertain, and for the sky.
+    pub fn reaches(&self, light: usize) -> Reaches {
+        // The sky is seen in a different direction from each point.
+        let known = *self.known.borrow().get(light)?;
+        known.unwrap_or_else(|| {
+            let found = self.find(light);
+            self.known.borrow_mut()[light] = Some(found);
+            found
+        })
+    }
+
+    /// Returns whether that was uncertain for a light, or there is a sky.
+    pub fn some_are_unsure(&self) -> bool {
+        self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
+    }
+
+    /// Searches from the light, where all shadow rays meet.
+    fn find(&self, light: usize) -> Reaches {
+        let position = self.seen.lights[light].position.as_dvec3();
+        let Points { triangle, centre, spread } = self.points;
+        let off = centre - position;
+        let distance = off.length();
+        let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
+        let [least, most] = [distance - spread - 2.0 * self.bias, distance + spread - 0.5 * self.bias];
+        if least <= 4.0 * at_light || spread > 0.01 * distance {
+            return None;
+        }
+        let beam = Beam::new(position, off / distance, 1.1 * spread / distance);
+        let stopped =
+            beam.is_stopped_on_the_way_here(self.tree, triangle, [at_light, least], [-at_light, most])?;
+        Some(!stopped)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures;
+    use super::*;
+    use crate::scene::Sample;
+    use crate::strategy::Culling;
+
+    #[test]
+    fn nothing_is_sure_of_a_light_that_is_near_beside_the_spread_of_points() {
+        let scene = fixtures::figure_4();
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
+        // On the ground, far from the triangle and its shadow.
+        let point = DVec3::new(3.0, -1.0, 1.0);
+        let distance = point.distance(scene.lights[0].position.as_dvec3());
+        let find = |part: f64| {
+            let triangle = scene.mesh.triangles.len() as u32 - 1;
+            let points = Points { triangle, centre: point, spread: part * distance };
+            Shadows::new(&seen, &tree, points, 1e-3).find(0)
+        };
+        assert_eq!([find(1e-6), find(0.02)], [Some(true), None]);
+    }
+}
