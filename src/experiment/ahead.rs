@@ -8,7 +8,9 @@ mod tests;
 
 use super::protocol::{Built, Reply, Request};
 use super::supervisor::{Spawner, Wait, Worker};
+use crate::accel::FINGERPRINT;
 use crate::error::{Error, Result};
+use crate::program::Kept;
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -24,8 +26,16 @@ pub struct Program {
     pub device: usize,
     /// The hash of source and options, as far as they are known before the tree is built.
     pub hash: String,
-    /// The scene, if the program uses a tree.
-    pub scene: Option<usize>,
+    /// The hash of the scene, if the program uses a tree.
+    pub scene: Option<String>,
+}
+
+impl Program {
+    /// Returns its name in the cache of its device's programs.
+    fn name(&self) -> String {
+        let tree = self.scene.as_ref().map(|scene| format!("{scene} {FINGERPRINT}"));
+        format!("{} {}", self.hash, tree.unwrap_or_default())
+    }
 }
 
 /// A program to be built, and a point that uses it.
@@ -85,9 +95,11 @@ impl Tally {
     }
 }
 
-/// The programs of a run: the run requests them, and builders build them.
+/// The programs of a run: the run requests them, and builders build those that no earlier run has stored.
 #[derive(Default)]
 pub struct Ahead {
+    /// The stored programs of each worker's device.
+    kept: Vec<Kept>,
     state: Mutex<State>,
     changed: Condvar,
     tally: Mutex<Tally>,
@@ -106,6 +118,11 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
+    /// The programs of a run; `kept[i]` has the stored ones of the device of worker `i`.
+    pub fn new(kept: Vec<Kept>) -> Self {
+        Self { kept, ..Self::default() }
+    }
+
     /// Calls `work` while builders run in parallel, one for each spawner. `limit` is the longest time for
     /// building a program.
     pub fn beside<R>(
@@ -133,7 +150,14 @@ impl Ahead {
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
         let mut state = self.locked();
         for order in points.into_iter().filter_map(N::order) {
-            if state.ordered.insert(order.program.clone()) {
+            if !state.ordered.insert(order.program.clone()) {
+                continue;
+            }
+            if self.is_stored(&order.program) {
+                // Nothing is left to build: each worker takes it from the cache.
+                self.counted(|tally| tally.kept += 1);
+                state.done.insert(order.program, None);
+            } else {
                 state.waiting.push_back(order);
             }
         }
@@ -157,8 +181,7 @@ impl Ahead {
             }
             point.hears(state.done.get_mut(&program).and_then(Option::take));
         }
-        let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
-        tally.waited_ms += start.elapsed().as_secs_f64() * 1e3;
+        self.counted(|tally| tally.waited_ms += start.elapsed().as_secs_f64() * 1e3);
         Ok(())
     }
 
@@ -197,12 +220,24 @@ impl Ahead {
 
     fn finish(&self, program: Program, built: Option<Built>) {
         if let Some(built) = &built {
-            let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
-            tally.work_ms += built.build_ms;
-            *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
+            self.counted(|tally| {
+                tally.work_ms += built.build_ms;
+                *if built.from_cache { &mut tally.kept } else { &mut tally.compiled } += 1;
+            });
+            if let (Some(kept), Some(key)) = (self.kept.get(program.device), &built.key) {
+                kept.name(&program.name(), key);
+            }
         }
         self.locked().done.insert(program, built);
         self.changed.notify_all();
+    }
+
+    fn is_stored(&self, program: &Program) -> bool {
+        self.kept.get(program.device).is_some_and(|kept| kept.has(&program.name()))
+    }
+
+    fn counted(&self, count: impl FnOnce(&mut Tally)) {
+        count(&mut self.tally.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
     fn locked(&self) -> MutexGuard<'_, State> {

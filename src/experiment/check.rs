@@ -146,10 +146,10 @@ fn build_kernel(
     let prepared = session.prepare(strategy, SMALLEST, local_size)?;
     let start = Instant::now();
     let frame = prepared.caster()?.cast().map_err(Refused::at("the launch"))?;
-    prepared.program.keep();
+    let key = prepared.program.stored_as().map(str::to_owned);
     let launch_ms = start.elapsed().as_secs_f64() * 1e3 - frame.frame_ms;
     let BuiltProgram { build_ms, from_cache, .. } = prepared.program;
-    Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache })
+    Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key })
 }
 
 /// Casts the first frame, during which drivers may still compile, and records what becomes known on the way.

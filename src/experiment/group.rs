@@ -177,7 +177,7 @@ impl OpenGroup {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
                         pending.record.check_ms = Some(start.elapsed().as_secs_f64() * 1e3);
-                        if let Some(built) = pending.built {
+                        if let Some(built) = &pending.built {
                             pending.record.build_ms = Some(built.build_ms);
                             pending.record.build_from_cache = Some(built.from_cache);
                         }

@@ -60,7 +60,7 @@ impl PendingPoint {
 impl Needs for PendingPoint {
     fn order(&self) -> Option<Order> {
         let hash = self.record.program_hash.clone().filter(|_| !self.record.is_baseline())?;
-        let scene = self.record.walks_tree().then_some(self.scene);
+        let scene = self.record.scene_hash.clone().filter(|_| self.record.walks_tree());
         Some(Order { program: Program { device: self.device, hash, scene }, point: self.point })
     }
 

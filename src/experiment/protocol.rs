@@ -54,12 +54,14 @@ pub enum DeviceList {
 }
 
 /// The result of building a program.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Built {
     /// Time from the strategy to a kernel that can be launched, including storing it in the cache.
     pub build_ms: f64,
     /// Whether the program came from the cache and nothing was compiled.
     pub from_cache: bool,
+    /// The key under which the cache has it; `None` if it could not be stored.
+    pub key: Option<String>,
 }
 
 /// A request to a worker; numbers are indices in the plan.

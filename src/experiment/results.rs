@@ -9,7 +9,7 @@ use crate::peak::{self, Peak};
 use crate::printer;
 use crate::record::{
     AnchorSample, CONTROLS, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample,
-    TEMPORARY_PREFIX, own_folder, read_lines, sync_folder,
+    TEMPORARY_PREFIX, own_folder, read_lines, renew_intervals, sync_folder,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -179,9 +179,14 @@ impl Results {
         plan.write(&self.folder)
     }
 
-    /// Writes the summaries of the points in the folder's plan, and returns these points.
-    pub fn summarise(&self, question: &str, expectation: &str) -> Result<Vec<Record>> {
+    /// Writes the summaries of the points in the folder's plan, renews the intervals in the journal, and returns
+    /// these points.
+    pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
+        let journal = self.folder.join("records.jsonl");
+        if renew_intervals(&journal, &shown.records)? {
+            self.records = JsonLines::append_to(&journal)?;
+        }
         shown.summarise(question, expectation)?;
         Ok(shown.records)
     }

@@ -86,6 +86,11 @@ impl BuiltProgram {
         !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log, binary })
     }
 
+    /// Returns the key under which it is stored, if it is.
+    pub fn stored_as(&self) -> Option<&str> {
+        (self.keep()).then_some(&self.key)
+    }
+
     /// Returns the compiler's messages; may be empty.
     pub fn log(&self) -> String {
         if let Some(log) = &self.kept_log {

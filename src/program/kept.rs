@@ -5,6 +5,8 @@ use crate::device::DeviceInfo;
 
 /// The kind of these cache entries.
 const KIND: &str = "program";
+/// The kind of entries that name a program by what is known before its tree is built; their content is its key.
+const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.
 #[derive(Clone, Debug, Default)]
@@ -47,6 +49,21 @@ impl Kept {
     /// Returns the program stored under a key.
     pub fn find(&self, key: &str) -> Option<KeptProgram> {
         KeptProgram::from_bytes(&self.cache.get(KIND, key)?)
+    }
+
+    /// Stores a name for the program under a key.
+    pub fn name(&self, name: &str, key: &str) {
+        self.cache.put(NAME_KIND, &self.name_key(name), key.as_bytes());
+    }
+
+    /// Returns whether the program of this name is stored.
+    pub fn has(&self, name: &str) -> bool {
+        let key = self.cache.get(NAME_KIND, &self.name_key(name)).and_then(|key| String::from_utf8(key).ok());
+        key.is_some_and(|key| self.find(&key).is_some())
+    }
+
+    fn name_key(&self, name: &str) -> String {
+        format!("{}\n{name}", self.compiler)
     }
 
     /// Stores a program; returns whether that succeeded.
@@ -105,6 +122,19 @@ mod tests {
             change(&mut other);
             assert_eq!(found(&other, "text", "-D A=1"), None, "{other:?}");
         }
+    }
+
+    #[test]
+    fn a_name_finds_a_program_of_the_same_driver_as_long_as_it_is_stored() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(place.path(), 1 << 20);
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let kept = kept_of(&cache, &device);
+        kept.name("hash", "key");
+        assert!(!kept.has("hash"), "the program itself is missing");
+        kept.keep("key", &KeptProgram { log: String::new(), binary: vec![1] });
+        let other = kept_of(&cache, &DeviceInfo { driver: "3.2".into(), ..device });
+        assert_eq!([kept.has("hash"), kept.has("another"), other.has("hash")], [true, false, false]);
     }
 
     #[test]

@@ -15,4 +15,6 @@ pub use build::{BuildError, BuiltProgram, CACHE_DISABLE};
 pub use compiled::CompiledKernel;
 pub use frame_kernels::frame_kernels;
 pub use kept::Kept;
+#[cfg(test)]
+pub(crate) use kept::KeptProgram;
 pub use spec::ProgramSpec;

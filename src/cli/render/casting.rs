@@ -38,8 +38,8 @@ pub struct Cast {
     pub samples: u32,
 }
 
-/// The first frame includes the first use of memory and often compilation. Its time is only used if it is
-/// longer than this, so that both are negligible.
+/// The first frame includes the first use of memory and often compilation. With several frames, its time is only
+/// used if it is longer than this, so that both are negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
 /// Casts the frame as often as requested, and reads the image.
@@ -72,7 +72,9 @@ pub fn cast(
     // Some drivers compile a kernel at its first launch, which counts as build time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
-    let mut frames: Vec<_> = Some(first).filter(|first| first.frame_ms > LONG_FRAME_MS).into_iter().collect();
+    // Who wants one picture does not wait for a second frame.
+    let counts = |first: &FrameTimes| args.repeat == 1 || first.frame_ms > LONG_FRAME_MS;
+    let mut frames: Vec<_> = Some(first).filter(counts).into_iter().collect();
     while frames.len() < args.repeat as usize {
         frames.push(frame()?);
     }

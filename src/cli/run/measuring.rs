@@ -5,6 +5,7 @@ use crate::cache::Cache;
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::experiment::{Ahead, Observer, Processes, Results, Run, Spawner};
+use crate::program::Kept;
 use crate::record::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -24,7 +25,7 @@ pub fn execute(
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Vec<Record>> {
-    let ahead = Ahead::default();
+    let ahead = Ahead::new(kept(&run));
     // Sleeping workers need no programs.
     let keeps = Cache::of_user().keeps() && args.asleep.is_none();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
@@ -57,4 +58,12 @@ fn builders(run: &Run<'_>, folder: &Path) -> Result<Vec<Box<dyn Spawner + Send>>
         Ok(Box::new(workers) as Box<dyn Spawner + Send>)
     };
     (0..cores.min(most)).map(builder).collect()
+}
+
+/// Returns the stored programs of each worker's device, in the order of [`Run::jobs`].
+fn kept(run: &Run<'_>) -> Vec<Kept> {
+    let of = |device: &&DeviceInfo| Kept::of(Cache::of_user(), device);
+    let own: Vec<Kept> = run.devices.iter().map(of).collect();
+    let sets = 1 + usize::from(run.other_sources.is_some());
+    std::iter::repeat_n(own, sets).flatten().collect()
 }

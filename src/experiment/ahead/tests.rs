@@ -3,6 +3,7 @@
 use super::*;
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::supervisor::Death;
+use crate::program::KeptProgram;
 use crate::record::Record;
 use std::sync::Arc;
 
@@ -31,7 +32,8 @@ impl Worker for Builder {
     fn send(&mut self, request: &Request) {
         let Request::Build { point } = request else { return };
         self.of.built.lock().unwrap().push(*point);
-        let built = Built { build_ms: 1000.0, from_cache: *point == 0 };
+        let key = Some(format!("the program of point {point}"));
+        let built = Built { build_ms: 1000.0, from_cache: *point == 0, key };
         self.answer = match self.of.deadly == Some(*point) {
             true => Wait::Dead(Death::default()),
             false => Wait::Reply(Reply::Built(Some(built))),
@@ -48,6 +50,7 @@ fn open(point: usize, scene: usize, program: &str, traversal: &str) -> PendingPo
         program_hash: Some(program.to_owned()),
         strategy: format!("traversal={traversal}"),
         device: "a device".to_owned(),
+        scene_hash: Some(format!("scene {scene}")),
         ..Record::default()
     };
     PendingPoint::new([point, 0, scene], String::new(), record)
@@ -56,8 +59,15 @@ fn open(point: usize, scene: usize, program: &str, traversal: &str) -> PendingPo
 /// Returns which programs are built for groups of points, one group after the other, and the points they were
 /// built for.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
+    built_by(&Ahead::default(), deadly, groups)
+}
+
+fn built_by(
+    ahead: &Ahead,
+    deadly: Option<usize>,
+    groups: &mut [Vec<PendingPoint>],
+) -> (Vec<usize>, Vec<usize>, Tally) {
     let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
-    let ahead = Ahead::default();
     let builders = (0..3).map(|_| Box::new(noting.clone()) as Box<dyn Spawner + Send>).collect();
     ahead.beside(builders, LIMIT, &never, || {
         groups.iter_mut().for_each(|group| ahead.need(group, &never).unwrap());
@@ -109,4 +119,22 @@ fn casters_on_the_host_have_no_program_and_ctrl_c_ends_the_wait() {
     ahead.need(&mut host, &never).unwrap();
     let error = ahead.need(&mut [open(1, 0, "b", "exhaustive")], &now).unwrap_err();
     assert_eq!(error.exit_code(), 130);
+}
+
+#[test]
+fn what_an_earlier_run_has_stored_needs_no_builder() {
+    let place = tempfile::tempdir().unwrap();
+    let device = crate::device::tests::example("PoCL", "cpu", crate::device::DeviceKind::Cpu, 2);
+    let kept = Kept::of(crate::cache::Cache::at(place.path(), 1 << 20), &device);
+    let group = |scene| vec![open(0, scene, "a", "exhaustive"), open(1, scene, "b", "bvh")];
+    let run = |scene| built_by(&Ahead::new(vec![kept.clone()]), None, &mut [group(scene)]);
+    assert_eq!(run(0).0, [0, 1]);
+    assert_eq!(run(0).0, [0, 1], "the programs themselves are not stored yet");
+    for point in [0, 1] {
+        let program = KeptProgram { log: String::new(), binary: vec![1] };
+        kept.keep(&format!("the program of point {point}"), &program);
+    }
+    let (points, with, tally) = run(0);
+    assert_eq!((points, with, tally.kept, tally.compiled), (vec![], vec![], 2, 0));
+    assert_eq!(run(1).0, [1], "the tree of another scene may need another program");
 }

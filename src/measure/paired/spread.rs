@@ -2,17 +2,25 @@
 
 use super::error::Error;
 use crate::measure::mean_and_sigma;
+use std::f64::consts::LN_2;
 
 /// The largest number of degrees of freedom with which the spread of all points is added to a pair's own.
 const BORROWED: usize = 6;
+/// The largest multiple of the typical variance that a row's counts as: four times the standard deviation. By
+/// chance, one variance in nine million exceeds it if all points are alike (two degrees of freedom).
+const MOST_TIMES: f64 = 16.0;
+/// The smallest fraction of the mean variance that a row's counts as for the typical one.
+const LEAST_SHARE: f64 = 1e-4;
+/// The Euler-Mascheroni constant.
+const EULER: f64 = 0.577_215_664_901_532_9;
 
 /// The spread of repeated values, pooled over all points. The table has a row per point and a column per
 /// repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
-    /// The variance of the residuals after subtracting each row's and each column's mean.
+    /// The usual variance of a row's residuals after subtracting each row's and each column's mean.
     apart: f64,
-    /// The mean of the rows' own variances; it includes effects that all rows share.
+    /// The usual variance of a row; it includes effects that all rows share.
     together: f64,
     rows: usize,
     columns: usize,
@@ -24,7 +32,7 @@ impl Pooled {
     /// Pools two tables of the same shape: the medians without drift, and the plain medians.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
-        let together = plain.iter().map(|row| variance(row)).sum::<f64>() / rows.max(1) as f64;
+        let together = usual(&plain.iter().map(|row| variance(row)).collect::<Vec<_>>(), columns);
         let elsewhere = Error { error: 0.0, degrees: 0.0 };
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
@@ -86,8 +94,8 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// Returns the residual variance of a two-way table after subtracting row and column means; 0 for a single
-/// row or column.
+/// Returns the usual variance of a row's residuals in a two-way table after subtracting row and column means;
+/// 0 for a single row or column.
 fn interaction(table: &[&[f64]]) -> f64 {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {
@@ -96,14 +104,42 @@ fn interaction(table: &[&[f64]]) -> f64 {
     let column = |place: usize| table.iter().map(|row| row[place]).sum::<f64>() / rows as f64;
     let columns_means: Vec<f64> = (0..columns).map(column).collect();
     let all = columns_means.iter().sum::<f64>() / columns as f64;
-    let squares = table.iter().map(|row| {
+    // The columns' means take a degree of freedom from all rows together.
+    let left = (columns - 1) as f64 * (rows - 1) as f64 / rows as f64;
+    let of_row = |row: &&[f64]| {
         let mean = row.iter().sum::<f64>() / columns as f64;
-        row.iter()
-            .zip(&columns_means)
-            .map(|(value, column)| (value - mean - column + all).powi(2))
-            .sum::<f64>()
-    });
-    squares.sum::<f64>() / ((rows - 1) * (columns - 1)) as f64
+        let residuals = row.iter().zip(&columns_means).map(|(value, column)| value - mean - column + all);
+        residuals.map(|residual| residual.powi(2)).sum::<f64>() / left
+    };
+    usual(&table.iter().map(of_row).collect::<Vec<_>>(), columns)
+}
+
+/// Returns the mean of the rows' variances, where a variance counts as at most [`MOST_TIMES`] the typical one. One
+/// row that varies far more than the others, such as a caster on the host whose threads wait for each other, thus
+/// does not widen the intervals of all. With fewer than three rows, no row can stand out.
+fn usual(variances: &[f64], columns: usize) -> f64 {
+    let mean_of = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / variances.len().max(1) as f64;
+    let mean = mean_of(&mut variances.iter().copied());
+    if variances.len() < 3 || columns < 2 || mean == 0.0 {
+        return mean;
+    }
+    // A clock with coarse steps can show a row without any variance.
+    let logs = mean_of(&mut variances.iter().map(|variance| variance.max(LEAST_SHARE * mean).ln()));
+    let typical = (logs - log_bias(columns - 1)).exp();
+    mean_of(&mut variances.iter().map(|variance| variance.min(MOST_TIMES * typical)))
+}
+
+/// Returns how far the logarithm of a variance with `degrees` degrees of freedom is off on average: digamma(d / 2)
+/// - ln(d / 2), by the recurrence of digamma.
+fn log_bias(degrees: usize) -> f64 {
+    let half = 0.5 * degrees as f64;
+    let (mut at, mut digamma) =
+        if degrees.is_multiple_of(2) { (1.0, -EULER) } else { (0.5, -EULER - 2.0 * LN_2) };
+    while at < half {
+        digamma += 1.0 / at;
+        at += 1.0;
+    }
+    digamma - half.ln()
 }
 
 #[cfg(test)]
@@ -116,6 +152,24 @@ mod tests {
         // By hand: residuals of +-0.5 in all four cells, one degree of freedom.
         assert_eq!(interaction(&[&[1.0, 0.0], &[0.0, 1.0]]), 1.0);
         assert_eq!(interaction(&[&[1.0, 9.0]]), 0.0);
+    }
+
+    #[test]
+    fn the_usual_variance_is_right_on_average_and_hardly_moved_by_one_row() {
+        // digamma(1) = -0.5772, digamma(1/2) = -1.9635, digamma(3/2) = 0.0365, digamma(2) = 0.4228.
+        for (degrees, digamma) in [(1, -1.9635), (2, -0.5772), (3, 0.0365), (4, 0.4228)] {
+            let expected = digamma - (0.5 * f64::from(degrees)).ln();
+            assert!((log_bias(degrees as usize) - expected).abs() < 1e-4, "{degrees}");
+        }
+        // Variances with two degrees of freedom are distributed exponentially: these are their quantiles.
+        let mut variances: Vec<f64> =
+            (0..1000).map(|k| -(1.0 - (f64::from(k) + 0.5) / 1000.0).ln()).collect();
+        assert!((usual(&variances, 3) - 1.0).abs() < 0.01, "{}", usual(&variances, 3));
+        variances.retain(|variance| *variance > 0.9 && *variance < 1.1);
+        let (rows, before) = (variances.len() as f64, usual(&variances, 3));
+        variances[0] = 1e4;
+        assert!(usual(&variances, 3) < before * (1.0 + 35.0 / rows), "{} {before}", usual(&variances, 3));
+        assert_eq!((usual(&[1.0, 3.0], 3), usual(&[0.0; 4], 3)), (2.0, 0.0));
     }
 
     #[test]

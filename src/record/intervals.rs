@@ -1,0 +1,100 @@
+//! Brings the intervals in a journal of records up to date.
+
+use super::together::interval;
+use super::types::{Outcome, Record};
+use super::write_whole;
+use crate::error::{Error, Result};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Gives the records of a journal the intervals that these have, which were read from it. A record is stored when its
+/// group ends, but later groups show too how far launches lie apart, so that only the whole run tells its interval.
+///
+/// The file is replaced as a whole, if any interval differs; all other lines stay as they are. The caller must hold
+/// the folder's lock, and open the journal again. Returns whether the file was replaced.
+pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
+    let by_key: HashMap<&str, Option<[f64; 2]>> =
+        records.iter().map(|record| (record.key.as_str(), interval(record))).collect();
+    let bytes = std::fs::read(journal).map_err(|error| Error::unwritable(journal.display(), &error))?;
+    let mut replaced = false;
+    let mut text = Vec::with_capacity(bytes.len());
+    for line in bytes.split_inclusive(|&byte| byte == b'\n') {
+        match renewed(line, &by_key) {
+            Some(line) => {
+                text.extend(line);
+                text.push(b'\n');
+                replaced = true;
+            }
+            None => text.extend(line),
+        }
+    }
+    if replaced {
+        write_whole(journal, &text)?;
+    }
+    Ok(replaced)
+}
+
+/// Returns a line with its record's new interval; `None` if it stays as it is.
+fn renewed(line: &[u8], by_key: &HashMap<&str, Option<[f64; 2]>>) -> Option<Vec<u8>> {
+    let mut record: Record = serde_json::from_slice(line).ok()?;
+    let interval = *by_key.get(record.key.as_str())?;
+    if record.outcome != Outcome::Measured || are_equal(record.interval_ms, interval) {
+        return None;
+    }
+    record.interval_ms = interval;
+    serde_json::to_vec(&record).ok()
+}
+
+/// Returns whether two intervals are equal but for the rounding of numbers that are written and read.
+fn are_equal(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> bool {
+    match (one, other) {
+        (Some(one), Some(other)) => {
+            one.iter().zip(&other).all(|(one, other)| (one - other).abs() <= 1e-9 * one.abs())
+        }
+        _ => one == other,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::super::summary::tests::sampled;
+    use super::super::together::judge;
+    use super::super::{Lines, read_lines};
+    use super::*;
+
+    /// Returns a record of three launches that lie apart by `apart`.
+    fn launches(key: &str, first: u32, apart: f64) -> Record {
+        let sample = |place: u32| (first + place / 10, 10.0 * (1.0 + apart * f64::from(place / 10)));
+        Record { key: key.to_owned(), ..sampled(key, (0..30).map(sample)) }
+    }
+
+    #[test]
+    fn a_journal_has_the_intervals_of_the_whole_run_and_nothing_else_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let journal = folder.path().join("records.jsonl");
+        let mut records = vec![launches("a", 0, 0.01), launches("b", 3, 0.05)];
+        for record in &mut records {
+            let mut alone = [record.clone()];
+            judge(&mut alone);
+            record.interval_ms = interval(&alone[0]);
+        }
+        let line = |record: &Record| serde_json::to_string(record).unwrap();
+        let skipped = Record { key: "c".to_owned(), outcome: Outcome::OtherKind, ..Record::default() };
+        let text = format!("{}\n{{damaged\n{}\n{}\n", line(&records[0]), line(&skipped), line(&records[1]));
+        std::fs::write(&journal, &text).unwrap();
+        let alone = records.clone();
+        judge(&mut records);
+        assert!(renew_intervals(&journal, &records).unwrap());
+        let Lines { lines, damaged, .. } = read_lines::<Record>(&journal).unwrap();
+        assert_eq!(damaged, [2]);
+        for (found, (whole, alone)) in [&lines[0], &lines[2]].into_iter().zip(records.iter().zip(&alone)) {
+            assert!(are_equal(found.interval_ms, interval(whole)), "{:?}", found.interval_ms);
+            assert!(!are_equal(found.interval_ms, alone.interval_ms));
+            assert_eq!(found.samples_ms, whole.samples_ms);
+        }
+        let after = std::fs::read(&journal).unwrap();
+        assert!(!renew_intervals(&journal, &records).unwrap(), "nothing is left to renew");
+        assert_eq!(std::fs::read(&journal).unwrap(), after);
+    }
+}
