@@ -48,7 +48,7 @@ pub struct Order {
 
 /// A point that needs a program.
 pub trait Needs {
-    /// Returns the program; `None` for a caster on the host.
+    /// Returns the program; `None` for a caster on the host, and if the device cannot hold the point.
     fn order(&self) -> Option<Order>;
     /// Receives the result of building the program, if it was built for this point.
     fn hears(&mut self, built: Option<Built>);
@@ -164,23 +164,22 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Requests the programs of points and waits until they are built. The points for which a program was
-    /// built receive the result.
-    pub fn need(&self, points: &mut [impl Needs], interrupted: &AtomicBool) -> Result<()> {
+    /// Requests the program of a point and waits until it is built. The point for which it was built receives the
+    /// result.
+    pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
-        self.order(&*points);
-        for point in points {
-            let Some(Order { program, .. }) = point.order() else { continue };
-            let mut state = self.locked();
-            while !state.done.contains_key(&program) {
-                if interrupted.load(Ordering::Relaxed) {
-                    return Err(Error::interrupted("the run was ended"));
-                }
-                let waited = self.changed.wait_timeout(state, LOOK_UP);
-                state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        self.order([&*point]);
+        let Some(Order { program, .. }) = point.order() else { return Ok(()) };
+        let mut state = self.locked();
+        while !state.done.contains_key(&program) {
+            if interrupted.load(Ordering::Relaxed) {
+                return Err(Error::interrupted("the run was ended"));
             }
-            point.hears(state.done.get_mut(&program).and_then(Option::take));
+            let waited = self.changed.wait_timeout(state, LOOK_UP);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
+        point.hears(state.done.get_mut(&program).and_then(Option::take));
+        drop(state);
         self.counted(|tally| tally.waited_ms += start.elapsed().as_secs_f64() * 1e3);
         Ok(())
     }

@@ -145,9 +145,11 @@ fn build_kernel(
 ) -> std::result::Result<Built, Refused> {
     let prepared = session.prepare(strategy, SMALLEST, local_size)?;
     let start = Instant::now();
-    let frame = prepared.caster()?.cast().map_err(Refused::at("the launch"))?;
+    // If the launch fails, the point's check will report it.
+    let frame = prepared.caster().map(|caster| caster.cast());
+    let frame_ms = frame.ok().and_then(std::result::Result::ok).map_or(0.0, |frame| frame.frame_ms);
     let key = prepared.program.stored_as().map(str::to_owned);
-    let launch_ms = start.elapsed().as_secs_f64() * 1e3 - frame.frame_ms;
+    let launch_ms = start.elapsed().as_secs_f64() * 1e3 - frame_ms;
     let BuiltProgram { build_ms, from_cache, .. } = prepared.program;
     Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key })
 }

@@ -88,9 +88,6 @@ impl OpenGroup {
         }
         self.visits += 1;
         supervisor.turn_to(self.visits, self.tasks());
-        if self.visits == 1 && self.whole < launches {
-            self.build(run, supervisor, sink)?;
-        }
         loop {
             self.check(run, supervisor, sink)?;
             if self.whole == launches || self.points.is_empty() {
@@ -134,23 +131,8 @@ impl OpenGroup {
         sink.advances(self.whole * self.points.len());
     }
 
-    /// Waits until the group's programs are built, if they are built ahead.
-    fn build(
-        &mut self,
-        run: &Run<'_>,
-        supervisor: &mut Supervisor<'_>,
-        sink: &mut impl ResultSink,
-    ) -> Result<()> {
-        let Some(ahead) = run.ahead else { return Ok(()) };
-        // Building, like checking, would disturb a process that measures on the device.
-        let devices = lock_names(run, &self.points);
-        drop(run.locks.take_all(devices, &mut |line| sink.says(line), supervisor.interrupted())?);
-        supervisor.start_ahead(self.tasks())?;
-        sink.works_on("building programs");
-        ahead.need(&mut self.points, supervisor.interrupted())
-    }
-
-    /// Checks every point; a point that fails gets its record.
+    /// Checks every point; a point that fails gets its record. On the first visit, a point is checked as soon as its
+    /// program is built, while those of later points are still being built.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -159,15 +141,23 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        // Starting drivers would disturb as checks do.
+        // Starting drivers and building programs would disturb as checks do.
         let interrupted = supervisor.interrupted();
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;
+        let ahead = run.ahead.filter(|_| self.visits == 1 && left > 0);
+        if let Some(ahead) = ahead {
+            ahead.order(&self.points);
+        }
         for mut pending in std::mem::take(&mut self.points) {
             // A check needs no lock, but it would disturb the process that holds it, so it waits until the
             // device is free.
             let interrupted = supervisor.interrupted();
             drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
+            if let Some(ahead) = ahead {
+                sink.works_on(&format!("building {}", pending.label));
+                ahead.need(&mut pending, interrupted)?;
+            }
             sink.works_on(&format!("checking {}", pending.label));
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {

@@ -10,6 +10,8 @@ use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::program::Sources;
 use crate::record::{PlannedPoint, Record};
+use crate::scene::Scene;
+use crate::strategy::{Requirements, Workload};
 use std::collections::HashMap;
 
 /// A point that still has to be measured.
@@ -26,6 +28,9 @@ pub struct PendingPoint {
     pub record: Record,
     /// Why it is not measured on its device, if its preset is meant for another kind.
     pub not_for: Option<String>,
+    /// Whether the device can hold it, as far as that is known before a tree is built. If not, its program is not
+    /// built; its check reports the reason.
+    pub fits: bool,
     /// The result of building its program ahead, if it was built for this point.
     pub built: Option<Built>,
     /// The hash of its picture, once that was compared with the reference.
@@ -44,6 +49,7 @@ impl PendingPoint {
             label,
             record,
             not_for: None,
+            fits: true,
             built: None,
             verified: None,
             taken: Vec::new(),
@@ -59,7 +65,7 @@ impl PendingPoint {
 
 impl Needs for PendingPoint {
     fn order(&self) -> Option<Order> {
-        let hash = self.record.program_hash.clone().filter(|_| !self.record.is_baseline())?;
+        let hash = self.record.program_hash.clone().filter(|_| self.fits && !self.record.is_baseline())?;
         let scene = self.record.scene_hash.clone().filter(|_| self.record.walks_tree());
         Some(Order { program: Program { device: self.device, hash, scene }, point: self.point })
     }
@@ -96,6 +102,14 @@ impl Run<'_> {
             Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].not_for(device?.kind),
             Work::Host(_) => None,
         }
+    }
+
+    /// Returns whether a device can hold a point, as far as that is known before a tree is built.
+    fn fits(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene) -> bool {
+        let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else { return true };
+        let workload = Workload::of(scene, point.image_size, local_size);
+        let limits = self.experiment.emulate.apply(device.limits);
+        Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
     }
 
     /// Returns whether the point is measured on every device, whatever its kind.
@@ -136,6 +150,7 @@ impl Run<'_> {
                     let label = point.label(self.experiment) + &name;
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
+                    drafted.fits = self.fits(point, device, &at.scene);
                     points.push(drafted);
                 }
                 held = Some((point.scene, at));

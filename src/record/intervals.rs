@@ -38,21 +38,11 @@ pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
 fn renewed(line: &[u8], by_key: &HashMap<&str, Option<[f64; 2]>>) -> Option<Vec<u8>> {
     let mut record: Record = serde_json::from_slice(line).ok()?;
     let interval = *by_key.get(record.key.as_str())?;
-    if record.outcome != Outcome::Measured || are_equal(record.interval_ms, interval) {
+    if record.outcome != Outcome::Measured || record.interval_ms == interval {
         return None;
     }
     record.interval_ms = interval;
     serde_json::to_vec(&record).ok()
-}
-
-/// Returns whether two intervals are equal but for the rounding of numbers that are written and read.
-fn are_equal(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> bool {
-    match (one, other) {
-        (Some(one), Some(other)) => {
-            one.iter().zip(&other).all(|(one, other)| (one - other).abs() <= 1e-9 * one.abs())
-        }
-        _ => one == other,
-    }
 }
 
 #[cfg(test)]
@@ -89,8 +79,8 @@ mod tests {
         let Lines { lines, damaged, .. } = read_lines::<Record>(&journal).unwrap();
         assert_eq!(damaged, [2]);
         for (found, (whole, alone)) in [&lines[0], &lines[2]].into_iter().zip(records.iter().zip(&alone)) {
-            assert!(are_equal(found.interval_ms, interval(whole)), "{:?}", found.interval_ms);
-            assert!(!are_equal(found.interval_ms, alone.interval_ms));
+            assert_eq!(found.interval_ms, interval(whole));
+            assert_ne!(found.interval_ms, alone.interval_ms);
             assert_eq!(found.samples_ms, whole.samples_ms);
         }
         let after = std::fs::read(&journal).unwrap();

@@ -202,8 +202,10 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
-    let barriers = strategy.triangles.copied() != Copied::Nothing;
-    if strategy.vectors.memory() == WorkingMemory::Private && barriers {
+    // Values live across a barrier for all work-items at once; so do, in PoCL 3.1, packets of rays.
+    let packets = strategy.traversal != Traversal::Tile && strategy.width.rays() > 1;
+    let at_once = strategy.triangles.copied() != Copied::Nothing || packets;
+    if strategy.vectors.memory() == WorkingMemory::Private && at_once {
         add_working(&mut sum, "vectors", strategy, w.local_size.map(u64::from));
     }
     sum

@@ -42,6 +42,12 @@ pub struct Cast {
 /// used if it is longer than this, so that both are negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
+/// Returns whether the first frame is one of the requested ones. Who wants a single picture does not wait for a second
+/// frame.
+fn counts(first: &FrameTimes, repeat: u32) -> bool {
+    repeat == 1 || first.frame_ms > LONG_FRAME_MS
+}
+
 /// Casts the frame as often as requested, and reads the image.
 pub fn cast(
     args: &Args,
@@ -72,9 +78,7 @@ pub fn cast(
     // Some drivers compile a kernel at its first launch, which counts as build time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
-    // Who wants one picture does not wait for a second frame.
-    let counts = |first: &FrameTimes| args.repeat == 1 || first.frame_ms > LONG_FRAME_MS;
-    let mut frames: Vec<_> = Some(first).filter(counts).into_iter().collect();
+    let mut frames: Vec<_> = Some(first).filter(|first| counts(first, args.repeat)).into_iter().collect();
     while frames.len() < args.repeat as usize {
         frames.push(frame()?);
     }
@@ -169,6 +173,12 @@ mod tests {
         let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
         caster.cast().unwrap();
         work(&caster, &show, scene.display)
+    }
+
+    #[test]
+    fn a_first_frame_warms_up_only_for_others() {
+        let [short, long] = [1.0, 1001.0].map(|ms| FrameTimes::whole(ms, ms));
+        assert_eq!([counts(&short, 1), counts(&short, 2), counts(&long, 2)], [true, false, true]);
     }
 
     #[test]

@@ -70,7 +70,7 @@ fn built_by(
     let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
     let builders = (0..3).map(|_| Box::new(noting.clone()) as Box<dyn Spawner + Send>).collect();
     ahead.beside(builders, LIMIT, &never, || {
-        groups.iter_mut().for_each(|group| ahead.need(group, &never).unwrap());
+        groups.iter_mut().flatten().for_each(|point| ahead.need(point, &never).unwrap());
     });
     let with = groups
         .iter()
@@ -111,13 +111,16 @@ fn a_builder_that_dies_costs_its_program_and_nothing_waits_for_ever() {
 }
 
 #[test]
-fn casters_on_the_host_have_no_program_and_ctrl_c_ends_the_wait() {
+fn casters_on_the_host_and_points_that_do_not_fit_have_no_program_and_ctrl_c_ends_the_wait() {
     let (never, now) = (AtomicBool::new(false), AtomicBool::new(true));
-    let mut host = [open(0, 0, "a", "exhaustive")];
-    host[0].record.device = crate::record::HOST.to_owned();
+    let mut host = open(0, 0, "a", "exhaustive");
+    host.record.device = crate::record::HOST.to_owned();
     let ahead = Ahead::default();
-    ahead.need(&mut host, &never).unwrap();
-    let error = ahead.need(&mut [open(1, 0, "b", "exhaustive")], &now).unwrap_err();
+    let mut too_large = PendingPoint { fits: false, ..open(2, 0, "c", "exhaustive") };
+    for point in [&mut host, &mut too_large] {
+        ahead.need(point, &never).unwrap();
+    }
+    let error = ahead.need(&mut open(1, 0, "b", "exhaustive"), &now).unwrap_err();
     assert_eq!(error.exit_code(), 130);
 }
 

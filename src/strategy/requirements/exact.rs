@@ -30,8 +30,9 @@ fn a_tile_keeps_33_words_of_each_ray() {
 }
 
 #[test]
-fn private_vectors_count_where_they_live_across_barriers() {
+fn private_vectors_count_where_all_work_items_keep_them_at_once() {
     let bytes = |name| Requirements::of(&of(name), &workload(1, 4)).private_bytes;
+    assert_eq!([bytes("wide"), bytes("bvh-packet")], [108 * 16 * 16; 2]);
     assert_eq!(bytes("private"), 0);
     assert_eq!(bytes("tiled"), 108 * 16);
 }
