@@ -35,12 +35,23 @@ pub fn pick_one(
     if found.is_some() {
         return Ok(found);
     }
-    let devices = discover(sources)?;
+    let devices = listed(cache, &key, sources)?;
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
-    if let Ok(bytes) = serde_json::to_vec(&infos) {
-        cache.put(KIND, &key, &bytes);
-    }
     Ok(choose(&infos)?.and_then(|place| devices.into_iter().nth(place)))
+}
+
+/// Lists all devices, and stores them for [`pick_one`] in this and other processes.
+pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
+    listed(cache, &key(sources)?, sources)
+}
+
+fn listed(cache: &Cache, key: &str, sources: &Sources) -> Result<Vec<Device>> {
+    let devices = discover(sources)?;
+    let infos: Vec<&DeviceInfo> = devices.iter().map(|device| &device.info).collect();
+    if let Ok(bytes) = serde_json::to_vec(&infos) {
+        cache.put(KIND, key, &bytes);
+    }
+    Ok(devices)
 }
 
 /// Returns a hash of everything that affects the list of devices: raycl, the drivers' files, the hardware
@@ -106,9 +117,10 @@ mod tests {
     fn what_is_known_is_what_is_listed_and_a_change_is_noticed() {
         let place = tempfile::tempdir().unwrap();
         let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
-        let listed = picked(&cache);
-        assert_eq!(listed, picked(&Cache::none()));
-        assert_eq!(cache.entries().len(), 1);
+        let listed = picked(&Cache::none());
+        let all = list(&cache, &Sources::Embedded).unwrap();
+        assert!(all.iter().any(|device| device.info == listed));
+        assert_eq!(cache.entries().len(), 1, "a list is kept");
         assert_eq!(picked(&cache), listed, "from what is kept");
         // After a driver was replaced, its version differs from the stored one.
         let key = key(&Sources::Embedded).unwrap();

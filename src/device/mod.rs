@@ -18,7 +18,7 @@ pub mod variables;
 pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
 pub use hardware::Hardware;
-pub use known::pick_one;
+pub use known::{list, pick_one};
 pub use lanes::LaneOperations;
 pub use limits::DeviceLimits;
 #[cfg(test)]

@@ -3,8 +3,9 @@
 //! (580) lists no device in a process whose parent has started it.
 
 use super::protocol::DeviceList;
+use crate::cache::Cache;
 use crate::device::patience::Patience;
-use crate::device::{DeviceInfo, discover};
+use crate::device::{self, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::sources::Sources;
 use std::ffi::OsString;
@@ -109,7 +110,8 @@ fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
 /// Returns the line with which a child process answers [`find_devices`].
 pub fn list_devices(sources: &Sources) -> Result<String> {
     let _patience = Patience::begin();
-    let list = match discover(sources) {
+    // The processes of the run then find them in the cache.
+    let list = match device::list(&Cache::of_user(), sources) {
         Ok(devices) => DeviceList::Devices(devices.into_iter().map(|device| device.info).collect()),
         Err(error) => DeviceList::Failed { message: error.to_string(), help: error.remedy().to_owned() },
     };
