@@ -253,7 +253,7 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
             bvh.order.len(),
             WideBvh::MAX_INDEX
         ))
-        .with_help("cast fewer triangles, or with a strategy without a tree: --strategy deferred"));
+        .with_help("use a scene with fewer triangles, or a strategy without a tree: --strategy deferred"));
     }
     Ok(())
 }

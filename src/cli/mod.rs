@@ -81,15 +81,15 @@ enum Command {
     Report(report::Args),
     /// Run the paper's experiments and judge its claims
     Reproduce(reproduce::Args),
-    /// Compare two folders of results: faster, slower, same, unclear
+    /// Compare two folders of results: which points are faster, slower, the same or unclear
     Compare(compare::Args),
-    /// Remove damaged lines from a folder's journals, and keep a copy
+    /// Remove damaged lines from a folder of results, and keep copies of the original files
     Repair(repair::Args),
     /// Compare two pictures
     CompareImages(compare_images::Args),
     /// List OpenCL platforms and devices, with their limits
     Devices(devices::Args),
-    /// List every axis of the strategy space, and the presets
+    /// List the axes of strategies with their values, and the presets
     Strategies(strategies::Args),
     /// Internal: `run` starts this process to measure the points of one device
     #[command(hide = true)]

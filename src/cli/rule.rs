@@ -25,7 +25,7 @@ pub struct Args {
     /// A file of cases
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
-    /// A word of the device's name, platform or vendor, or cpu or gpu
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
     /// Measure only cases whose name has this in it

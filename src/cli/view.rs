@@ -17,10 +17,10 @@ pub struct Args {
     /// Samples per pixel that add up while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Show it in this terminal, in its size, two pixels for each character
+    /// Show the scene in this terminal, as large as the terminal, with two pixels per character
     #[arg(long, conflicts_with_all = ["width", "height"])]
     terminal: bool,
-    /// Go around the scene by itself, a degree with each frame
+    /// Let the eye go around the scene, one degree per frame
     #[arg(long)]
     spin: bool,
     /// End after this many frames, or when all samples are cast

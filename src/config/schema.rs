@@ -46,7 +46,7 @@ fn strategy() -> Schema {
     );
     add(
         "name",
-        "Its name in results [default: the preset with what differs].",
+        "Its name in results [default: the preset, and the axes that differ from it].",
         json_schema!({ "type": "string" }),
     );
     let sizes = json_schema!({ "type": "array", "items": size() });
@@ -56,7 +56,7 @@ fn strategy() -> Schema {
     for axis in AXES {
         add(
             axis.name,
-            &format!("{}: one value, or a list, which is one strategy for each", axis.about),
+            &format!("{}: one value, or a list of values, each of which makes a strategy", axis.about),
             values(axis),
         );
     }

@@ -160,8 +160,7 @@ fn named(
         let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
         let message = format!("this combination of axes is not allowed: {reason}");
         return Err(document.error(span, message, format!("asks for {what}")).with_help(
-            "change one of the axes in the message; where a list gives some combinations that make sense, \
-             write those as [[strategy]] entries of their own",
+            "change one of the axes in the message; if only some combinations of a list are allowed, write each of them as a [[strategy]] entry of its own",
         ));
     }
     Ok(NamedStrategy {

@@ -102,7 +102,7 @@ impl OpenGroup {
                 }
                 End::AllFailed => break,
                 End::Broken => {
-                    sink.says("a worker was lost: its launch is repeated whole");
+                    sink.says("a worker process was lost: its whole launch is repeated");
                     supervisor.retire();
                 }
             }

@@ -74,7 +74,7 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         false => String::new(),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches other processes used processors, up to {} of {}{stolen}.",
+        "Disturbed: in {} of {} launches, other processes used the machine, at most {} of its {} processors{stolen}.",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -96,7 +96,7 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches other processes used processors, up to 0.50 of 2.";
+        let expected = "Disturbed: in 1 of 2 launches, other processes used the machine, at most 0.50 of its 2 processors.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine.

@@ -240,11 +240,11 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     if let Some(one) = looks().next() {
         let measured = records.iter().filter(|record| record.place.is_some()).count();
         let whose = match looks().count() {
-            all if all == measured => String::new(),
-            some => format!("{some} of {measured} points, such as {} {}, ", one.scene, by(one.image_size)),
+            all if all == measured => "all points".to_owned(),
+            some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "A look: {whose}measured in one launch of the program. Intervals do not include differences between launches; `[timing] launches = 3` measures these."
+            "Measured in only one launch of the program: {whose}. Their intervals do not include the differences between launches, which `[timing] launches = 3` measures."
         ));
     }
     notes.extend(
@@ -311,7 +311,7 @@ mod tests {
     #[test]
     fn one_launch_is_said_to_be_a_look() {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
-        assert!(how_sure(&look)[0].starts_with("A look: measured in one launch"), "{:?}", how_sure(&look));
+        assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
         assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be detected here."]);
         assert!(how_sure(&[]).is_empty());

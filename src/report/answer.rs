@@ -159,7 +159,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         several => (
             "tie",
             format!(
-                "A tie of {several} points: none of them surely takes more than 1% longer than the fastest; {rests}.{look}"
+                "A tie of {several} points: the samples do not show that any of them takes more than 1% longer than the fastest; {rests}.{look}"
             ),
         ),
     };

@@ -34,7 +34,7 @@ pub enum Action {
     LocalSize(isize),
     /// Take the next device.
     Device,
-    /// Show the heat map of tests, or the picture again.
+    /// Show a heat map of the triangles that each pixel tests, or the picture again.
     Tests,
     /// Go back to the scene's own camera.
     Reset,
@@ -104,7 +104,7 @@ pub const KEYS: &[Row] = &[
     Row { names: "d", about: "the next device", keys: &[(Key::Char('d'), Action::Device)] },
     Row {
         names: "t",
-        about: "the heat map of tests, or the picture",
+        about: "a heat map of the triangles that each pixel tests, or the picture",
         keys: &[(Key::Char('t'), Action::Tests)],
     },
     Row { names: "r", about: "the scene's own camera again", keys: &[(Key::Char('r'), Action::Reset)] },

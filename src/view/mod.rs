@@ -201,7 +201,7 @@ impl<S: Screen> Viewer<S> {
         false
     }
 
-    /// Shows the heat map of tests, or the picture again.
+    /// Shows a heat map of the triangles that each pixel tests, or the picture again.
     fn turn_heat(&mut self) {
         let is_shown = self.heat.take().is_some();
         self.live.moved();

@@ -131,10 +131,10 @@ pub fn table() -> Result<Vec<Row>> {
 /// valid one.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text)
-        .map_err(|error| toml_error(name, text, &error, "the head of claims.toml has every key and kind"))?;
+        .map_err(|error| toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind"))?;
     match file.claim.iter().find_map(Row::mistake) {
         Some(mistake) => Err(Error::input(format!("{name}: {mistake}"))
-            .with_help("the head of claims.toml has every key and kind")),
+            .with_help("the first lines of claims.toml explain every key and kind")),
         None => Ok(file.claim),
     }
 }

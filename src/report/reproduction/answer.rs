@@ -172,7 +172,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray from global memory at each test (by arithmetic {moved} per frame on {} for primary rays alone), {} from {}; {}",
+        "naive reads the ray from global memory at each test (for primary rays alone, {moved} per frame on {}, by arithmetic), and {} reads it from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),
