@@ -51,7 +51,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Whether a device's driver is started for it.
+    /// Returns whether a device's driver is started for it.
     pub(super) fn asks_a_device(&self) -> bool {
         self.device.is_some()
     }

@@ -147,7 +147,7 @@ impl Command {
         }
     }
 
-    /// Whether it reads standard input, which can be done once.
+    /// Returns whether the command reads standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
         matches!(self, Self::Render(args) if args.reads_standard_input())
     }

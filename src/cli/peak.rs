@@ -84,7 +84,7 @@ pub(super) struct Wanted<'a> {
     pub patterns: &'a [String],
     /// The folder of kernels that replaces the built-in ones.
     pub cl_dir: Option<&'a Path>,
-    /// Whether to end at once if another process measures on a device.
+    /// True if the command ends at once when another process measures on a device.
     pub no_wait: bool,
 }
 

@@ -49,7 +49,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Whether a device's driver is started for it.
+    /// Returns whether a device's driver is started for it.
     pub(super) fn measures(&self) -> bool {
         self.cases.is_some()
     }

@@ -40,7 +40,7 @@ impl Watched {
         Ok(Self { changes, _watcher: watcher })
     }
 
-    /// Whether a file has changed since it was last asked; if so, the change is over.
+    /// Returns whether a file has changed since it was last asked; if so, the change is over.
     pub fn has_changed(&self) -> bool {
         self.changes.try_recv().is_ok() && quiet(&self.changes)
     }

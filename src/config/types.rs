@@ -21,7 +21,7 @@ pub struct Experiment {
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
-    /// Whether scenes are compared with each other; if so, they are measured in the same rounds.
+    /// True if scenes are compared with each other; if so, they are measured in the same rounds.
     pub compare_scenes: bool,
     /// Words that select devices; "all" selects every usable one. Empty if the config names none.
     pub devices: Vec<String>,

@@ -90,7 +90,7 @@ pub struct Builtins {
     pub prefetch: bool,
     /// How work-items that share a tile exchange values.
     pub lanes: LaneOperations,
-    /// Whether the compiler accepts `-cl-std=CL3.0`.
+    /// True if the compiler accepts `-cl-std=CL3.0`.
     pub opencl_3: bool,
 }
 

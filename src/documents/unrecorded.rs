@@ -3,7 +3,7 @@
 /// State carried from line to line.
 #[derive(Default)]
 pub struct Fences {
-    /// Whether the line is in a fenced block of code.
+    /// True if the line is in a fenced block of code.
     within: bool,
     /// The number of the last item in a numbered list.
     item: usize,

@@ -16,7 +16,7 @@ pub struct Fault {
     kind: Kind,
     step: Step,
     point: usize,
-    /// Whether only the run's first worker fails.
+    /// True if only the run's first worker fails.
     pub once: bool,
 }
 

@@ -10,7 +10,7 @@ pub struct Plan {
     /// The points. Those that are compared with each other are adjacent; within them those of a scene, and
     /// within these those of a device.
     pub points: Vec<Point>,
-    /// Whether scenes are compared with each other.
+    /// True if scenes are compared with each other.
     pub compare_scenes: bool,
 }
 

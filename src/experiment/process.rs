@@ -21,7 +21,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 pub struct Processes {
     program: PathBuf,
     jobs: Vec<Job>,
-    /// Whether workers may take programs from the driver's cache, which does not contain registers.
+    /// True if workers may take programs from the driver's cache, which does not contain registers.
     trust_driver: bool,
 }
 

@@ -33,9 +33,9 @@ pub struct Split<'a> {
     pub sources: &'a Sources,
     /// How often the frame is cast.
     pub repeat: u32,
-    /// Whether the image is verified against the reference.
+    /// True if the image is verified against the reference.
     pub verifies: bool,
-    /// Whether devices that slow the frame down are used too.
+    /// True if devices that slow the frame down are used too.
     pub every_device: bool,
 }
 

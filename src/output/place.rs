@@ -23,7 +23,7 @@ impl Choice {
     }
 }
 
-/// Whether a file name is in use.
+/// True if a file name is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Name {
     Free,

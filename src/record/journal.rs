@@ -53,7 +53,7 @@ impl<T: Serialize> JsonLines<T> {
 pub struct Lines<T> {
     /// All complete, readable lines.
     pub lines: Vec<T>,
-    /// Whether an incomplete last line was left out.
+    /// True if an incomplete last line was left out.
     pub torn: bool,
     /// The numbers, from 1, of other lines that were left out because they cannot be read.
     pub damaged: Vec<usize>,

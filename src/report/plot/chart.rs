@@ -37,7 +37,7 @@ pub struct Series {
     pub name: String,
     /// How it looks.
     pub look: Look,
-    /// Whether its marks are joined, in the order of x.
+    /// True if its marks are joined, in the order of x.
     pub joined: bool,
     /// Its marks.
     pub marks: Vec<Mark>,
@@ -56,7 +56,7 @@ pub struct Chart {
     pub across: Across,
     /// The scale of the y axis.
     pub up: Kind,
-    /// Whether to draw the line on which x equals y.
+    /// True if the line on which x equals y is drawn.
     pub diagonal: bool,
     /// The curves.
     pub series: Vec<Series>,
