@@ -24,7 +24,7 @@ pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the configs' own]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Where to write: a folder of results for each config, and the page
+    /// The folder to write to: it gets a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
     /// Write into DIR even if it contains files that raycl did not write. Files whose names raycl needs are

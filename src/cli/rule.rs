@@ -28,13 +28,13 @@ pub struct Args {
     /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
-    /// Measure only cases whose name has this in it
+    /// Measure only cases whose name contains this
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
     /// Rounds, of which the least counts
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
-    /// What a reader should know of the machine, stored beside the times
+    /// A note on the machine, stored beside the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
     /// Store the sweep
@@ -55,7 +55,7 @@ impl Args {
     }
 }
 
-/// Measures, shows or fits.
+/// Measures sweeps, shows the rule's choices for stored ones, or fits the rule to them.
 pub fn run(args: Args) -> Result<()> {
     if !args.fit.is_empty() {
         let text = source(&read_all(&args.fit)?);

@@ -216,7 +216,7 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     }
 }
 
-/// Refuses a folder of shards: those are merged, not measured again.
+/// Refuses a folder of shards, whose results are merged and not measured again.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!("{} holds an experiment in {} shards", out.display(), plan.header.shards))

@@ -12,7 +12,7 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
-/// A strategy of which some axes are still to be set.
+/// A strategy with some axes that are not set yet.
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,

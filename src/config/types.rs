@@ -33,7 +33,7 @@ pub struct Experiment {
     pub baselines: Vec<Baseline>,
     /// Limits of a smaller device to imitate.
     pub emulate: Emulate,
-    /// How long and how often each point is measured.
+    /// The number of samples of each point, and the time for them.
     pub timing: Timing,
     /// The config's text.
     pub source: String,
@@ -162,7 +162,7 @@ impl fmt::Display for Emulate {
     }
 }
 
-/// How long and how often each point is measured.
+/// The number of samples of each point, and the time for them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Number of frames cast before the first sample.

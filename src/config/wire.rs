@@ -62,7 +62,7 @@ pub struct Experiment {
     /// Limits of a smaller device to imitate.
     #[serde(default)]
     pub emulate: Emulate,
-    /// How long and how often each point is measured.
+    /// The number of samples of each point, and the time for them.
     #[serde(default)]
     pub timing: Timing,
 }
@@ -100,7 +100,7 @@ pub struct Emulate {
     pub constant_bytes: Option<Spanned<i64>>,
 }
 
-/// How long and how often each point is measured.
+/// The number of samples of each point, and the time for them.
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {

@@ -124,9 +124,9 @@ pub enum Reply {
     Refused(PointFailure),
     /// To any request: an error that ends the run.
     Failed {
-        /// What happened.
+        /// The problem.
         message: String,
-        /// What the user can do.
+        /// The remedy for the user.
         help: String,
     },
 }

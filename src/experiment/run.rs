@@ -24,7 +24,7 @@ pub struct Run<'a> {
     pub overrides: &'a [(String, String)],
     /// The devices.
     pub devices: &'a [&'a DeviceInfo],
-    /// Where kernels come from.
+    /// The files of the kernels.
     pub sources: &'a Sources,
     /// Kernels to compare with `sources`, in the same rounds.
     pub other_sources: Option<&'a Sources>,

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::program::BuildError;
 use crate::strategy::Infeasible;
 
-/// What prevents a strategy from casting.
+/// The obstacle that prevents a strategy from being cast.
 #[derive(Debug)]
 pub enum Refused {
     /// The strategy contradicts itself, or a kernel file has a mistake: a mistake of the user.

@@ -112,7 +112,7 @@ fn unranked(records: &[&Record]) -> String {
     }
 }
 
-/// "naive at 8 x 8".
+/// Formats as "naive at 8 x 8".
 fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", markdown(&record.name), by(size)),
@@ -159,13 +159,13 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
     ]
 }
 
-/// "measured", "measured, two modes".
+/// Formats as "measured" or "measured, two modes".
 fn outcome(record: &Record) -> String {
     let modes = if two_modes(record).is_some() { ", two modes" } else { "" };
     format!("{}{modes}", record.outcome.name())
 }
 
-/// "10", "15 in 3".
+/// Formats as "10", or "15 in 3" launches.
 fn samples(record: &Record) -> String {
     match (record.samples_ms.len(), launches(record)) {
         (n, 0 | 1) => n.to_string(),

@@ -1,4 +1,4 @@
-//! `rounds.jsonl`: what other processes took while rounds were timed.
+//! `rounds.jsonl`: the load of other processes while rounds were timed.
 
 use super::numbers::significant;
 use super::types::Record;

@@ -26,7 +26,8 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     text
 }
 
-/// "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n = 1); parallel-f32 210.0 ms".
+/// Formats as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n = 1); parallel-f32 210.0
+/// ms".
 fn host_line(group: &Group<'_>) -> String {
     let cell = |record: &&Record| match median(record) {
         Some(time) => {
@@ -92,7 +93,7 @@ fn peak_line(group: &Group<'_>) -> String {
     format!("of the device's peak multiply-adds: {}\n", parts.join(", "))
 }
 
-/// "2.4%".
+/// Formats as "2.4%".
 pub(crate) fn percent(part: f64) -> String {
     format!("{}%", significant(100.0 * part, 2))
 }

@@ -48,7 +48,7 @@ pub struct Winner {
     pub strategy: String,
 }
 
-/// How much faster the best is.
+/// The factor by which the best point is faster.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Speedup {
     /// The point or baseline that it is compared with.

@@ -12,7 +12,8 @@ pub struct Missing {
     pub kinds: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The kinds that took part; set if a selected one did not, since its name may be misspelt.
+    /// The kinds that took part. They are listed if a selected kind did not take part, since its name may be
+    /// misspelt.
     pub took_part: Option<String>,
 }
 

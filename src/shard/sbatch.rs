@@ -16,11 +16,11 @@ pub struct Wishes {
     pub command: Vec<String>,
     /// The folder of results.
     pub out: String,
-    /// True if a shard needs a GPU, or else processors; `None` if no device is known here.
+    /// True if a shard needs a GPU, false if it needs processors; `None` if no device is known here.
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// True if that is based on earlier times.
+    /// True if this time is based on earlier runs.
     pub is_known: bool,
 }
 

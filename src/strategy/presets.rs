@@ -261,7 +261,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     })
 }
 
-/// The preset that a strategy is, unchanged.
+/// Returns the preset that a strategy equals, if any.
 pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
     PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
 }

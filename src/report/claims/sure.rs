@@ -1,4 +1,5 @@
-//! How certain a comparison of two times is. If the samples do not decide a test, it neither holds nor fails.
+//! The certainty of a comparison of two times. If the samples do not decide a test, it neither holds nor
+//! fails.
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};

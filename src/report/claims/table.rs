@@ -15,13 +15,13 @@ const TABLE: &str = include_str!("claims.toml");
 pub struct Row {
     /// The paper's words.
     pub sentence: String,
-    /// Where the sentence is in the paper, and its figure.
+    /// The section of the paper that has the sentence, and its figure.
     pub place: String,
     /// The values of the paper's figures.
     pub published: String,
     /// Our interpretation of the sentence.
     pub reading: String,
-    /// Where the paper itself, or arithmetic, contradicts it.
+    /// A contradiction in the paper, or with arithmetic.
     #[serde(default)]
     pub contradiction: String,
     /// The configs whose records are needed.

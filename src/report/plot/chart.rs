@@ -35,7 +35,7 @@ pub struct Series {
     /// Its name in the legend. A series without a name is a line without markers that belongs to the one
     /// before it and is hidden with it.
     pub name: String,
-    /// How it looks.
+    /// The appearance of the series.
     pub look: Look,
     /// True if its marks are joined, in the order of x.
     pub joined: bool,

@@ -33,7 +33,7 @@ pub struct Answer {
     pub size: String,
     /// The reason, from the records.
     pub why: String,
-    /// How certain that is.
+    /// The certainty of the answer.
     pub sure: String,
     /// Time over local size, one plot per scene.
     pub plots: Vec<Plot>,
