@@ -51,7 +51,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 when every point was measured or cannot fit the device, 1 when one failed, 2 for a mistake in the arguments or files.")]
+Exit code: 0 if every point was measured or does not fit on its device, 1 if a point failed, 2 for a mistake in the arguments or files.")]
 pub struct Args {
     /// The experiment
     config: PathBuf,

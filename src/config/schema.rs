@@ -41,7 +41,7 @@ fn strategy() -> Schema {
     };
     add(
         "preset",
-        "The preset that the axes start from; `raycl strategies` lists them.",
+        "The preset whose axes the entry changes; `raycl strategies` lists them.",
         PresetName::schema(),
     );
     add(

@@ -158,7 +158,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. There an image must match one of the moved rays."
+                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. The value of an image there must lie in the range of the values of the moved rays."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
