@@ -88,9 +88,7 @@ fn product(
     }
     let Some(name) = &entry.preset else {
         let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");
-        return Err(
-            error.with_help("name the preset that the entry changes; `raycl strategies` lists them")
-        );
+        return Err(error.with_help("name the preset that the entry changes; `raycl strategies` lists them"));
     };
     let preset = find(document, name)?;
     let sizes = match &entry.local_sizes {

@@ -54,7 +54,7 @@ impl Refused {
             Self::Device(_) => too_large(device),
             Self::Host(_) => too_large("this machine"),
             Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
-                "`raycl kernel STRATEGY` shows the program; another --strategy or --device may build",
+                "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
             Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}"))
                 .with_help("a smaller picture, another --strategy or another --device may work"),

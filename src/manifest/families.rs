@@ -111,7 +111,11 @@ pub static TILE_CPU: Family = Family {
         only("epsilons", &["relative"], OWN_EDGES),
         only("width", &["16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("node_width", &["8", "16"], "tests a node's children as one vector"),
-        rule("tile", AllBut(&["8x4"]), "needs tiles of at least 8x8 pixels, or a work-item has too little work"),
+        rule(
+            "tile",
+            AllBut(&["8x4"]),
+            "needs tiles of at least 8x8 pixels, or a work-item has too little work",
+        ),
     ],
 };
 
@@ -201,7 +205,11 @@ pub static TILE_GPU: Family = Family {
         only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
         only("node_width", &["32"], "tests one child of a node with each of the 32 work-items"),
-        rule("tile", AllBut(&["32x16"]), "keeps a tile in the registers of the 32 work-items, which hold at most 16x16 pixels"),
+        rule(
+            "tile",
+            AllBut(&["32x16"]),
+            "keeps a tile in the registers of the 32 work-items, which hold at most 16x16 pixels",
+        ),
     ],
 };
 

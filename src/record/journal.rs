@@ -69,7 +69,8 @@ impl<T> Lines<T> {
     /// Returns a note on the damaged lines of the file `name`.
     pub fn damage(&self, name: &str) -> Option<String> {
         let first = self.damaged.first()?;
-        let (count, lines_are) = (self.damaged.len(), if self.damaged.len() == 1 { "line is" } else { "lines are" });
+        let (count, lines_are) =
+            (self.damaged.len(), if self.damaged.len() == 1 { "line is" } else { "lines are" });
         Some(format!(
             "{count} damaged {lines_are} left out of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
         ))

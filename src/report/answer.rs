@@ -120,8 +120,11 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
 }
 
 fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
-    let over =
-        if other.is_baseline() { other.strategy.clone() } else { format!("the best {}", series_name(other)) };
+    let over = if other.is_baseline() {
+        other.strategy.clone()
+    } else {
+        format!("the best {} point", series_name(other))
+    };
     let Some(ratio) = ratio(other, best) else {
         return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
     };
@@ -193,7 +196,7 @@ pub fn headline(answers: &[Answer]) -> String {
 }
 
 /// Returns "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best
-/// naive".
+/// naive point".
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, f64, f64)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {

@@ -29,7 +29,7 @@ pub struct Wishes {
 /// start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
-/// Returns a shell script that writes both scripts and submits them.
+/// Returns a shell script that writes the scripts of the shards and of the merge, and submits them.
 pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));

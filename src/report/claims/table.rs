@@ -130,8 +130,9 @@ pub fn table() -> Result<Vec<Row>> {
 /// Reads a table. A mistake in it is reported with its location and, for a misspelt name, the most similar
 /// valid one.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
-    let file: File = toml::from_str(text)
-        .map_err(|error| toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind"))?;
+    let file: File = toml::from_str(text).map_err(|error| {
+        toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind")
+    })?;
     match file.claim.iter().find_map(Row::mistake) {
         Some(mistake) => Err(Error::input(format!("{name}: {mistake}"))
             .with_help("the first lines of claims.toml explain every key and kind")),
