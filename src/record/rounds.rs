@@ -107,7 +107,10 @@ mod tests {
     fn what_other_guests_take_disturbs_too() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
-        assert!(said.ends_with("up to 0.010 of 2, and other virtual machines took 0.40."), "{said}");
+        assert!(
+            said.ends_with("at most 0.010 of its 2 processors, and other virtual machines took 0.40."),
+            "{said}"
+        );
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub enum Action {
     LocalSize(isize),
     /// Take the next device.
     Device,
-    /// Show a heat map of the triangles that each pixel tests, or the picture again.
+    /// Show heat map of triangle tests, on or off again.
     Tests,
     /// Go back to the scene's own camera.
     Reset,
@@ -104,7 +104,7 @@ pub const KEYS: &[Row] = &[
     Row { names: "d", about: "the next device", keys: &[(Key::Char('d'), Action::Device)] },
     Row {
         names: "t",
-        about: "a heat map of the triangles that each pixel tests, or the picture",
+        about: "heat map of triangle tests, on or off",
         keys: &[(Key::Char('t'), Action::Tests)],
     },
     Row { names: "r", about: "the scene's own camera again", keys: &[(Key::Char('r'), Action::Reset)] },

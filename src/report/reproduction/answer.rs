@@ -260,7 +260,7 @@ mod tests {
         );
         assert_eq!(found.size, "on teapot 8 x 8 (naive only: 4 x 4)");
         assert!(
-            found.why.contains("from global memory at each test (by arithmetic 9.8 GB per frame")
+            found.why.contains("from global memory at each test (for primary rays alone, 9.8 GB per frame")
                 && found.why.contains("does not report registers"),
             "{}",
             found.why
