@@ -1,4 +1,4 @@
-//! Errors that end a command, and whose mistake each of them is.
+//! Errors that end a command, and who made the mistake.
 
 mod nearest;
 mod quoted;
@@ -27,18 +27,18 @@ pub enum Error {
     /// A run that failed: exit code 1.
     #[error("{message}")]
     Run {
-        /// What happened, in a sentence.
+        /// The problem, in a sentence.
         message: String,
-        /// What the user can do next.
+        /// The remedy: a next step for the user.
         #[help]
         help: String,
     },
     /// The user interrupted the command: exit code 130, as in shells after SIGINT.
     #[error("interrupted: {message}")]
     Interrupted {
-        /// How far the command got.
+        /// The progress of the command.
         message: String,
-        /// How to continue.
+        /// The way to continue.
         #[help]
         help: String,
     },
@@ -69,7 +69,7 @@ pub struct InputError {
     pub span: Option<SourceSpan>,
     /// The text under the marked range.
     pub label: String,
-    /// What the user can do about it.
+    /// The remedy: a step for the user.
     #[help]
     pub help: String,
 }

@@ -34,7 +34,7 @@
 //! the results. [`image`] turns radiance into pictures; [`output`] writes files for the user and never
 //! replaces a file that raycl did not make. [`shard`] splits an experiment among machines and merges their
 //! results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's
-//! documents of its stored records. [`cache`] stores data between runs that raycl can compute again.
+//! documents from its stored records. [`cache`] stores data between runs that raycl can compute again.
 
 #[doc(hidden)]
 pub mod accel;

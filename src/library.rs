@@ -36,9 +36,9 @@ pub struct Picture {
 }
 
 impl Raycaster {
-    /// Opens a device for a scene. `device` is a word of the device's name, platform or vendor, or `cpu` or
-    /// `gpu`; the first match is used. Without a word, the device is the one that `RAYCL_DEVICE` names, or
-    /// else the most capable one.
+    /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, or `cpu` or
+    /// `gpu`; the first match is used. Without it, the device is the one that `RAYCL_DEVICE` names, or else
+    /// the most capable one.
     ///
     /// # Errors If no device matches, or none is usable.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
@@ -49,14 +49,15 @@ impl Raycaster {
         Ok(Self { device, session, scene })
     }
 
-    /// The device's name.
+    /// Returns the device's name.
     pub fn device(&self) -> &str {
         &self.device.info.name
     }
 
     /// Casts a picture of `size` pixels (across, down). The strategy is written as for `raycl render
-    /// --strategy`: a preset, axes, or both (`naive`, `deferred,width=4`). Without one, the fastest strategy
-    /// known for the device and the scene is used. Compiled programs are stored in raycl's cache.
+    /// --strategy`: a preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). Without
+    /// one, the fastest strategy known for the device and the scene is used. Compiled programs are stored in
+    /// raycl's cache.
     ///
     /// # Errors If the strategy's values contradict each other, if it needs more memory than the device or
     /// the host has, or if the driver fails.

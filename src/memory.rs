@@ -13,8 +13,8 @@ pub struct Available {
 }
 
 impl Available {
-    /// Returns the smaller of the machine's available memory and what the control groups of this process
-    /// still allow.
+    /// Returns the smaller of the machine's available memory and the memory that the control groups of this
+    /// process still allow.
     pub fn read() -> Self {
         let machine = read_text(Path::new(MEMINFO)).and_then(|text| meminfo_available(&text));
         let machine = machine.map(|bytes| Self { bytes, source: MEMINFO.to_owned() });

@@ -38,7 +38,7 @@ pub(crate) fn names(names: impl Iterator<Item = &'static str>) -> Schema {
     json_schema!({ "type": "string", "enum": names.collect::<Vec<_>>() })
 }
 
-/// TOML has no null, so an optional key is one that may be absent, not one that may be null.
+/// Removes null from the types of a schema. TOML has no null: an optional key may be absent, but not null.
 fn without_null(schema: &mut Schema) {
     if let Some(Value::Array(types)) = schema.get_mut("type") {
         types.retain(|one| one != "null");

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
 
-/// Where kernel source files come from.
+/// The origin of kernel source files.
 #[derive(Clone, Debug, Default)]
 pub enum Sources {
     /// The files this binary was built with.

@@ -33,7 +33,7 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
     }
 }
 
-/// serde's message without its names for what TOML has.
+/// Returns serde's message, with TOML's words instead of serde's names for types.
 fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
     // The name of a type of Rust follows.

@@ -17,7 +17,7 @@ fn grouped(count: usize) -> String {
     groups.join(",")
 }
 
-/// "12.60 Gtests/s".
+/// Formats as "12.60 Gtests/s".
 pub fn rate(per_s: f64, what: &str) -> String {
     let (scale, prefix) = match per_s {
         1e9.. => (1e-9, "G"),

@@ -211,7 +211,10 @@ fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
     let text = format!("{record}\nrubbish \u{1b}]0;x\u{7}\n{record}\n");
     std::fs::write(place.path("out/records.jsonl"), &text).expect("a journal");
     place.raycl(&["report", "out"]).assert().success();
-    has(&place.text("out/summary.md"), &["1 damaged line of records.jsonl, the first line 2, left out"]);
+    has(
+        &place.text("out/summary.md"),
+        &["1 damaged line is left out of records.jsonl; the first is line 2."],
+    );
     has(
         &place.output(&["repair", "out"]),
         &["records.jsonl: removed damaged lines: 1, lines kept: 2", "records.jsonl.damaged-1"],

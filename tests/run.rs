@@ -134,11 +134,11 @@ fn launches_are_in_the_journals_and_one_is_called_a_look() {
     }
     let summary = place.text("out/summary.md");
     has(&summary, &["cannot be detected here", "| 10 in 2 |"]);
-    assert!(!summary.contains("A look"), "{summary}");
+    assert!(!summary.contains("only one launch"), "{summary}");
     let again = ["--set", "timing.launches=1", "--resume"];
     place.raycl(&arguments(&device(), &again)).assert().success();
-    has(&place.text("out/summary.md"), &["A look: measured in one launch"]);
-    has(&place.text("out/report.html"), &["A look: measured in one launch"]);
+    has(&place.text("out/summary.md"), &["Measured in only one launch of the program: all points."]);
+    has(&place.text("out/report.html"), &["Measured in only one launch of the program: all points."]);
 }
 
 #[test]

@@ -52,7 +52,7 @@ impl<const N: usize> Slicer<N> {
     }
 }
 
-/// Where to cut a node, and the two children.
+/// A cut of a node: its place, and the two children.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub axis: usize,

@@ -15,7 +15,7 @@ impl Bounds {
     /// The empty box: its union with a box is that box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
-    /// The smallest box around both.
+    /// Returns the smallest box around both.
     #[inline(always)]
     pub fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
@@ -26,7 +26,7 @@ impl Bounds {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
 
-    /// Half the surface area; infinite for the empty box.
+    /// Returns half the surface area; infinite for the empty box.
     #[inline(always)]
     pub fn half_area(self) -> f32 {
         let e = self.high - self.low;
@@ -43,7 +43,7 @@ pub(super) struct Primitive(pub Bounds);
 const NUMBER_BASE: u32 = 0x3f80_0000;
 
 impl Primitive {
-    /// The box of a triangle's three corners.
+    /// Makes the box of a triangle's three corners.
     #[inline(always)]
     pub fn new(corners: [Vec3; 3], triangle: u32) -> Self {
         let [a, b, c] = corners;
@@ -51,7 +51,7 @@ impl Primitive {
         Self(Bounds { low, high: a.max(b).max(c).extend(1.0) })
     }
 
-    /// The triangle's number in the mesh.
+    /// Returns the triangle's number in the mesh.
     #[inline(always)]
     pub fn triangle(self) -> u32 {
         self.0.low.w.to_bits() - NUMBER_BASE
@@ -63,13 +63,13 @@ impl Primitive {
         self.0.low + self.0.high
     }
 
-    /// The smallest box around all centres.
+    /// Returns the smallest box around all centres.
     pub fn centre_bounds(primitives: &[Self]) -> Bounds {
         let point = |p: &Self| Bounds { low: p.centre(), high: p.centre() };
         primitives.iter().map(point).fold(Bounds::EMPTY, Bounds::union)
     }
 
-    /// The smallest box around all boxes.
+    /// Returns the smallest box around all boxes.
     pub fn bounds(primitives: &[Self]) -> Bounds {
         primitives.iter().map(|p| p.0).fold(Bounds::EMPTY, Bounds::union)
     }

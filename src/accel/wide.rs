@@ -236,7 +236,7 @@ fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
 fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     if !WideBvh::WIDTHS.contains(&width) {
         return Err(Error::input(format!("a node cannot have {width} children; expected 2, 4, 8, 16 or 32"))
-            .with_help("choose one of these widths"));
+            .with_help("choose one of these numbers of children"));
     }
     let own =
         bvh.nodes.iter().filter(|node| node.is_leaf()).map(|node| node.count).max().unwrap_or(1) as usize;
@@ -245,7 +245,7 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
             "a leaf size of {leaf_size} is not possible; expected {own} to {} for this tree",
             WideBvh::MAX_LEAF_SIZE
         ))
-        .with_help("choose a leaf size within these"));
+        .with_help("choose a leaf size in this range"));
     }
     if bvh.order.len() > WideBvh::MAX_INDEX {
         return Err(Error::run(format!(
@@ -253,7 +253,7 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
             bvh.order.len(),
             WideBvh::MAX_INDEX
         ))
-        .with_help("cast fewer triangles, or with a strategy without a tree: --strategy deferred"));
+        .with_help("use a scene with fewer triangles, or a strategy without a tree: --strategy deferred"));
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without it
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains compiled programs (by source, options, device, driver and the driver's variables) and lists of devices. RAYCL_CACHE_MIB is its limit in MiB (default: 512); entries that were not used for longest are removed first. raycl can make all entries again, and does so if one is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices, and compiled programs: one for each source, options, device, driver and values of the driver's variables. RAYCL_CACHE_MIB is its limit in MiB (default: 512); the entries whose last use is oldest are removed first. raycl can make all entries again, and does so if one is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,

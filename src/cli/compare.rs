@@ -21,7 +21,7 @@ pub struct Args {
     /// Report changes that are surely smaller than this as "same"
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
-    /// Compare plain times, instead of their ratios to the anchor or baselines of the same run
+    /// Compare the times themselves instead of their ratios to the anchor or the baselines of the same run
     #[arg(long)]
     times: bool,
     /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is surely

@@ -20,19 +20,18 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory
-instructions, predicted occupancy) and the program's binary: binary.ptx if it is PTX text, else binary.bin.
-Nothing is cast. Only some compilers print registers, and memory instructions are only counted in PTX.")]
+Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory instructions, predicted occupancy) and the program's binary: binary.ptx if it is PTX text, else binary.bin. Nothing is cast. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
 pub struct Args {
     /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
     scene: PathBuf,
-    /// A preset, axes, or both: naive; deferred,width=4. May be given several times
+    /// A preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Work-items per work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
     local_size: [u32; 2],
-    /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the most capable
+    /// one]
     #[arg(long)]
     device: Option<String>,
     /// Write source, build log, binary and counts to this folder

@@ -15,11 +15,11 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's own command line in a process of its own, and ends as that one does. A command that reads standard input
-/// cannot be run twice.
+/// Runs this process's command line in a child process, and ends as the child ends. A command that reads
+/// standard input cannot be run twice.
 ///
 /// # Errors
-/// A driver that ended it, where leaving drivers out does not help.
+/// A driver ended the child, and leaving drivers out does not help.
 pub fn run(reads_standard_input: bool) -> Result<()> {
     let status = attempt(&[])?;
     let Some(cause) = drivers_doing(status) else { return end_as(status) };

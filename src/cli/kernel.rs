@@ -23,17 +23,16 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-Conditions are decided and macros expanded; a number that had a name keeps it as a comment. What only a device's compiler
-knows counts as absent, unless --device names one to ask. The text is OpenCL C, and compiles to what is cast.")]
+The output is OpenCL C without conditions and macros, and compiles to the program that raycl casts with. Beside a number that had a name, a comment gives the name. Some macros are defined by a device's compiler; they count as undefined, unless --device names a device.")]
 pub struct Args {
-    /// A preset, axes, or both: naive; deferred,width=4
+    /// A preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
     /// Work-items per work-group [default: 8x8; 32 across if work-items share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// Print the program for this device's compiler: a word of its name, platform or vendor, or cpu or gpu
-    /// [default: any device]
+    /// The device whose compiler gets the program: part of its name, platform or vendor, or its kind (cpu,
+    /// gpu) [default: any device]
     #[arg(long)]
     device: Option<String>,
     /// A scene TOML or a mesh, for the sizes of __local arrays and stacks [default: a small scene]
@@ -52,7 +51,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Whether a device's driver is started for it.
+    /// Returns whether a device's driver is started for it.
     pub(super) fn asks_a_device(&self) -> bool {
         self.device.is_some()
     }

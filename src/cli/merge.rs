@@ -33,7 +33,7 @@ pub struct Args {
     /// which a network file system shows old data
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
-    /// Print one JSON object per point, or with --status per attempt, instead of tables
+    /// Print one JSON object per point instead of tables; with --status, one per attempt
     #[arg(long)]
     json: bool,
     /// Print nothing but errors

@@ -81,15 +81,15 @@ enum Command {
     Report(report::Args),
     /// Run the paper's experiments and judge its claims
     Reproduce(reproduce::Args),
-    /// Compare two folders of results: faster, slower, same, unclear
+    /// Compare two folders of results: which points are faster, slower, the same or unclear
     Compare(compare::Args),
-    /// Remove damaged lines from a folder's journals, and keep a copy
+    /// Remove damaged lines from a folder of results, and keep copies of the original files
     Repair(repair::Args),
     /// Compare two pictures
     CompareImages(compare_images::Args),
     /// List OpenCL platforms and devices, with their limits
     Devices(devices::Args),
-    /// List every axis of the strategy space, and the presets
+    /// List the axes of strategies with their values, and the presets
     Strategies(strategies::Args),
     /// Internal: `run` starts this process to measure the points of one device
     #[command(hide = true)]
@@ -147,7 +147,7 @@ impl Command {
         }
     }
 
-    /// Whether it reads standard input, which can be done once.
+    /// Returns whether the command reads standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
         matches!(self, Self::Render(args) if args.reads_standard_input())
     }

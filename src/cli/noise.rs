@@ -14,7 +14,7 @@ use std::path::Path;
   raycl noise --device nvidia
   raycl noise --device cpu --set timing.time_limit_ms=2000 --json")]
 pub struct Args {
-    /// A word of a device's name, platform or vendor, or cpu, gpu or all [default: all]
+    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Change a value of the experiment that is measured

@@ -20,10 +20,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
   raycl run configs/beyond.toml --peak=h200-peak.json
   raycl peak --json | jq '.[0].fma_per_s.median'
 
-Medians of repeats, with their quartiles. Latencies are of one work-item that waits for each result. Cycles are of the highest clock
-that the driver names, not of the clock meanwhile.")]
+The figures are medians of repeats, with their quartiles. A latency is measured by one work-item that waits for each result. Latencies in cycles assume the highest clock that the driver names, not the clock during the measurement.")]
 pub struct Args {
-    /// A word of the devices' name, platform or vendor, or cpu, gpu or all [default: the most capable one]
+    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the most capable
+    /// one]
     #[arg(long)]
     device: Option<String>,
     /// Store the peak rates in a file, for `raycl run --peak`
@@ -84,7 +84,7 @@ pub(super) struct Wanted<'a> {
     pub patterns: &'a [String],
     /// The folder of kernels that replaces the built-in ones.
     pub cl_dir: Option<&'a Path>,
-    /// Whether to end at once if another process measures on a device.
+    /// True if the command ends at once when another process measures on a device.
     pub no_wait: bool,
 }
 

@@ -21,13 +21,14 @@ use std::path::{Path, PathBuf};
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
-    /// A word of a device's name, platform or vendor, or cpu, gpu or all [default: the configs' own]
+    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the configs' own]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Where to write: a folder of results for each config, and the page
+    /// The folder to write to: it gets a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if it contains files that raycl did not write; replaces those whose names it needs, but no results
+    /// Write into DIR even if it contains files that raycl did not write. Files whose names raycl needs are
+    /// replaced, except results
     #[arg(long)]
     force: bool,
     /// Change a value of every config

@@ -25,16 +25,16 @@ pub struct Args {
     /// A file of cases
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
-    /// A word of the device's name, platform or vendor, or cpu or gpu
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
-    /// Measure only cases whose name has this in it
+    /// Measure only cases whose name contains this
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
     /// Rounds, of which the least counts
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
-    /// What a reader should know of the machine, stored beside the times
+    /// A note on the machine, stored beside the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
     /// Store the sweep
@@ -49,13 +49,13 @@ pub struct Args {
 }
 
 impl Args {
-    /// Whether a device's driver is started for it.
+    /// Returns whether a device's driver is started for it.
     pub(super) fn measures(&self) -> bool {
         self.cases.is_some()
     }
 }
 
-/// Measures, shows or fits.
+/// Measures sweeps, shows the rule's choices for stored ones, or fits the rule to them.
 pub fn run(args: Args) -> Result<()> {
     if !args.fit.is_empty() {
         let text = source(&read_all(&args.fit)?);

@@ -51,17 +51,17 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 when every point was measured or cannot fit the device, 1 when one failed, 2 for a mistake in the arguments or files.")]
+Exit code: 0 if every point was measured or does not fit on its device, 1 if a point failed, 2 for a mistake in the arguments or files.")]
 pub struct Args {
     /// The experiment
     config: PathBuf,
     /// The folder of results [default: results/NAME, or results/NAME-2, ... if that exists]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write into DIR even if it holds files that raycl did not write; keep results in it
+    /// Write into DIR even if it holds files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
     force: bool,
-    /// A word of a device's name, platform or vendor, or cpu, gpu or all; replaces the config's devices
+    /// The devices, instead of the config's: part of a name, platform or vendor, a kind (cpu, gpu), or all
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
@@ -70,7 +70,7 @@ pub struct Args {
     /// With --resume, measure failed points again
     #[arg(long, requires = "resume")]
     retry_failed: bool,
-    /// Time limit for one step of a point (a build with its first image; a frame), in seconds
+    /// Time limit in seconds for one step of a point: the build with the first image, or one frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over devices of one kind, instead of measuring every point on every device
@@ -89,7 +89,7 @@ pub struct Args {
     /// Change a value of the config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Print one JSON object per point instead of tables; with --dry-run, its memory needs
+    /// Print one JSON object per point instead of tables; with --dry-run, each point's memory needs
     #[arg(long)]
     json: bool,
     /// Print no progress and no tables
@@ -98,18 +98,19 @@ pub struct Args {
     /// Print a line for every finished point, instead of a progress bar
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
-    /// Use the kernels of this folder instead of the built-in ones; given twice, compare the second with the first in the same
-    /// rounds
+    /// Use the kernels of this folder instead of the built-in ones. If the option is given twice, the second
+    /// folder is compared with the first in the same rounds
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
     /// With two folders of kernels: exit with 1 if the second is surely slower by more than this
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
-    /// Measure one of several parts of the experiment, such as 3/16; auto takes both numbers from the
-    /// launcher (Slurm, MPI), auto/16 only the first. `raycl merge` merges the parts
+    /// Measure one of several parts of the experiment, such as 3/16. With auto, both numbers come from the
+    /// launcher (Slurm, MPI); with auto/16, only the first. `raycl merge` merges the parts
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
-    /// Print Slurm scripts that measure the experiment in N shards and merge them; submits nothing
+    /// Print Slurm scripts that measure the experiment in N shards and then merge the results. The command
+    /// submits no job
     #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sbatch: Option<u32>,
     /// For tests: make a worker process fail, such as segv@cast:3
@@ -215,7 +216,7 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     }
 }
 
-/// Refuses a folder of shards: those are merged, not measured again.
+/// Refuses a folder of shards, whose results are merged and not measured again.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!("{} holds an experiment in {} shards", out.display(), plan.header.shards))

@@ -22,7 +22,7 @@ pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
-    /// A folder, laid out like cl/, of kernel files that replace built-in ones or add values to axes
+    /// A folder of kernel files, laid out like cl/. The files replace built-in ones or add values to axes
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

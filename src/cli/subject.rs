@@ -1,4 +1,4 @@
-//! What is cast, how large and how: the arguments that `render` and `view` share.
+//! The arguments that `render` and `view` share: the scene, the picture's size, and the way to cast it.
 
 mod look;
 
@@ -13,7 +13,7 @@ use crate::strategy::{Strategy, Task};
 use look::Look;
 use std::path::PathBuf;
 
-/// A scene, and what it is cast with.
+/// A scene, and the options for casting it.
 #[derive(Debug, clap::Args)]
 pub struct Subject {
     /// A scene TOML or a mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; - reads standard input
@@ -24,10 +24,12 @@ pub struct Subject {
     /// Pixels down
     #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
-    /// A word of the device's name, platform or vendor, or cpu or gpu [default: the most capable one]
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the most capable
+    /// one]
     #[arg(long)]
     pub device: Option<String>,
-    /// A preset, axes, or both: naive; deferred,width=4 [default: the fastest for the device]
+    /// A preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the fastest for the
+    /// device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     pub strategy: Option<String>,
     /// Work-items of a work-group
@@ -44,29 +46,30 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Pixels across and down.
+    /// Returns the picture's size: pixels across and down.
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
 
-    /// The scene, as large as the picture has room for where it has no camera of its own.
+    /// Loads the scene. A scene without a camera is framed so that it fills the picture.
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
         let aspect = f64::from(self.width) / f64::from(self.height);
         load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed })
     }
 
-    /// What is to be cast.
+    /// Returns the task: the scene's properties that matter for the choice of a strategy.
     pub fn task(&self, scene: &Scene) -> Task {
         Task::of(scene, self.size(), false)
     }
 
-    /// The strategy and local size asked for, or the fastest for the device.
+    /// Returns the requested strategy and local size, or the fastest for the device.
     pub fn strategy(&self, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
         let (strategy, usual) = chosen_strategy(self.strategy.as_deref(), &self.set, &device.limits, task)?;
         Ok((strategy, self.local_size.unwrap_or(usual)))
     }
 
-    /// Builds and uploads. Where the local size is free, as many tiles share a work-group as fit.
+    /// Builds the program and uploads the scene. Without a requested local size, as many tiles share a
+    /// work-group as fit.
     pub fn prepare(
         &self,
         session: &mut Session,
@@ -82,7 +85,8 @@ impl Subject {
         }
     }
 
-    /// The values of the scene that options and `--set`s mean, their values read as TOML where they are TOML and as text otherwise.
+    /// Returns the values of the scene that options and `--set` give. Each value is read as TOML if it is
+    /// TOML, and otherwise as text.
     fn overrides(&self) -> Result<Vec<(String, toml::Value)>> {
         let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));
         of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;

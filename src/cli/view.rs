@@ -1,4 +1,4 @@
-//! `raycl view`: a window in which a scene is looked at from all around.
+//! `raycl view`: shows a scene from all around, in a window.
 
 use super::subject::Subject;
 use super::watch::{Watched, folders};
@@ -17,10 +17,10 @@ pub struct Args {
     /// Samples per pixel that add up while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Show it in this terminal, in its size, two pixels for each character
+    /// Show the scene in this terminal, as large as the terminal, with two pixels per character
     #[arg(long, conflicts_with_all = ["width", "height"])]
     terminal: bool,
-    /// Go around the scene by itself, a degree with each frame
+    /// Let the eye go around the scene, one degree per frame
     #[arg(long)]
     spin: bool,
     /// End after this many frames, or when all samples are cast
@@ -65,15 +65,15 @@ struct Report {
     /// Work-items of a work-group across and down.
     local_size: [u32; 2],
     image_size: [u32; 2],
-    /// Frames that were shown.
+    /// The number of frames that were shown.
     frames: u32,
-    /// From the first of them to the last.
+    /// The time from the first frame to the last.
     seconds: f64,
-    /// Frames after the first over this time.
+    /// The number of frames after the first, divided by this time.
     frames_per_s: f64,
-    /// Median device time of a frame.
+    /// The median device time of a frame.
     frame_ms: f64,
-    /// Primary and shadow rays over device time.
+    /// Primary and shadow rays, divided by the device time.
     rays_per_s: f64,
 }
 

@@ -16,7 +16,7 @@ const QUIET: Duration = Duration::from_millis(80);
 /// Files that are watched.
 pub struct Watched {
     changes: Receiver<()>,
-    /// Which ends with it.
+    /// The watcher, which ends when this is dropped.
     _watcher: notify::RecommendedWatcher,
 }
 
@@ -40,13 +40,13 @@ impl Watched {
         Ok(Self { changes, _watcher: watcher })
     }
 
-    /// Whether a file has changed since it was last asked; if so, the change is over.
+    /// Returns whether a file has changed since the last call. If so, the pause after the change is over too.
     pub fn has_changed(&self) -> bool {
         self.changes.try_recv().is_ok() && quiet(&self.changes)
     }
 }
 
-/// The folders that a picture is made of: that of its scene, and that of kernels.
+/// Returns the folders whose files affect a picture: the folder of its scene, and the folder of kernels.
 pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveMode)> {
     let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty());
     let of_scene = (folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive);
@@ -54,8 +54,8 @@ pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveM
     std::iter::once(of_scene).chain(of_kernels).collect()
 }
 
-/// Acts once, then again after every change to a source file in `folders`, or also below them. A failed action is reported and
-/// does not end it: the mistake may be mended by the next change.
+/// Acts once, then again after every change to a source file in `folders`, or also below them. A failed
+/// action is reported and does not end the loop, since the next change may correct the mistake.
 pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
     let watched = Watched::new(folders)?;
     loop {
@@ -87,7 +87,7 @@ fn next_change(changes: &Receiver<()>) -> bool {
     changes.recv().is_ok() && quiet(changes)
 }
 
-/// Waits for the quiet after a change; false when there can be none any more.
+/// Waits for the pause after a change; returns false if no more changes can come.
 fn quiet(changes: &Receiver<()>) -> bool {
     loop {
         match changes.recv_timeout(QUIET) {

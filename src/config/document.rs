@@ -25,7 +25,7 @@ pub struct Document {
 /// One `--set` option, as a line of TOML.
 struct Override {
     line: String,
-    /// Where its spans begin: after the file and the earlier overrides.
+    /// The start of its spans: after the file and the earlier overrides.
     start: usize,
 }
 

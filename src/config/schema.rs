@@ -41,12 +41,12 @@ fn strategy() -> Schema {
     };
     add(
         "preset",
-        "The preset that the axes start from; `raycl strategies` lists them.",
+        "The preset whose axes the entry changes; `raycl strategies` lists them.",
         PresetName::schema(),
     );
     add(
         "name",
-        "Its name in results [default: the preset with what differs].",
+        "Its name in results [default: the preset, and the axes that differ from it].",
         json_schema!({ "type": "string" }),
     );
     let sizes = json_schema!({ "type": "array", "items": size() });
@@ -56,7 +56,7 @@ fn strategy() -> Schema {
     for axis in AXES {
         add(
             axis.name,
-            &format!("{}: one value, or a list, which is one strategy for each", axis.about),
+            &format!("{}: one value, or a list of values, each of which makes a strategy", axis.about),
             values(axis),
         );
     }

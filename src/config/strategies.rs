@@ -12,7 +12,7 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
-/// A strategy of which some axes are still to be set.
+/// A strategy with some axes that are not set yet.
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,
@@ -88,9 +88,7 @@ fn product(
     }
     let Some(name) = &entry.preset else {
         let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");
-        return Err(
-            error.with_help("name the preset that its axes start from; `raycl strategies` lists them")
-        );
+        return Err(error.with_help("name the preset that the entry changes; `raycl strategies` lists them"));
     };
     let preset = find(document, name)?;
     let sizes = match &entry.local_sizes {
@@ -160,8 +158,7 @@ fn named(
         let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
         let message = format!("this combination of axes is not allowed: {reason}");
         return Err(document.error(span, message, format!("asks for {what}")).with_help(
-            "change one of the axes in the message; where a list gives some combinations that make sense, \
-             write those as [[strategy]] entries of their own",
+            "change one of the axes in the message; if only some combinations of a list are allowed, write each of them as a [[strategy]] entry of its own",
         ));
     }
     Ok(NamedStrategy {

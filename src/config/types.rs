@@ -21,7 +21,7 @@ pub struct Experiment {
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
-    /// Whether scenes are compared with each other; if so, they are measured in the same rounds.
+    /// True if scenes are compared with each other; if so, they are measured in the same rounds.
     pub compare_scenes: bool,
     /// Words that select devices; "all" selects every usable one. Empty if the config names none.
     pub devices: Vec<String>,
@@ -33,7 +33,7 @@ pub struct Experiment {
     pub baselines: Vec<Baseline>,
     /// Limits of a smaller device to imitate.
     pub emulate: Emulate,
-    /// How long and how often each point is measured.
+    /// The number of samples of each point, and the time for them.
     pub timing: Timing,
     /// The config's text.
     pub source: String,
@@ -162,7 +162,7 @@ impl fmt::Display for Emulate {
     }
 }
 
-/// How long and how often each point is measured.
+/// The number of samples of each point, and the time for them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Number of frames cast before the first sample.

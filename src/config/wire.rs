@@ -62,7 +62,7 @@ pub struct Experiment {
     /// Limits of a smaller device to imitate.
     #[serde(default)]
     pub emulate: Emulate,
-    /// How long and how often each point is measured.
+    /// The number of samples of each point, and the time for them.
     #[serde(default)]
     pub timing: Timing,
 }
@@ -100,15 +100,15 @@ pub struct Emulate {
     pub constant_bytes: Option<Spanned<i64>>,
 }
 
-/// How long and how often each point is measured.
+/// The number of samples of each point, and the time for them.
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Number of frames cast before the first sample [default: 2].
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
-    /// Number of fresh processes, at different times, that share the samples of a point; with 1, a run is
-    /// only a look [default: 3].
+    /// Number of fresh processes, at different times, that share the samples of a point; with 1, intervals
+    /// are too narrow [default: 3].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
     /// Smallest number of samples of a point, unless the time is up [default: 10].

@@ -12,7 +12,7 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// No query has been made yet.
+    /// Begins without any query.
     pub fn new(device: ocl::Device) -> Self {
         Self { device, failure: None }
     }

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
 /// The variable that names another folder, one .icd file, or one library.
 const FOLDER: &str = "OCL_ICD_VENDORS";
-/// The variable that names another folder where that one is not set.
+/// The variable that names another folder if the previous one is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
-/// The variable that names libraries beside those.
+/// The variable that names further libraries.
 const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
 /// A driver, as a loader finds it.
@@ -56,7 +56,7 @@ fn found(told: Option<&Path>, usual: &Path) -> Vec<Driver> {
     vec![Driver::Icd(if is_bare && beside.is_file() { beside } else { folder.to_owned() })]
 }
 
-/// The .icd files of a folder, in order.
+/// Returns the .icd files of a folder, in order.
 fn icd_files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> =
@@ -69,8 +69,9 @@ fn is_icd(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "icd")
 }
 
-/// The variables under which a loader finds some drivers and no others. Their .icd files are in `folder`, which has to be empty and to
-/// outlive the loader: those of libraries too, since not every loader reads a variable that names libraries.
+/// Returns the variables under which a loader finds these drivers and no others. Their .icd files are put
+/// into `folder`, which must be empty and must outlive the loader. Libraries get .icd files too, since not
+/// every loader reads a variable that names libraries.
 ///
 /// # Errors
 /// A file that cannot be copied or written.

@@ -23,7 +23,7 @@ pub struct DeviceLimits {
     /// Number of floats in the widest vector that the hardware adds in one instruction
     /// (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT).
     pub native_width: u32,
-    /// Whether work-groups run on threads of a CPU, whose stacks hold private arrays.
+    /// True if work-groups run on threads of a CPU, whose stacks hold private arrays.
     pub is_cpu: bool,
     /// How the work-items that share a tile exchange values.
     #[serde(default)]

@@ -90,7 +90,7 @@ pub struct Builtins {
     pub prefetch: bool,
     /// How work-items that share a tile exchange values.
     pub lanes: LaneOperations,
-    /// Whether the compiler accepts `-cl-std=CL3.0`.
+    /// True if the compiler accepts `-cl-std=CL3.0`.
     pub opencl_3: bool,
 }
 
@@ -172,7 +172,7 @@ impl DeviceInfo {
         format!("{}{twin}", self.model())
     }
 
-    /// Returns the same without what distinguishes it from others of its model.
+    /// Returns the same, without the parts that distinguish it from other devices of its model.
     fn model(&self) -> String {
         let Self { platform, platform_version, name, driver, .. } = self;
         format!("{platform} | {platform_version} | {name} | {driver}")

@@ -43,7 +43,7 @@ impl std::fmt::Display for Limiter {
     }
 }
 
-/// What a multiprocessor holds at once.
+/// The groups and warps that a multiprocessor holds at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
     /// Resident groups.

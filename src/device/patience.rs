@@ -15,7 +15,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 /// An environment variable for tests: the limit in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 
-/// How often raycl checks for an answer.
+/// The time between two checks for an answer.
 const LOOK_UP: Duration = Duration::from_millis(20);
 
 /// Ends the process with [`HUNG`], unless it is dropped within the limit.

@@ -13,7 +13,7 @@ pub const VARIABLE: &str = "RAYCL_LOCK_DIR";
 #[derive(Clone, Debug)]
 pub struct Folder {
     path: PathBuf,
-    /// Whether every user of the machine may create locks in the folder.
+    /// True if every user of the machine may create locks in the folder.
     shared: bool,
 }
 

@@ -17,7 +17,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How often a waiting process checks whether the device is free or the user has interrupted it.
+/// The time between two checks whether the device is free or the user has interrupted the process.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// The locks of the devices, and what to do if another process holds one.

@@ -2,7 +2,7 @@
 
 use crate::record::{Record, by, interval, median, significant};
 
-/// How a figure is written.
+/// The form in which a figure is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// With significant digits.

@@ -95,7 +95,7 @@ struct Column {
     of: String,
     /// The text of a cell without a record.
     missing: Option<String>,
-    /// Which of its numbers is printed bold.
+    /// The number of the column that is printed bold: the least or the greatest.
     bold: Option<Bold>,
 }
 

@@ -3,7 +3,7 @@
 /// State carried from line to line.
 #[derive(Default)]
 pub struct Fences {
-    /// Whether the line is in a fenced block of code.
+    /// True if the line is in a fenced block of code.
     within: bool,
     /// The number of the last item in a numbered list.
     item: usize,
@@ -51,7 +51,7 @@ fn has_digit(word: &str) -> bool {
     word.contains(|c: char| c.is_ascii_digit())
 }
 
-/// Names, such as H200, f32 and AVX-512, begin with a letter.
+/// Returns whether a word is a name, such as H200, f32 or AVX-512: it begins with a letter.
 fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub struct Drafter<'a> {
     /// The experiment.
     pub experiment: &'a Experiment,
-    /// Where kernels come from.
+    /// The files of the kernels.
     pub sources: &'a Sources,
 }
 

@@ -93,8 +93,8 @@ impl Run<'_> {
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Returns whether a record of a point is final. A record of a point that was skipped for its kind is not
-    /// if the point is to be measured now.
+    /// Returns whether a record of a point is final. The record of a point that was skipped because of its
+    /// kind is not final if the point is to be measured now.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.outcome.is_fine())

@@ -10,13 +10,13 @@ use std::time::Duration;
 /// The file that a hanging worker leaves.
 const HANGS: &str = ".hangs";
 
-/// How and when a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
+/// The way and the time in which a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,
     step: Step,
     point: usize,
-    /// Whether only the run's first worker fails.
+    /// True if only the run's first worker fails.
     pub once: bool,
 }
 

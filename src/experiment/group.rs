@@ -25,7 +25,7 @@ pub struct OpenGroup {
     points: Vec<PendingPoint>,
     /// Number of complete launches, in which every point was sampled.
     whole: usize,
-    /// How often it was visited: each time by workers of another launch.
+    /// The number of visits to the group, each by the workers of another launch.
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
@@ -74,8 +74,8 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
-    /// Measures one launch. One that loses a worker is repeated whole, in fresh workers. While points are timed nobody else
-    /// measures on their devices.
+    /// Measures one launch. If it loses a worker, the whole launch is repeated in fresh workers. While points
+    /// are timed, no other process measures on their devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -102,7 +102,7 @@ impl OpenGroup {
                 }
                 End::AllFailed => break,
                 End::Broken => {
-                    sink.says("a worker was lost: its launch is repeated whole");
+                    sink.says("a worker process was lost: its whole launch is repeated");
                     supervisor.retire();
                 }
             }
@@ -141,7 +141,7 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        // Starting drivers and building programs would disturb as checks do.
+        // Starting drivers and building programs would disturb a measurement, as checks do.
         let interrupted = supervisor.interrupted();
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;

@@ -5,11 +5,12 @@ use std::io::Write as _;
 
 /// Receives the events of a run. The progress bar is an observer; tests use another one.
 pub trait Observer: Send {
-    /// The next of several runs begins.
+    /// Is called when the next of several runs begins.
     fn enters(&mut self, _stage: &str) {}
-    /// The run begins, with this number of points and of steps. A step is one launch of one point.
+    /// Is called when the run begins, with its numbers of points and of steps. A step is one launch of one
+    /// point.
     fn begins(&mut self, points: usize, steps: usize);
-    /// An earlier session has finished these numbers of points and steps.
+    /// Is called with the numbers of points and steps that an earlier session has finished.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
     /// This many steps have been finished.
     fn advances(&mut self, _steps: usize) {}
@@ -20,9 +21,9 @@ pub trait Observer: Send {
         // If the line cannot be written, the run continues.
         let _ = writeln!(std::io::stderr(), "{line}");
     }
-    /// A point is finished.
+    /// Is called when a point is finished.
     fn finished(&mut self, record: &Record);
-    /// All points are finished.
+    /// Is called when all points are finished.
     fn ends(&mut self);
 }
 

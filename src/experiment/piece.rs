@@ -18,8 +18,8 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Returns the indices of all points to be measured, the control point first. If a run is interrupted
-    /// while it writes records, the control point's is there.
+    /// Returns the indices of all points to be measured. The control point comes first, so that it has its
+    /// record even if the run is interrupted while it writes records.
     pub fn places(&self) -> Vec<usize> {
         let others = self.points.iter().filter(|place| Some(**place) != self.control);
         self.control.iter().chain(others).copied().collect()

@@ -7,10 +7,10 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// The points. Those that are compared with each other are adjacent; within them those of a scene, and
-    /// within these those of a device.
+    /// The points. Points that are compared with each other are adjacent. Among them, the points of a scene
+    /// are adjacent, and among these the points of a device.
     pub points: Vec<Point>,
-    /// Whether scenes are compared with each other.
+    /// True if scenes are compared with each other.
     pub compare_scenes: bool,
 }
 
@@ -21,13 +21,13 @@ pub struct Point {
     pub scene: usize,
     /// The device, as an index of the chosen devices; `None` is the host.
     pub device: Option<usize>,
-    /// What casts the rays.
+    /// The caster of the rays.
     pub work: Work,
     /// Pixels across and down.
     pub image_size: [u32; 2],
 }
 
-/// What casts a point's rays.
+/// The caster of a point: a strategy or a baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Work {
     /// A kernel.

@@ -19,12 +19,12 @@ impl PointFailure {
         Self { outcome, reason: reason.into() }
     }
 
-    /// The failure of a kernel without a device to run on.
+    /// Returns the failure of a kernel that has no device to run on.
     pub fn no_device() -> Self {
         Self::new(Outcome::LaunchFailed, "no device was chosen")
     }
 
-    /// The failure of an image that differs from the reference.
+    /// Returns the failure of an image that differs from the reference.
     pub fn wrong_image(reason: String) -> Self {
         Self::new(Outcome::WrongImage, reason)
     }

@@ -12,16 +12,16 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How much of the end of a worker's standard error is kept.
+/// The number of bytes that are kept of the end of a worker's standard error.
 const LAST_WORDS_BYTES: usize = 2000;
-/// How long a worker that is no longer needed may take to end.
+/// The time that a worker may take to end when it is no longer needed.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Starts workers as processes of this program.
 pub struct Processes {
     program: PathBuf,
     jobs: Vec<Job>,
-    /// Whether workers may take programs from the driver's cache, which does not contain registers.
+    /// True if workers may take programs from the driver's cache, which does not contain registers.
     trust_driver: bool,
 }
 

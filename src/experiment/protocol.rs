@@ -58,7 +58,7 @@ pub enum DeviceList {
 pub struct Built {
     /// Time from the strategy to a kernel that can be launched, including storing it in the cache.
     pub build_ms: f64,
-    /// Whether the program came from the cache and nothing was compiled.
+    /// True if the program came from the cache and nothing was compiled.
     pub from_cache: bool,
     /// The key under which the cache has it; `None` if it could not be stored.
     pub key: Option<String>,
@@ -115,7 +115,7 @@ pub enum Reply {
     Checked {
         /// The record so far.
         record: Box<Record>,
-        /// Whether the point can be cast; if not, the record has the reason.
+        /// True if the point can be cast; if not, the record has the reason.
         ready: bool,
     },
     /// To a cast.
@@ -124,9 +124,9 @@ pub enum Reply {
     Refused(PointFailure),
     /// To any request: an error that ends the run.
     Failed {
-        /// What happened.
+        /// The problem.
         message: String,
-        /// What the user can do.
+        /// The remedy for the user.
         help: String,
     },
 }

@@ -41,7 +41,7 @@ pub struct RequestHandler<'a> {
 }
 
 impl<'a> RequestHandler<'a> {
-    /// A handler without work yet.
+    /// Makes a handler that has no work yet.
     pub fn new(
         drafter: Drafter<'a>,
         plan: Plan,

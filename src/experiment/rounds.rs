@@ -10,9 +10,9 @@ pub trait Rounds {
     /// Casts one frame of a point. Returns `None` if the point failed, which is then not cast again, or if
     /// its process was lost.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Called after each sample.
+    /// Is called after each sample.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()>;
-    /// Called when every point that did not fail has its sample of a round.
+    /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
         Ok(())
     }
@@ -22,7 +22,7 @@ pub trait Rounds {
     }
 }
 
-/// How the rounds of a launch ended.
+/// The end of the rounds of a launch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// Every point that did not fail has enough samples.

@@ -24,17 +24,17 @@ pub struct Run<'a> {
     pub overrides: &'a [(String, String)],
     /// The devices.
     pub devices: &'a [&'a DeviceInfo],
-    /// Where kernels come from.
+    /// The files of the kernels.
     pub sources: &'a Sources,
     /// Kernels to compare with `sources`, in the same rounds.
     pub other_sources: Option<&'a Sources>,
     /// The time limit for one step of a point: a build with its first image, or a frame.
     pub limit: Duration,
-    /// Whether failed points of an earlier run are measured again.
+    /// True if failed points of an earlier run are measured again.
     pub retry_failed: bool,
     /// The locks of devices. While a group of points is timed, no other process measures on its device.
     pub locks: &'a Locks,
-    /// Whether the points are distributed over several devices of the same kind. Otherwise, each device
+    /// True if the points are distributed over several devices of the same kind. Otherwise, each device
     /// measures all points.
     pub spread: bool,
     /// The blocks to measure, if the plan is cut into blocks: those of a shard, or all blocks for `--spread`.

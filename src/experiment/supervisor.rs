@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often a waiting run checks whether the user has interrupted it.
+/// The time between two checks whether the user has interrupted a waiting run.
 const LOOK_UP: Duration = Duration::from_millis(100);
 /// Number of workers that a point may kill before it is given up. The first one may have died from an outside
 /// cause.
@@ -45,7 +45,7 @@ pub enum Wait {
     Dead(Death),
 }
 
-/// How a worker died.
+/// The way in which a worker died.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Death {
     /// For example "was killed by SIGSEGV", "ended with exit status: 1".
@@ -88,7 +88,7 @@ struct Post {
     ready: HashSet<usize>,
 }
 
-/// What a check found; with `false` the record says why the point cannot be cast.
+/// The result of a check; with `false`, the record says why the point cannot be cast.
 pub type Checked = (Box<Record>, bool);
 
 /// Sends requests to workers, and replaces workers that are lost.
@@ -139,14 +139,16 @@ impl<'a> Supervisor<'a> {
         dismiss(workers);
     }
 
-    /// Turns to a group of points in a launch. Within a launch workers go on from group to group; each launch has fresh ones.
+    /// Begins a group of points in a launch. Within a launch, workers continue from group to group; each
+    /// launch has fresh workers.
     pub fn turn_to<'t>(&mut self, launch: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.launch != launch {
             self.retire();
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // Workers that have a wanted scene keep it; any other of the device takes over one that is missing.
+        // A worker that has a wanted scene keeps it. Any other worker of the device takes over a wanted scene
+        // that no worker has.
         let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(kept);
         for post in wanted {
@@ -240,7 +242,8 @@ impl<'a> Supervisor<'a> {
             None => self.start(task.post())?,
         };
         post.worker.send(request);
-        // A sample is worth waiting for after an interruption; a check can be repeated.
+        // After an interruption, the run still waits for a sample, but not for a check, which can be
+        // repeated.
         let patient = matches!(request, Request::Cast { .. } | Request::Anchor);
         let answer = self.wait(post.worker.as_mut(), patient)?;
         if answer.is_ok() {
@@ -249,8 +252,8 @@ impl<'a> Supervisor<'a> {
         Ok(answer)
     }
 
-    /// Starts a worker and waits until its device is open. An error ends the run; its points are not failed,
-    /// but still to be measured.
+    /// Starts a worker and waits until its device is open. An error ends the run; its points have not failed,
+    /// and a later session measures them.
     fn start(&mut self, post: (usize, usize)) -> Result<Post> {
         if let Some(mut worker) = self.starting.remove(&post)
             && self.opens(worker.as_mut())?.is_ok()

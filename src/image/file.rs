@@ -27,7 +27,7 @@ const EXTENSIONS: [(&str, Format); 5] = [
     ("hdr", Format::Hdr),
 ];
 
-/// Pixels of a JPEG across, or down, at most: it has 16 bits for their number.
+/// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
 /// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
@@ -45,8 +45,8 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     })
 }
 
-/// Finds out before any work is done whether [`save`] would refuse a file of so many pixels across and down: by its extension, for
-/// want of its folder, or for what is there.
+/// Checks, before any work is done, whether [`save`] would refuse a file of this size: because of its
+/// extension, a missing folder, or an existing file.
 pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
         let name = target.path().display();

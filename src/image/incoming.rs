@@ -14,7 +14,7 @@ const COPIED_TOGETHER: usize = 1 << 18;
 
 /// A picture of which some rows are still missing.
 pub enum Incoming {
-    /// The picture is stored until all rows have arrived. The number counts the bytes that have.
+    /// The picture is stored until all rows have arrived. The number counts the bytes that have arrived.
     Whole(RgbImage, usize),
     /// The picture is encoded in bands of rows as they arrive.
     Jpeg(Encoding),

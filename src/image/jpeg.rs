@@ -74,7 +74,7 @@ impl Encoding {
     }
 }
 
-/// How a picture is divided into bands.
+/// The division of a picture into bands.
 #[derive(Clone, Copy)]
 struct Cut {
     width: u32,

@@ -32,7 +32,7 @@ pub struct Radiance {
 }
 
 impl Radiance {
-    /// A black image.
+    /// Makes a black image.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
@@ -43,7 +43,7 @@ impl Radiance {
         sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
     }
 
-    /// One of so many parts: of a sum the mean.
+    /// Divides the image by a number, which makes the mean of a sum.
     #[must_use]
     pub fn part(mut self, parts: usize) -> Self {
         let part = 1.0 / parts.max(1) as f32;
@@ -51,7 +51,7 @@ impl Radiance {
         self
     }
 
-    /// The first pixel, as column and row, that is not finite, and how many are not.
+    /// Returns the first pixel that is not finite, as column and row, and the number of such pixels.
     pub fn not_finite(&self) -> Option<([u32; 2], usize)> {
         let infinite = |pixel: &[f32; 3]| !pixel.iter().all(|channel| channel.is_finite());
         let first = self.pixels.iter().position(infinite)? as u32;

@@ -45,8 +45,8 @@ impl Cost {
     }
 }
 
-/// Returns where each device's part of a frame ends, 0 to 1 from the top, so that all parts take equally
-/// long, and that time.
+/// Returns the ends of the devices' parts of a frame, 0 to 1 from the top, and the time of a part. All parts
+/// take equally long.
 pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     let parts: Vec<Vec<f64>> = costs.iter().map(Cost::parts_ms).collect();
     let ends = |ms: f64| -> Vec<f64> {

@@ -220,7 +220,8 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Allocates memory for each triangle's planes, for the eye and each light, or for those of a round.
+/// Allocates memory for the planes of every triangle: for the eye and each light, or for the eye and the
+/// lights of a round.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

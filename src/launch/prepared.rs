@@ -21,7 +21,7 @@ pub struct Prepared {
     pub spec: ProgramSpec,
     /// The compiled program.
     pub program: BuiltProgram,
-    /// How long building continued after the scene was loaded.
+    /// The time for which building continued after the scene was loaded.
     pub build_wait_ms: f64,
     /// The largest amount of memory on the host that it needs at any time.
     pub host_bytes: u64,

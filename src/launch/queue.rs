@@ -15,7 +15,7 @@ pub struct Queue {
     pub commands: ocl::Queue,
     /// The device.
     pub device: Device,
-    /// Whether the device uses the host's own memory, as a CPU does.
+    /// True if the device uses the host's own memory, as a CPU does.
     pub shares_memory: bool,
     /// Pinned memory of the host, for transfers.
     pub(super) staging: Arc<Staging>,

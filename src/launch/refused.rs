@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::program::BuildError;
 use crate::strategy::Infeasible;
 
-/// What prevents a strategy from casting.
+/// The obstacle that prevents a strategy from being cast.
 #[derive(Debug)]
 pub enum Refused {
     /// The strategy contradicts itself, or a kernel file has a mistake: a mistake of the user.
@@ -54,7 +54,7 @@ impl Refused {
             Self::Device(_) => too_large(device),
             Self::Host(_) => too_large("this machine"),
             Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
-                "`raycl kernel STRATEGY` shows the program; another --strategy or --device may build",
+                "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
             Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}"))
                 .with_help("a smaller picture, another --strategy or another --device may work"),

@@ -17,7 +17,7 @@ pub(super) struct Rounds<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
-    /// Whether the kernel for primary rays also casts the first round's shadow rays, and leftover shadow rays
+    /// True if the kernel for primary rays also casts the first round's shadow rays, and leftover shadow rays
     /// are cast by the kernel that shades.
     fused: bool,
 }

@@ -122,8 +122,8 @@ impl Session {
         self.build(strategy, &workload, spec)
     }
 
-    /// The first step: determines the sizes, including the depth of the strategy's tree, which is built here
-    /// if needed.
+    /// Does the first step: determines the sizes, including the depth of the strategy's tree, which is built
+    /// here if needed.
     pub fn workload(
         &mut self,
         strategy: &Strategy,
@@ -143,12 +143,12 @@ impl Session {
         Ok(workload)
     }
 
-    /// The second step: determines the source to be compiled.
+    /// Does the second step: determines the source to be compiled.
     pub fn spec(&self, strategy: &Strategy, workload: &Workload) -> Result<ProgramSpec> {
         ProgramSpec::new(&self.sources, strategy, workload, self.builtins)
     }
 
-    /// The last step: compiles and uploads, after a check that everything fits.
+    /// Does the last step: compiles and uploads, after a check that everything fits.
     pub fn build(
         &mut self,
         strategy: &Strategy,

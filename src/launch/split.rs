@@ -29,13 +29,13 @@ pub struct Split<'a> {
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Where kernel files come from.
+    /// The files of the kernels.
     pub sources: &'a Sources,
-    /// How often the frame is cast.
+    /// The number of times that the frame is cast.
     pub repeat: u32,
-    /// Whether the image is verified against the reference.
+    /// True if the image is verified against the reference.
     pub verifies: bool,
-    /// Whether devices that slow the frame down are used too.
+    /// True if devices that slow the frame down are used too.
     pub every_device: bool,
 }
 

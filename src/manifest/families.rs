@@ -38,7 +38,7 @@ pub static BVH: Family = Family {
         rule(
             "intersector",
             FilesIn("cast/intersect/", Some(Planes)),
-            "meets few of the triangles, and prepares none for an origin",
+            "tests few of the triangles, so that it prepares none for an origin",
         ),
     ],
 };
@@ -59,8 +59,8 @@ pub static RASTER: Family = Family {
     ],
     defines: &[COMMON_DEFINES, CAST_DEFINES],
     rules: &[
-        only("shading", &["deferred"], "resolves depth before it shades"),
-        only("passes", &["separate"], "resolves depth before it shades"),
+        only("shading", &["deferred"], "finds the nearest triangle of every pixel before it shades"),
+        only("passes", &["separate"], "finds the nearest triangle of every pixel before it shades"),
         only(
             "triangles",
             &["global", "constant"],
@@ -69,7 +69,7 @@ pub static RASTER: Family = Family {
         only(
             "intersector",
             &["moller-trumbore"],
-            "has its own edge functions for primary rays, and that test for shadow rays",
+            "uses its own edge functions for primary rays, and moller-trumbore for shadow rays",
         ),
         only("records", &["each-test"], "reads each triangle once for all primary rays"),
         only("node_width", &["8"], NO_TREE),
@@ -109,9 +109,13 @@ pub static TILE_CPU: Family = Family {
         rule("intersector", FilesIn("tile_cpu/intersect/", Some(Planes)), PREPARES_A_TILE),
         only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
-        only("width", &["16"], "fills vectors of 16; or work-items share a tile (width = 1)"),
+        only("width", &["16"], "fills vectors of 16 rays; with width = 1, work-items share a tile"),
         only("node_width", &["8", "16"], "tests a node's children as one vector"),
-        rule("tile", AllBut(&["8x4"]), "has work for a work-item from 8x8 on"),
+        rule(
+            "tile",
+            AllBut(&["8x4"]),
+            "needs tiles of at least 8x8 pixels, or a work-item has too little work",
+        ),
     ],
 };
 
@@ -200,8 +204,12 @@ pub static TILE_GPU: Family = Family {
         rule("intersector", FilesIn("tile_gpu/intersect/", None), PREPARES_A_TILE),
         only("records", &["each-test"], PREPARES_A_TILE),
         only("epsilons", &["relative"], OWN_EDGES),
-        only("node_width", &["32"], "tests a child of a node with each of them"),
-        rule("tile", AllBut(&["32x16"]), "keeps a tile in their registers, 16x16 at most"),
+        only("node_width", &["32"], "tests one child of a node with each of the 32 work-items"),
+        rule(
+            "tile",
+            AllBut(&["32x16"]),
+            "keeps a tile in the registers of the 32 work-items, which hold at most 16x16 pixels",
+        ),
     ],
 };
 
@@ -302,12 +310,12 @@ const GROUP_DEFINES: Defines = &[
     (Always, "LANE_OPERATIONS"),
 ];
 
-const NO_TREE: &str = "uses no tree, and keeps the value that means none";
-const NO_TILES: &str = "casts no tiles of rays, and keeps the value that means none";
+const NO_TREE: &str = "uses no tree, so that only the default value is allowed";
+const NO_TILES: &str = "casts no tiles of rays, so that only the default value is allowed";
 const LEAF_ORDER: &str = "reads triangles in the order of its tree";
 const SHADES_ONCE: &str = "shades a tile's rays once";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";
-const OWN_EDGES: &str = "has edge functions of its own";
+const OWN_EDGES: &str = "uses its own edge functions";
 
 const fn kernel(name: &'static str, role: Role, parameters: &'static [&'static [Parameter]]) -> Kernel {
     Kernel { name, role, when: Always, parameters }

@@ -51,7 +51,7 @@ pub const SURFACES: &[Parameter] =
 /// The triangles' texture coordinates, and all textures.
 pub const TEXTURES: &[Parameter] =
     &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
-/// The sky and the lights' radii, and which of how many samples per pixel is cast.
+/// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// The planes prepared for the eye and a round's lights, and the triangle of each row.
 pub const PREPARED_ROWS: &[Parameter] =

@@ -16,7 +16,7 @@ pub const LIST: &str = "raycl.b3sum";
 pub struct OutFolder {
     path: PathBuf,
     choice: Choice,
-    /// Whether this is a folder of results, which has no list: all files with raycl's names are raycl's.
+    /// True if this is a folder of results, which has no list: all files with raycl's names are raycl's.
     results: bool,
     /// Hash and name of every file that raycl wrote.
     made: BTreeSet<(String, String)>,

@@ -17,7 +17,7 @@ const HEAD_BYTES: u64 = 4096;
 const PNG_CHUNK: usize = 33;
 const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Who made a file.
+/// The maker of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maker {
     /// raycl made it, and it is unchanged.

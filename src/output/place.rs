@@ -8,7 +8,7 @@ use std::io::{ErrorKind, Result as IoResult};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// What the user allowed for files that raycl did not make.
+/// The user's choice for files that raycl did not make.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
     /// Replace them.
@@ -23,7 +23,7 @@ impl Choice {
     }
 }
 
-/// Whether a file name is in use.
+/// True if a file name is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Name {
     Free,
@@ -67,8 +67,8 @@ pub(super) fn permit(
     }
 }
 
-/// Writes a file by calling `write` and puts it into its place, completely or not at all. Just before, it
-/// checks once more whether it may, since another program may have made a file meanwhile.
+/// Writes a file by calling `write` and puts it into its place, completely or not at all. Just before that,
+/// it checks again whether the file may be replaced, since another program may have made one meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,

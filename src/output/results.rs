@@ -28,8 +28,8 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     Err(Error::input(message).with_help(help))
 }
 
-/// Returns whether an entry is one of a run's first files. A folder that also contains pictures is not
-/// raycl's.
+/// Returns whether an entry is one of the files that a run writes before its first record. A folder that also
+/// contains pictures is not raycl's.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());

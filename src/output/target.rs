@@ -19,12 +19,12 @@ pub struct Target {
 }
 
 impl Target {
-    /// A file that the user named.
+    /// Makes the target of a file that the user named.
     pub fn new(path: impl Into<PathBuf>, choice: Choice) -> Self {
         Self { path: path.into(), choice }
     }
 
-    /// A file in a folder of results, where every file is raycl's.
+    /// Makes the target of a file in a folder of results, where every file is raycl's.
     pub fn of_results(path: impl Into<PathBuf>) -> Self {
         Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
     }

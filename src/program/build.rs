@@ -32,7 +32,7 @@ pub struct BuiltProgram {
     pub program: Program,
     /// Time for the build; a driver may use its own cache.
     pub build_ms: f64,
-    /// Whether the program came from raycl's cache, and nothing was compiled.
+    /// True if the program came from raycl's cache, and nothing was compiled.
     pub from_cache: bool,
     device: Device,
     verbose: bool,

@@ -17,7 +17,7 @@ pub struct Environment {
     pub raycl_version: String,
     /// The git revision it was built from, with "-dirty" if there were uncommitted changes.
     pub git_revision: Option<String>,
-    /// How it was built: profile, optimisation, target and its features, flags, compiler.
+    /// The build: profile, optimisation, target and its features, flags, compiler.
     #[serde(default)]
     pub build: String,
     /// The variables of drivers and loaders that are set, as `NAME=VALUE`, including those that do not affect

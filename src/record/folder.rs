@@ -39,7 +39,7 @@ pub struct Folder {
     /// `environment.json` unchanged, so that fields of a newer raycl are shown too; null if there is no such
     /// file.
     pub environment: Value,
-    /// What other processes took while rounds were timed.
+    /// The load of other processes while rounds were timed.
     pub rounds: Vec<RoundLoad>,
     /// Times of the anchors that were run with its points.
     pub anchors: Vec<AnchorSample>,

@@ -53,7 +53,7 @@ impl<T: Serialize> JsonLines<T> {
 pub struct Lines<T> {
     /// All complete, readable lines.
     pub lines: Vec<T>,
-    /// Whether an incomplete last line was left out.
+    /// True if an incomplete last line was left out.
     pub torn: bool,
     /// The numbers, from 1, of other lines that were left out because they cannot be read.
     pub damaged: Vec<usize>,
@@ -69,9 +69,10 @@ impl<T> Lines<T> {
     /// Returns a note on the damaged lines of the file `name`.
     pub fn damage(&self, name: &str) -> Option<String> {
         let first = self.damaged.first()?;
-        let (count, is) = (self.damaged.len(), if self.damaged.len() == 1 { "line" } else { "lines" });
+        let (count, lines_are) =
+            (self.damaged.len(), if self.damaged.len() == 1 { "line is" } else { "lines are" });
         Some(format!(
-            "{count} damaged {is} of {name}, the first line {first}, left out: `raycl repair` removes damaged lines and keeps a copy."
+            "{count} damaged {lines_are} left out of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
         ))
     }
 }
@@ -186,7 +187,7 @@ mod tests {
         assert!(
             read.damage("samples.jsonl")
                 .unwrap()
-                .starts_with("2 damaged lines of samples.jsonl, the first line 2,")
+                .starts_with("2 damaged lines are left out of samples.jsonl; the first is line 2.")
         );
         std::fs::write(&path, "nonsense\n").unwrap();
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };

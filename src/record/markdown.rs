@@ -54,11 +54,8 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes are device times of whole frames (host: its own clock). IQR is the distance between the \
-         quartiles. The interval is the 95% interval of the median, from the differences between launches; ratios compare samples taken close in time, and have \
-         their own intervals. Two modes: the samples lie around two values, by the dip test, and the median may belong to either. Points that do not surely take more than 1% longer than the fastest are tied with it. Points with fewer than five samples in a launch have neither an interval nor a rank. \
-         Where a driver keeps compiled programs, all launches run the same one. Frame rays per second count all rays of a frame, primary and shadow; primary rays per second are those of a separate primary pass. Tests per second are primary rays x triangles per second of the \
-         primary pass, or of the frame where passes are fused. \"of peak\" is the share of the device's measured peak \
+        "\nTimes are device times of whole frames (host: its own clock). IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches. Ratios compare samples taken close in time, and have their own intervals. Two modes: the samples lie around two values, by the dip test, and the median may belong to either. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
+         If the driver keeps compiled programs, all launches run the same program. \"Frame rays per second\" are all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" are the rays of a separate primary pass, divided by that pass's time. \"Tests per second\" are primary rays times triangles, divided by the time of the primary pass, or of the frame if passes are fused. \"of peak\" is the share of the device's measured peak \
          multiply-adds.\n",
     );
     text
@@ -115,7 +112,7 @@ fn unranked(records: &[&Record]) -> String {
     }
 }
 
-/// "naive at 8 x 8".
+/// Formats as "naive at 8 x 8".
 fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", markdown(&record.name), by(size)),
@@ -162,13 +159,13 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
     ]
 }
 
-/// "measured", "measured, two modes".
+/// Formats as "measured" or "measured, two modes".
 fn outcome(record: &Record) -> String {
     let modes = if two_modes(record).is_some() { ", two modes" } else { "" };
     format!("{}{modes}", record.outcome.name())
 }
 
-/// "10", "15 in 3".
+/// Formats as "10", or "15 in 3" launches.
 fn samples(record: &Record) -> String {
     match (record.samples_ms.len(), launches(record)) {
         (n, 0 | 1) => n.to_string(),

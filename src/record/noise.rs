@@ -1,4 +1,4 @@
-//! Which differences the records of a run can show, and the causes of noise.
+//! The differences that the records of a run can show, and the causes of noise.
 
 use super::rounds::mean_load;
 use super::together::{resolution, resolution_within};

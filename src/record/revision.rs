@@ -1,4 +1,4 @@
-//! Whether the program that made a record can be built again.
+//! Decides whether the program that made a record can be built again.
 
 /// The description of a program that was built from uncommitted sources.
 pub const DIRTY: &str = "a raycl built from a tree with uncommitted changes, which cannot be built again";

@@ -1,4 +1,4 @@
-//! `rounds.jsonl`: what other processes took while rounds were timed.
+//! `rounds.jsonl`: the load of other processes while rounds were timed.
 
 use super::numbers::significant;
 use super::types::Record;
@@ -74,7 +74,7 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         false => String::new(),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches other processes used processors, up to {} of {}{stolen}.",
+        "Disturbed: in {} of {} launches, other processes used the machine, at most {} of its {} processors{stolen}.",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -96,7 +96,7 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches other processes used processors, up to 0.50 of 2.";
+        let expected = "Disturbed: in 1 of 2 launches, other processes used the machine, at most 0.50 of its 2 processors.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine.
@@ -107,7 +107,10 @@ mod tests {
     fn what_other_guests_take_disturbs_too() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
-        assert!(said.ends_with("up to 0.010 of 2, and other virtual machines took 0.40."), "{said}");
+        assert!(
+            said.ends_with("at most 0.010 of its 2 processors, and other virtual machines took 0.40."),
+            "{said}"
+        );
     }
 
     #[test]

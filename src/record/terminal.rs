@@ -26,7 +26,8 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     text
 }
 
-/// "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n = 1); parallel-f32 210.0 ms".
+/// Formats as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n = 1); parallel-f32 210.0
+/// ms".
 fn host_line(group: &Group<'_>) -> String {
     let cell = |record: &&Record| match median(record) {
         Some(time) => {
@@ -92,7 +93,7 @@ fn peak_line(group: &Group<'_>) -> String {
     format!("of the device's peak multiply-adds: {}\n", parts.join(", "))
 }
 
-/// "2.4%".
+/// Formats as "2.4%".
 pub(crate) fn percent(part: f64) -> String {
     format!("{}%", significant(100.0 * part, 2))
 }
@@ -141,7 +142,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several marks are a tie: none of them surely takes more than 1% longer than the fastest\n");
+        text.push_str("* fastest; several marked points tie: the samples do not show that any of them takes more than 1% longer\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
         text.push_str("n=... not enough samples: a point with fewer than five in a launch has no rank\n");

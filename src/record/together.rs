@@ -195,8 +195,9 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Ranks the measured records among some by their times. The winners are the fastest and every other that
-/// does not surely take more than 1% longer. A record with too few samples has no rank.
+/// Ranks the measured records among some by their times. The winners are the fastest, and every other that
+/// ties with it: the samples do not show that it takes more than 1% longer. A record with too few samples has
+/// no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let level = |record: &Record| record.place.as_ref().map(Place::level);
     let measured = records.into_iter().filter(|record| median(record).is_some());
@@ -206,8 +207,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// Returns by which fraction two of these records must differ to be distinguished, for typical spread: the
-/// smallest and the largest value among groups that were measured together.
+/// Returns the smallest difference that can be shown between two of these records of typical spread, as a
+/// fraction: its smallest and its largest value among groups that were measured together.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
@@ -217,8 +218,8 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// Returns by which fraction two of these records, all measured together, must differ for a single launch to
-/// distinguish them: the median over launches.
+/// Returns the smallest difference between two of these records that a single launch can show, as a fraction:
+/// the median over launches. All of them must have been measured together.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
@@ -240,11 +241,11 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     if let Some(one) = looks().next() {
         let measured = records.iter().filter(|record| record.place.is_some()).count();
         let whose = match looks().count() {
-            all if all == measured => String::new(),
-            some => format!("{some} of {measured} points, such as {} {}, ", one.scene, by(one.image_size)),
+            all if all == measured => "all points".to_owned(),
+            some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "A look: {whose}measured in one launch of the program. Intervals do not include differences between launches; `[timing] launches = 3` measures these."
+            "Measured in only one launch of the program: {whose}. Their intervals do not include the differences between launches, which `[timing] launches = 3` measures."
         ));
     }
     notes.extend(
@@ -311,7 +312,7 @@ mod tests {
     #[test]
     fn one_launch_is_said_to_be_a_look() {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
-        assert!(how_sure(&look)[0].starts_with("A look: measured in one launch"), "{:?}", how_sure(&look));
+        assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
         assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be detected here."]);
         assert!(how_sure(&[]).is_empty());

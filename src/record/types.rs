@@ -90,7 +90,7 @@ pub struct Record {
     /// The key of the control point, which all blocks of its group measure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// Whether it was measured only to compare its block with others; the point then has another record of
+    /// True if it was measured only to compare its block with others; the point then has another record of
     /// its own.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
@@ -157,7 +157,7 @@ pub struct Record {
     /// Time for building the program. If it was built ahead, this includes the driver's compilation at the
     /// first launch. If an earlier point had the same program, this is the time for taking it from the cache.
     pub build_ms: Option<f64>,
-    /// Whether the program came from the cache and nothing was compiled; null in records of earlier versions.
+    /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
     pub build_from_cache: Option<bool>,
     /// Time for its check in the first launch: build, first frame, comparison with the reference.

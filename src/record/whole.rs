@@ -110,7 +110,7 @@ pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     std::fs::File::open(folder)?.sync_all()
 }
 
-/// On other systems folders cannot be opened.
+/// Does nothing: on other systems, folders cannot be opened.
 #[cfg(not(unix))]
 pub fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())

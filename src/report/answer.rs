@@ -48,7 +48,7 @@ pub struct Winner {
     pub strategy: String,
 }
 
-/// How much faster the best is.
+/// The factor by which the best point is faster.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Speedup {
     /// The point or baseline that it is compared with.
@@ -120,8 +120,11 @@ fn speedups(best: &Record, group: &Group<'_>, groups: &[Group<'_>]) -> Vec<Speed
 }
 
 fn speedup(best: &Record, other: &Record) -> Option<Speedup> {
-    let over =
-        if other.is_baseline() { other.strategy.clone() } else { format!("the best {}", series_name(other)) };
+    let over = if other.is_baseline() {
+        other.strategy.clone()
+    } else {
+        format!("the best {} point", series_name(other))
+    };
     let Some(ratio) = ratio(other, best) else {
         return Some(Speedup { over, ratio: None, factor: "?".into(), range: not_enough(other)? });
     };
@@ -159,7 +162,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         several => (
             "tie",
             format!(
-                "A tie of {several} points: none of them surely takes more than 1% longer than the fastest; {rests}.{look}"
+                "A tie of {several} points: the samples do not show that any of them takes more than 1% longer than the fastest; {rests}.{look}"
             ),
         ),
     };
@@ -193,7 +196,7 @@ pub fn headline(answers: &[Answer]) -> String {
 }
 
 /// Returns "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best
-/// naive".
+/// naive point".
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, f64, f64)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {

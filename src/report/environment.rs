@@ -10,7 +10,7 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// How to get the same program: its commit, or why there is none.
+    /// The way to get the same program: its commit, or the reason why there is none.
     pub program: String,
     /// The config's text.
     pub config: String,

@@ -158,14 +158,14 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. There an image must match one of the moved rays."
+                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. The value of an image there must lie in the range of the values of the moved rays."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
-            "Number of tree nodes that each pixel's rays visit, counted on the host. Dark: few; light: many."
+            "The number of tree nodes that the rays of each pixel visit, counted on the host. Dark: few; light: many."
                 .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
@@ -187,12 +187,12 @@ fn way(record: &Record) -> &'static str {
 
 fn tests_caption(record: &Record) -> String {
     let how = if record.tests_every_triangle() {
-        "a primary ray tests every triangle, a shadow ray stops at the first that it hits"
+        "a primary ray tests every triangle, and a shadow ray stops at the first triangle that it hits"
     } else {
         "only triangles in leaves that the rays reach"
     };
     format!(
-        "Number of triangles that each pixel's rays are tested against, counted on the host for one shading per pixel: {how}. Dark: few; light: many."
+        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Each pixel is shaded once. Dark: few; light: many."
     )
 }
 

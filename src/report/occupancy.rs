@@ -58,7 +58,7 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     Some(Plot::of(name, caption, &chart))
 }
 
-const NOT_MEASURED: &str = "Occupancy itself is not measured: OpenCL has no way to ask how many work-groups are resident. The prediction is judged by the measured speed, which it should predict.";
+const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot tell how many work-groups are resident. The prediction is compared with the measured speed instead.";
 
 fn whose(compute_capability: Option<&str>, told: bool) -> String {
     match compute_capability {
@@ -71,7 +71,7 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
         ),
         None => format!(
             "The prediction is the paper's (Figure 5's device, compute capability {PAPER}), corrected for its \
-             {REGISTERS} registers; this device has no multiprocessors that OpenCL describes."
+             {REGISTERS} registers; OpenCL does not describe the multiprocessors of this device."
         ),
     }
 }

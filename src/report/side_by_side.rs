@@ -40,7 +40,7 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         ((*name).to_owned(), devices.iter().map(cell).collect())
     };
     let rows = names.iter().map(row).collect();
-    let caption = "Each strategy at its best local size: its time relative to the best of its scene, size and device; geometric mean over scenes and sizes. 1 means best everywhere.";
+    let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the same scene, size and device: the ratio of their times, as a geometric mean over scenes and sizes. A strategy with 1 is the best everywhere.";
     plot(
         "strategies-by-device",
         "Strategies by device: time relative to the device's best",
@@ -69,7 +69,7 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "The best strategy of one device (row), used on another (column): its time relative to that device's own best; geometric mean over the scenes and sizes that both measured.";
+    let caption = "Each cell takes the strategy that is best on the row's device, and gives its time on the column's device, relative to the best time there. It is the geometric mean over the scenes and sizes that were measured on both.";
     plot(
         "losses-by-device",
         "One device's best strategy on another: time relative to that device's best",

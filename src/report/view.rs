@@ -135,8 +135,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         rows,
         codes,
     };
-    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells could not run. Point at one for its \
-                   interval or its reason."
+    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells could not run. Point at a cell to see its interval, or why it could not run."
         .to_owned();
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }

@@ -19,7 +19,7 @@ const DEVICES: [&str; 2] = ["cpu", "gpu"];
 /// Pixels across, or down, as `render` takes them.
 const SIZES: RangeInclusive<u32> = 1..=65536;
 
-/// What makes a choice hard.
+/// The kinds of scene that make a choice hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {

@@ -42,7 +42,7 @@ pub struct SensorReading {
     pub power_w: Option<f64>,
     /// Temperature of the chip.
     pub temperature_c: Option<f64>,
-    /// Whether the device reduced its clock because of power, heat or an external signal.
+    /// True if the device reduced its clock because of power, heat or an external signal.
     pub throttled: bool,
     /// Energy of one frame.
     pub energy_mj: Option<f64>,

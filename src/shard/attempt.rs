@@ -26,7 +26,8 @@ pub struct About {
     pub host: String,
     /// The job's number in the scheduler; "0" without one.
     pub job: String,
-    /// How often the scheduler has restarted the job, or a higher number if that one is in use.
+    /// The number of times that the scheduler has restarted the job, or a higher number if that one is in
+    /// use.
     pub restart: u32,
     /// The process's ID.
     pub process: u32,
@@ -38,7 +39,7 @@ pub struct About {
     pub command: Vec<String>,
 }
 
-/// How an attempt ended.
+/// The end of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {

@@ -32,7 +32,7 @@ pub struct Cost {
     pub point: usize,
     /// Its expected time. The unit does not matter, as long as all points use the same one.
     pub ms: f64,
-    /// Whether it can be a control point: every device can measure it, as far as is known.
+    /// True if it can be a control point: every device can measure it, as far as is known.
     pub may_control: bool,
 }
 

@@ -1,6 +1,6 @@
 //! Reads the number that a launcher gave this process. Every launcher that starts several processes sets
-//! environment variables, but the names differ, and so does whether numbers start at 0 or 1. This file has
-//! the table.
+//! environment variables, but the variables' names differ, and numbers start at 0 or at 1. This file has the
+//! table.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -82,8 +82,8 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that the innermost launcher gave this process: one of `of` if given, else one of the
-/// launcher's count.
+/// Returns the shard that the innermost launcher gave this process. The number of shards is `of` if given,
+/// else the launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;

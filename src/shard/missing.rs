@@ -10,9 +10,10 @@ use std::collections::BTreeSet;
 pub struct Missing {
     /// Kinds with missing points.
     pub kinds: Vec<MissingKind>,
-    /// Whether no shard has begun.
+    /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The kinds that took part; set if a selected one did not, since its name may be misspelt.
+    /// The kinds that took part. They are listed if a selected kind did not take part, since its name may be
+    /// misspelt.
     pub took_part: Option<String>,
 }
 

@@ -31,7 +31,7 @@ pub struct Header {
 /// of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShardPlan {
-    /// What must be the same for all.
+    /// The data that must be the same for all shards.
     #[serde(flatten)]
     pub header: Header,
     /// The points in a readable form: scene, size, strategy, local size.

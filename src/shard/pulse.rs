@@ -16,7 +16,7 @@ use std::time::Duration;
 const FILE: &str = "pulse";
 /// Time between two counts.
 pub const BEAT: Duration = Duration::from_secs(1);
-/// How often the process checks for its end.
+/// The time between two checks whether the attempt has ended.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
 /// The contents of the file.
@@ -43,8 +43,8 @@ impl Beat {
         Self { beats: self.beats + 1, quiet, steps }
     }
 
-    /// The line has a constant length, so that a reader at the same time sees either the old line or the new
-    /// one.
+    /// Returns the line of the file. Its length is constant, so that a simultaneous reader sees either the
+    /// old line or the new one.
     fn line(self) -> String {
         format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
     }
@@ -94,7 +94,7 @@ impl Pulse {
     }
 }
 
-/// Sleeps; returns whether the end came meanwhile.
+/// Sleeps, and returns whether the attempt ended meanwhile.
 fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
     let mut left = time;
     while !left.is_zero() && !ended.load(Ordering::Relaxed) {

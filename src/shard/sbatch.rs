@@ -16,11 +16,11 @@ pub struct Wishes {
     pub command: Vec<String>,
     /// The folder of results.
     pub out: String,
-    /// Whether a shard needs a GPU, or else processors; `None` if no device is known here.
+    /// True if a shard needs a GPU, false if it needs processors; `None` if no device is known here.
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// Whether that is based on earlier times.
+    /// True if this time is based on earlier runs.
     pub is_known: bool,
 }
 
@@ -29,7 +29,7 @@ pub struct Wishes {
 /// start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
-/// Returns a shell script that writes both scripts and submits them.
+/// Returns a shell script that writes the scripts of the shards and of the merge, and submits them.
 pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));

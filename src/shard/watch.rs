@@ -5,7 +5,7 @@
 use super::{Asked, Attempt, End};
 use std::time::Duration;
 
-/// How often the launcher is checked.
+/// The time between two checks of the launcher.
 const LOOK_UP: Duration = Duration::from_millis(500);
 /// Programs that start processes on a machine for a launcher. Between such a program and this process there
 /// may be shells.
@@ -48,7 +48,7 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     });
 }
 
-/// Standard error may be a pipe of the launcher that is closed now.
+/// Prints a line to standard error, which may be a closed pipe of the launcher.
 fn eprintln_if_heard(line: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "{line}");

@@ -30,7 +30,7 @@ pub trait Axis: Sized + Copy + Eq + 'static {
     /// Its name and meaning.
     const INFO: AxisInfo;
 
-    /// Every value.
+    /// Returns every value.
     fn all() -> Vec<Self>;
 
     /// Returns the value's name in configs and records.

@@ -12,9 +12,9 @@ pub struct Task {
     pub triangles: usize,
     /// Number of pixels in the picture.
     pub pixels: usize,
-    /// Whether surfaces lie all around the eye.
+    /// True if surfaces lie all around the eye.
     pub inside: bool,
-    /// Whether no ray may leak at edges and vertices.
+    /// True if no ray may leak at edges and vertices.
     pub watertight: bool,
 }
 

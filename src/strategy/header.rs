@@ -11,7 +11,7 @@ pub struct Header {
     pub axis: &'static str,
     /// The value's name: the file's, with `-` for `_`.
     pub name: String,
-    /// What it means, in a line.
+    /// The meaning of the value, in a line.
     pub meaning: String,
     /// The folders that have a file of this value. Each folder belongs to one kernel family.
     pub folders: Vec<&'static str>,

@@ -44,7 +44,8 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // As in DeviceTree: a wide node combines these leaves to larger ones.
+            // The tree is built with small leaves, which a wide node combines to larger ones, as in
+            // DeviceTree.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree in the making", &[(build_bytes, " B")]);

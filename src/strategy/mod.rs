@@ -148,7 +148,8 @@ impl Strategy {
         (across, self.width.rays() / across)
     }
 
-    /// Returns whether 32 work-items share a tile; otherwise one work-item has it in vectors.
+    /// Returns whether 32 work-items share a tile; otherwise one work-item casts the whole tile, with its
+    /// rays in vectors.
     pub fn shares_tiles(&self) -> bool {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }

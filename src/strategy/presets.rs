@@ -90,7 +90,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "naive-test-vectors",
-        about: "naive, and five vectors in memory at each ray-triangle test, as the student's intersect",
+        about: "naive, with five more vectors in memory at each ray-triangle test, as in the student's intersect",
         strategy: Strategy { intersector: Intersector::FIVE_VECTORS, ..PAPER },
         meant_for: None,
     },
@@ -114,7 +114,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "compounded",
-        about: "both optimisations, which the paper could not compound",
+        about: "both optimisations, which the paper could not combine",
         strategy: Strategy { vectors: Vectors::LOCAL, triangles: Triangles::LOCAL, ..PAPER },
         meant_for: None,
     },
@@ -261,7 +261,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     })
 }
 
-/// The preset that a strategy is, unchanged.
+/// Returns the preset that a strategy equals, if any.
 pub fn preset_of(strategy: &Strategy) -> Option<&'static str> {
     PRESETS.iter().find(|preset| preset.strategy == *strategy).map(|preset| preset.name)
 }

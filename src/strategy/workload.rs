@@ -18,9 +18,9 @@ pub struct Workload {
     pub lights: usize,
     /// Number of words of all textures; 0 without textures.
     pub texture_words: usize,
-    /// Whether lights with a radius are sampled.
+    /// True if lights with a radius are sampled.
     pub soft_lights: bool,
-    /// Whether there is a sky.
+    /// True if there is a sky.
     pub sky: bool,
     /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
     pub stack_size: usize,

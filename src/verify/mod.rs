@@ -27,7 +27,7 @@ pub struct Verdict {
     pub unexplained_pixels: usize,
     /// Number of certain pixels that disagree, and of pixels that are not finite.
     pub wrong_pixels: usize,
-    /// Whether the image is correct.
+    /// True if the image is correct.
     pub ok: bool,
     /// Why it is not correct, in a sentence.
     pub reason: Option<String>,

@@ -1,24 +1,25 @@
-//! From where the scene is seen: how far the user has gone from its own camera. Pure functions.
+//! The user's place relative to the scene's own camera. Pure functions.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The nearest that the eye comes to straight above or below, in radians: there, left and right have no meaning.
+/// The least angle between the view and straight up or down, in radians: straight up or down, left and right
+/// have no meaning.
 const POLE: f64 = 0.02;
-/// The nearest and the farthest, as factors of the distance of the scene's own camera.
+/// The least and the greatest distance, as factors of the distance of the scene's own camera.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
 
 /// A place relative to the scene's own camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Around the scene's axis, in radians.
+    /// The angle around the scene's axis, in radians.
     pub turn: f64,
-    /// Upwards, in radians.
+    /// The angle upwards, in radians.
     pub tilt: f64,
-    /// Distance from the axis's point, as a factor.
+    /// The distance from the point that the eye goes around, as a factor.
     pub distance: f64,
-    /// Aside and upwards in the picture's plane, in distances from that point.
+    /// The way aside and upwards in the picture's plane, as a factor of the distance from that point.
     pub aside: [f64; 2],
 }
 
@@ -26,16 +27,16 @@ impl Pose {
     /// The scene's own camera.
     pub const START: Self = Self { turn: 0.0, tilt: 0.0, distance: 1.0, aside: [0.0; 2] };
 
-    /// Goes around the scene, to the right and upwards, in radians; not over its top.
+    /// Goes around the scene, to the right and upwards, in radians, but never over its top.
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
         let most = FRAC_PI_2 - POLE;
-        // A camera that stands beyond the limit itself may stay there.
+        // A scene's own camera that is beyond the limit may stay there.
         let (low, high) = ((-most - elevation).min(0.0), (most - elevation).max(0.0));
         self.tilt = (self.tilt + up).clamp(low, high);
     }
 
-    /// Moves the eye aside and upwards, in distances.
+    /// Moves the eye aside and upwards, in units of its distance.
     pub fn pan(&mut self, [right, up]: [f64; 2]) {
         self.aside[0] += right;
         self.aside[1] += up;
@@ -46,7 +47,7 @@ impl Pose {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }
 
-    /// Camera and lights there; at the start the scene's own, to the bit.
+    /// Returns the camera and the lights at this place; at the start, they equal the scene's own to the bit.
     pub fn at(&self, scene: &Scene, orbit: &Orbit) -> (Camera, Vec<Light>) {
         let (mut camera, lights) = orbit.at(scene, self.turn / TAU);
         let from_centre = |camera: &Camera| camera.position.as_dvec3() - orbit.centre;
@@ -69,7 +70,7 @@ impl Pose {
     }
 }
 
-/// How far above the scene's level the camera stands, as an angle in radians by the direction that it looks in.
+/// Returns how far the camera looks down, as an angle in radians: 0 is level.
 pub fn elevation(camera: &Camera, orbit: &Orbit) -> f64 {
     let forward: DVec3 = camera.forward.as_dvec3();
     (-forward.dot(orbit.up)).clamp(-1.0, 1.0).asin()

@@ -1,9 +1,9 @@
-//! The strategies and local sizes that keys go through.
+//! The strategies and local sizes among which keys choose.
 
 use crate::device::DeviceInfo;
 use crate::strategy::{PRESETS, Strategy};
 
-/// What the scene may be cast with, and which of it is taken.
+/// Several values, one of which is chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choices<T> {
     all: Vec<T>,
@@ -11,7 +11,7 @@ pub struct Choices<T> {
 }
 
 impl<T: Copy + PartialEq> Choices<T> {
-    /// What is asked for first, then the others, each once.
+    /// Lists `first`, then the others, each once.
     pub fn of(first: T, others: impl IntoIterator<Item = T>) -> Self {
         let mut all = vec![first];
         for other in others {
@@ -22,12 +22,13 @@ impl<T: Copy + PartialEq> Choices<T> {
         Self { all, taken: 0 }
     }
 
-    /// The one that is taken.
+    /// Returns the chosen value.
     pub fn taken(&self) -> T {
         self.all[self.taken]
     }
 
-    /// The others in the order in which steps of 1 or -1 meet them, each as these choices with it taken.
+    /// Returns the other choices in the order of steps by 1 or -1: the same list each time, with another
+    /// value chosen.
     pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         (1..count).map(move |steps| {
@@ -37,13 +38,13 @@ impl<T: Copy + PartialEq> Choices<T> {
     }
 }
 
-/// The presets that are meant for a device, after the strategy that is asked for.
+/// Returns the requested strategy, then the presets that are meant for the device.
 pub fn strategies(first: Strategy, device: &DeviceInfo) -> Choices<Strategy> {
     let meant = PRESETS.iter().filter(|preset| preset.meant_for.is_none_or(|kind| kind == device.kind));
     Choices::of(first, meant.map(|preset| preset.strategy))
 }
 
-/// Usual local sizes, after the one that is asked for.
+/// Returns the requested local size, then usual ones.
 pub fn local_sizes(first: [u32; 2]) -> Choices<[u32; 2]> {
     Choices::of(
         first,

@@ -10,45 +10,46 @@ use crate::strategy::Culling;
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
-/// Pixels across and down for which one is counted: coarse at first, finer where nothing moves.
+/// The side of a block of pixels that gets one count: large at first, smaller while nothing moves.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
-/// The map of one scene, made finer step by step.
+/// The heat map of one scene, which becomes finer step by step.
 pub struct Heat {
     of: Arc<Scene>,
-    /// Its own copy, whose camera moves.
+    /// A copy of the scene, whose camera moves.
     scene: Scene,
     tree: WideBvh,
     steps: usize,
 }
 
-/// A map, and the most tests of a pixel in it.
+/// A map, and the largest number of tests of a pixel in it.
 pub struct Map {
     pub picture: RgbImage,
     pub most: u32,
 }
 
 impl Heat {
-    /// Of a scene.
+    /// Makes the map of a scene.
     ///
     /// # Errors
-    /// If it has more triangles than a tree can name.
+    /// The scene has more triangles than a tree can index.
     pub fn new(scene: &Arc<Scene>) -> Result<Self> {
         let tree = cost::tree_of(&scene.mesh)?;
         Ok(Self { of: Arc::clone(scene), scene: scene.as_ref().clone(), tree, steps: 0 })
     }
 
-    /// Whether it is of this scene.
+    /// Returns whether the map is of this scene.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.of, scene)
     }
 
-    /// Begins again: something has changed.
+    /// Begins the map again, because something has changed.
     pub fn restart(&mut self) {
         self.steps = 0;
     }
 
-    /// The next finer map as the strategy tests; none where there is none finer.
+    /// Returns the next finer map, with the tests that the strategy makes; `None` if the finest one was
+    /// returned before.
     pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
@@ -64,7 +65,7 @@ impl Heat {
     }
 }
 
-/// Each count as a block of pixels.
+/// Returns a picture in which each count is a block of pixels.
 fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
     let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
     let colours: Vec<_> =

@@ -7,10 +7,10 @@ use crate::report::plot::svg::{Anchor, LINE, Svg};
 use image::RgbImage;
 use image::imageops::replace;
 
-/// Pixels of the drawing.
+/// The size of the drawing, in pixels.
 const SIZE: [f64; 2] = [340.0, 200.0];
 
-/// The keys on white.
+/// Returns the keys, drawn on white.
 pub fn panel() -> Result<RgbImage> {
     let mut svg = Svg::default();
     svg.element("rect", &[("fill", &"#ffffff"), ("width", &SIZE[0]), ("height", &SIZE[1])]);
@@ -23,7 +23,7 @@ pub fn panel() -> Result<RgbImage> {
     drawn.map(|panel| panel.to_rgb8()).map_err(|error| Error::fault(format!("the keys: {error}")))
 }
 
-/// Lays a panel over a picture's corner, where there is room for it; whether there is.
+/// Draws a panel over a picture's corner, if there is room for it. Returns whether there is.
 pub fn lay(panel: &RgbImage, picture: &mut RgbImage) -> bool {
     let fits = panel.width() <= picture.width() && panel.height() <= picture.height();
     if fits {

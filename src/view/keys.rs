@@ -1,6 +1,6 @@
-//! What keys do.
+//! The keys and their actions.
 
-/// A key that means something.
+/// A key that has an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
     /// A letter or a sign, as typed.
@@ -17,16 +17,16 @@ pub enum Key {
     Escape,
 }
 
-/// What the user wants.
+/// An action that the user wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// Go around the scene, to the right and upwards, in radians.
     Orbit([f64; 2]),
-    /// Move the eye aside and upwards, in distances.
+    /// Move the eye aside and upwards, in units of its distance.
     Pan([f64; 2]),
     /// Come nearer, in steps.
     Zoom(f64),
-    /// Go around by itself, or stop that.
+    /// Let the eye go around the scene, or stop it.
     Spin,
     /// Take the next strategy, or the one before.
     Strategy(isize),
@@ -34,7 +34,7 @@ pub enum Action {
     LocalSize(isize),
     /// Take the next device.
     Device,
-    /// Show the heat map of tests, or the picture again.
+    /// Show heat map of triangle tests, on or off again.
     Tests,
     /// Go back to the scene's own camera.
     Reset,
@@ -46,17 +46,17 @@ pub enum Action {
 
 /// Keys that do one thing, in several directions.
 pub struct Row {
-    /// As the user reads them.
+    /// The keys' names, as the user reads them.
     pub names: &'static str,
-    /// What they do.
+    /// The description of their action.
     pub about: &'static str,
-    /// Each with its action.
+    /// The keys, each with its action.
     pub keys: &'static [(Key, Action)],
 }
 
 /// A key's step around the scene, in radians.
 const ORBIT: f64 = 0.1;
-/// And aside, in distances.
+/// A key's step aside, in units of the eye's distance.
 const PAN: f64 = 0.05;
 
 /// All keys.
@@ -104,7 +104,7 @@ pub const KEYS: &[Row] = &[
     Row { names: "d", about: "the next device", keys: &[(Key::Char('d'), Action::Device)] },
     Row {
         names: "t",
-        about: "the heat map of tests, or the picture",
+        about: "heat map of triangle tests, on or off",
         keys: &[(Key::Char('t'), Action::Tests)],
     },
     Row { names: "r", about: "the scene's own camera again", keys: &[(Key::Char('r'), Action::Reset)] },
@@ -116,17 +116,17 @@ pub const KEYS: &[Row] = &[
     },
 ];
 
-/// What a key does.
+/// Returns the action of a key.
 pub fn action(key: Key) -> Option<Action> {
     KEYS.iter().flat_map(|row| row.keys).find(|(known, _)| *known == key).map(|(_, action)| *action)
 }
 
-/// Whether a key that is held does it again and again.
+/// Returns whether a key repeats its action while it is held.
 pub fn repeats(key: Key) -> bool {
     matches!(action(key), Some(Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_)))
 }
 
-/// The keys as a table, a line each.
+/// Returns the lines of a table of the keys.
 pub fn lines() -> impl Iterator<Item = String> {
     KEYS.iter().map(|Row { names, about, .. }| format!("{names:<9} {about}"))
 }
@@ -148,7 +148,7 @@ mod tests {
         for row in KEYS {
             let named = |key: &Key| match key {
                 Key::Char(' ') => row.names.contains("space"),
-                // The key that has a plus is an equals sign without shift.
+                // On many keyboards, the key of the plus types an equals sign without shift.
                 Key::Char('=') => row.names.contains('+'),
                 Key::Char(letter) => row.names.contains(*letter),
                 Key::Escape => row.names.contains("Escape"),

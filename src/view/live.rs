@@ -1,4 +1,5 @@
-//! A scene on a device that is cast again and again, from other places and in other ways: `render`'s own path, kept open.
+//! A scene on a device that is cast again and again, from other places or with other strategies, by the same
+//! code as `render`.
 
 use super::camera::Pose;
 use super::choices::{Choices, local_sizes, strategies};
@@ -16,16 +17,16 @@ use crate::strategy::Strategy;
 use image::RgbImage;
 use std::sync::Arc;
 
-/// A picture that was cast, and what it took.
+/// A picture that was cast, with its rays and its time.
 pub struct Frame {
     pub picture: RgbImage,
-    /// Primary and shadow rays.
+    /// The number of primary and shadow rays.
     pub rays: f64,
-    /// Device time.
+    /// The device time in milliseconds.
     pub ms: f64,
 }
 
-/// What casts, and with what.
+/// A scene on a device, ready to be cast.
 pub struct Live {
     subject: Subject,
     dressed: bool,
@@ -44,13 +45,13 @@ pub struct Live {
     sum: Sum,
 }
 
-/// How a scene is cast: the part of it that a key changes.
+/// The strategy and the local size, which keys change.
 type Way = (Choices<Strategy>, Choices<[u32; 2]>);
-/// What a strategy needs to cast.
+/// The objects that cast with one strategy.
 type Ready = (Prepared, Caster);
 
 impl Live {
-    /// Loads the scene and makes everything ready for the first frame. It is seen from all around.
+    /// Loads the scene, which can be seen from all around, and prepares everything for the first frame.
     pub fn open(subject: Subject, samples: u32) -> Result<Self> {
         let sources = Sources::of(subject.cl_dir.clone())?;
         let dressed = !subject.look.plain;
@@ -83,59 +84,59 @@ impl Live {
         })
     }
 
-    /// The scene.
+    /// Returns the scene.
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
-    /// What was loaded.
+    /// Returns the scene as it was loaded.
     pub fn loaded(&self) -> &Loaded {
         &self.loaded
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn device(&self) -> &DeviceInfo {
         &self.device.info
     }
 
-    /// The strategy.
+    /// Returns the strategy.
     pub fn strategy(&self) -> Strategy {
         self.strategies.taken()
     }
 
-    /// The local size that is cast with.
+    /// Returns the local size.
     pub fn local_size(&self) -> [u32; 2] {
         self.prepared.workload.local_size
     }
 
-    /// Pixels across and down.
+    /// Returns the picture's size: pixels across and down.
     pub fn size(&self) -> [u32; 2] {
         self.subject.size()
     }
 
-    /// Samples that are cast, and all there are.
+    /// Returns the number of samples that are cast, and the number of all samples.
     pub fn progress(&self) -> [usize; 2] {
         self.sum.progress()
     }
 
-    /// Camera at a place.
+    /// Returns the camera at a place.
     pub fn camera(&self, pose: &Pose) -> Camera {
         pose.at(&self.scene, &self.loaded.orbit).0
     }
 
-    /// Half the picture's height at the distance 1.
+    /// Returns half the picture's height at the distance 1.
     pub fn half_height(&self) -> f64 {
         let camera = &self.scene.camera;
         let [width, height] = self.size().map(f64::from);
         f64::from(camera.tan_half_fov) * if camera.fov_is_vertical { 1.0 } else { height / width }
     }
 
-    /// Looks from somewhere else from the next frame on.
+    /// Begins a new picture, because the eye has moved.
     pub fn moved(&mut self) {
         self.sum.restart();
     }
 
-    /// Casts the next sample from a place, and shows the mean of those so far; none where all are cast.
+    /// Casts the next sample from a place. Returns the mean of the samples so far, or `None` if all are cast.
     pub fn cast(&mut self, pose: &Pose) -> Result<Option<Frame>> {
         let Some(sample) = self.sum.next() else { return Ok(None) };
         let frame = self.frame(pose, &sample);
@@ -163,7 +164,7 @@ impl Live {
         Ok(self.told(to_rgb8(&mean, self.scene.display), hits, &times))
     }
 
-    /// The last frame as it is shown; none where a pixel is not finite.
+    /// Returns the last frame as it is shown; `None` if a pixel is not finite.
     fn shown(&self) -> std::result::Result<Option<(RgbImage, usize)>, crate::launch::LaunchError> {
         let display = self.scene.display;
         let Some(program) = &self.show else { return self.caster.read_shown(display) };
@@ -182,7 +183,7 @@ impl Live {
     /// Takes the next strategy that the device can cast.
     ///
     /// # Errors
-    /// Where there is no other, with the reason of the last.
+    /// There is no other; the message has the last one's reason.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
         let limits = self.device.info.limits;
         let usual = self.strategies.others(step).map(|strategies| {
@@ -195,13 +196,13 @@ impl Live {
     /// Takes the next local size that the device can cast with.
     ///
     /// # Errors
-    /// Where there is no other, with the reason of the last.
+    /// There is no other; the message has the last one's reason.
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
         let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
         self.take(ways.collect())
     }
 
-    /// The first of several ways that can be cast.
+    /// Takes the first of several ways that the device can cast.
     fn take(&mut self, ways: Vec<Way>) -> Result<()> {
         let mut last = None;
         for way in ways {
@@ -221,10 +222,10 @@ impl Live {
         })
     }
 
-    /// Takes the next device, with what is usual for it.
+    /// Takes the next device, with the strategy and local size that are usual for it.
     ///
     /// # Errors
-    /// Where it is the only one, or cannot be opened.
+    /// The device is the only one, or the next one cannot be opened.
     pub fn next_device(&mut self) -> Result<()> {
         let found: Vec<Device> =
             discover(&self.sources)?.into_iter().filter(|device| device.info.unusable.is_none()).collect();
@@ -250,7 +251,8 @@ impl Live {
         Ok(())
     }
 
-    /// Reads scene and kernels again; the way of casting stays. What fails leaves everything as it was.
+    /// Reads scene and kernels again, and keeps strategy and local size. If this fails, everything stays as
+    /// it was.
     pub fn reload(&mut self) -> Result<()> {
         let sources = Sources::of(self.subject.cl_dir.clone())?;
         let loaded = self.subject.load(true, self.dressed)?;
@@ -270,7 +272,8 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(samples)
 }
 
-/// What shows pictures on a device with a memory of its own; where it cannot be built, the host does.
+/// Returns the display transform for a device with separate memory; `None` if it cannot be built, so that the
+/// host does its work.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
     if queue.shares_memory {
         return None;
@@ -279,7 +282,8 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowPro
     ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
 }
 
-/// What is asked for, or usual on a device, before all other choices.
+/// Returns the choices, beginning with the requested strategy and local size, or else those that are usual on
+/// the device.
 fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
     let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))

@@ -1,7 +1,7 @@
 //! `raycl view`: a scene that is cast while the user moves around it.
 //!
-//! A [`screen::Screen`] shows pictures and tells what the user did; [`live::Live`] casts, by the way that `render` takes. What
-//! lies between is here: a loop that looks, acts, casts and shows.
+//! A [`screen::Screen`] shows pictures and reads what the user does, and [`live::Live`] casts, by the same
+//! code as `render`. The loop between them is here: it reads input, acts, casts and shows.
 
 mod camera;
 mod choices;
@@ -27,44 +27,46 @@ pub use rate::Total;
 use screen::{Input, Screen};
 use std::time::{Duration, Instant};
 
-/// The pointer's way of one height of the picture, as an angle around the scene.
+/// The angle around the scene, in radians, by which the eye goes if the pointer is dragged by the picture's
+/// height.
 const DRAG: f64 = 3.0;
-/// What it spins with each frame, in radians: a whole turn in 360.
+/// The angle by which the eye spins with each frame, in radians: a whole turn in 360 frames.
 const SPIN: f64 = std::f64::consts::TAU / 360.0;
-/// How long it waits for the user where there is nothing to cast.
+/// The time to wait for the user while there is nothing to cast.
 const REST: Duration = Duration::from_millis(8);
 
-/// When it ends by itself.
+/// The limits after which the view ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Until {
-    /// After so many frames, or sooner where there are no more to cast.
+    /// The number of frames; the view ends sooner if nothing is left to cast.
     pub frames: Option<u32>,
-    /// After so many seconds.
+    /// The time in seconds.
     pub seconds: Option<f64>,
 }
 
-/// A scene that is shown, and what the user did with it.
+/// A scene that is shown, and the state that the user's actions change.
 pub struct Viewer<S: Screen> {
     live: Live,
     screen: S,
     pose: Pose,
     spins: bool,
     rate: Rate,
-    /// The heat map of tests, where it is shown in the picture's place, and the most tests of a pixel.
+    /// The heat map of tests, if it is shown instead of the picture, and the largest number of tests of a
+    /// pixel.
     heat: Option<Heat>,
     most_tests: u32,
-    /// The keys, where they are shown.
+    /// The drawing of the keys, if they are shown.
     help: Option<RgbImage>,
-    /// The last picture, without what is drawn over it.
+    /// The last picture, without the keys over it.
     shown: Option<RgbImage>,
     picker: Picker,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
-    /// What the user ought to know: why a key did nothing.
+    /// A note for the user, such as why a key had no effect.
     note: Option<String>,
-    /// Whether what is drawn over the picture has changed.
+    /// True if the drawing over the picture has changed.
     redraws: bool,
-    /// Whether the line beside the picture is out of date.
+    /// True if the line beside the picture is out of date.
     stale: bool,
 }
 
@@ -90,7 +92,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows it until the user or the time ends it; whether files have `changed` is asked each time.
+    /// Shows the scene until the user or a limit ends it. Before each frame, it calls `changed`, which says
+    /// whether files have changed.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
         loop {
@@ -118,7 +121,7 @@ impl<S: Screen> Viewer<S> {
         Ok((self.live, total))
     }
 
-    /// Casts and shows the next frame; whether there was one.
+    /// Casts and shows the next frame. Returns whether there was one.
     fn show_next(&mut self) -> Result<bool> {
         if self.spins && self.rate.frames() > 0 {
             self.go(Action::Orbit([SPIN, 0.0]));
@@ -129,7 +132,7 @@ impl<S: Screen> Viewer<S> {
         Ok(true)
     }
 
-    /// The next picture, or heat map, that is cast; none where nothing has changed and all samples are there.
+    /// Returns the next picture or heat map; `None` if nothing has changed and all samples are cast.
     fn next_picture(&mut self) -> Result<Option<RgbImage>> {
         if let Some(heat) = &mut self.heat {
             let camera = self.live.camera(&self.pose);
@@ -143,7 +146,7 @@ impl<S: Screen> Viewer<S> {
         Ok(Some(frame.picture))
     }
 
-    /// Shows a picture, under the keys where they are wanted.
+    /// Shows a picture, with the keys over it if the user wants them.
     fn show(&mut self, picture: RgbImage) -> Result<()> {
         match &self.help {
             Some(panel) => {
@@ -157,7 +160,7 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the last picture again where what is drawn over it has changed.
+    /// Shows the last picture again if the drawing over it has changed.
     fn redraw(&mut self) -> Result<()> {
         match self.shown.take() {
             Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),
@@ -168,10 +171,11 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Does what the user wants; whether that is to end.
+    /// Does what the user wants. Returns whether the user wants to end.
     fn obey(&mut self, input: &Input) -> bool {
         if input.orbit != [0.0; 2] {
-            // Dragged to the right, the scene turns to the right: the eye goes left.
+            // If the pointer is dragged to the right, the scene turns to the right, so the eye goes to the
+            // left.
             self.go(Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]]));
         }
         if input.pan != [0.0; 2] {
@@ -185,7 +189,7 @@ impl<S: Screen> Viewer<S> {
         actions.any(|wanted| self.act(wanted))
     }
 
-    /// Does one thing; whether that is to end.
+    /// Does one action. Returns whether it is to end.
     fn act(&mut self, wanted: Action) -> bool {
         match wanted {
             Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_) | Action::Reset => self.go(wanted),
@@ -201,7 +205,7 @@ impl<S: Screen> Viewer<S> {
         false
     }
 
-    /// Shows the heat map of tests, or the picture again.
+    /// Shows a heat map of the triangles that each pixel tests, or the picture again.
     fn turn_heat(&mut self) {
         let is_shown = self.heat.take().is_some();
         self.live.moved();
@@ -221,13 +225,13 @@ impl<S: Screen> Viewer<S> {
         };
         let [width, height] = self.live.size();
         let fits = |panel: &RgbImage| panel.width() <= width && panel.height() <= height;
-        // Where the picture is too small for them, the line beside it has them.
+        // If the picture is too small for the keys, the line beside it shows them.
         let is_told = self.help.as_ref().is_some_and(|panel| !fits(panel));
         self.note = is_told.then(|| keys::lines().collect::<Vec<_>>().join("; "));
         self.redraws = true;
     }
 
-    /// Looks from somewhere else.
+    /// Moves the eye.
     fn go(&mut self, wanted: Action) {
         let level = elevation(&self.live.scene().camera, &self.live.loaded().orbit);
         match wanted {
@@ -239,7 +243,7 @@ impl<S: Screen> Viewer<S> {
         self.changed();
     }
 
-    /// Begins the picture again.
+    /// Begins a new picture.
     fn changed(&mut self) {
         self.live.moved();
         self.picked = None;
@@ -248,7 +252,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Changes what casts; where that fails, everything stays as it is and the user learns why.
+    /// Changes the strategy, local size or device. If this fails, everything stays as it is, and a note gives
+    /// the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {
@@ -258,7 +263,7 @@ impl<S: Screen> Viewer<S> {
         self.stale = true;
     }
 
-    /// Finds what the pointer is at, where that may have changed.
+    /// Finds the triangle at the pointer, if it may have changed.
     fn point(&mut self, pointer: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.pointer, pointer);
         let Some(pixel) = pointer else {

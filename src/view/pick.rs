@@ -1,4 +1,4 @@
-//! What the pointer is at: a ray of the reference through a pixel, in double precision.
+//! Finds the triangle at the pointer, with a ray of the reference through the pixel, in double precision.
 
 use super::Live;
 use crate::reference::layers::{normal_at, object_of};
@@ -24,14 +24,14 @@ pub struct Picked {
 }
 
 impl Picked {
-    /// As a person reads it.
+    /// Returns the triangle's description for the user.
     pub fn text(&self) -> String {
         let Self { triangle, object, material, normal: [x, y, z] } = self;
         format!("triangle {triangle}, object {object}, material {material}, normal ({x:.2}, {y:.2}, {z:.2})")
     }
 }
 
-/// What a pixel's centre shows.
+/// Returns the triangle that a pixel's centre shows.
 pub fn pick(
     scene: &Scene,
     tree: &Tree,
@@ -50,7 +50,8 @@ pub fn pick(
     })
 }
 
-/// Picks triangles of a scene, whose tree another thread builds when the pointer is first over the picture.
+/// Finds triangles of a scene with a tree. Another thread builds the tree when the pointer is over the
+/// picture for the first time.
 #[derive(Default)]
 pub struct Picker {
     scene: Option<Arc<Scene>>,
@@ -59,14 +60,14 @@ pub struct Picker {
 }
 
 impl Picker {
-    /// What is at a pixel of the picture; none while the tree is not there, and where nothing is.
+    /// Returns the triangle at a pixel of the picture; `None` if there is none, or the tree is not built yet.
     pub fn pick(&mut self, live: &Live, camera: &Camera, pixel: [u32; 2]) -> Option<Picked> {
         self.ask_for_tree(live.scene());
         let tree = self.tree.as_ref()?;
         pick(live.scene(), tree, camera, live.size(), pixel, &live.loaded().object_starts)
     }
 
-    /// Whether a tree is on its way.
+    /// Returns whether a tree is being built.
     pub fn is_building(&self) -> bool {
         self.building.is_some()
     }
@@ -79,7 +80,7 @@ impl Picker {
             self.building = Some(std::thread::spawn(move || Tree::new(&of.mesh, Culling::None)));
         }
         if let Some(done) = self.building.take_if(|building| building.is_finished()) {
-            // A thread that panicked leaves nothing to pick.
+            // If the thread panicked, there is no tree, and no triangle is found.
             self.tree = done.join().ok();
         }
     }

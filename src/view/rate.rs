@@ -1,12 +1,12 @@
-//! How fast frames and rays are.
+//! Frames per second and rays per second.
 
 use crate::measure::Summary;
 use std::time::{Duration, Instant};
 
-/// The line beside the picture is renewed after this time.
+/// The time after which the line beside the picture is renewed.
 const PERIOD: Duration = Duration::from_millis(250);
 
-/// Frames since the start, and since the line was last renewed.
+/// Counts frames since the start, and since the line was last renewed.
 pub struct Rate {
     first: Option<Instant>,
     last: Instant,
@@ -15,7 +15,7 @@ pub struct Rate {
     times_ms: Vec<f64>,
     rays: f64,
     recent: Recent,
-    /// Frames and rays per second, of the last whole period.
+    /// Frames and rays per second of the last whole period.
     shown: [f64; 2],
 }
 
@@ -32,23 +32,23 @@ impl Recent {
     }
 }
 
-/// What a whole session came to.
+/// The figures of a whole session.
 #[derive(Clone, Copy, Debug)]
 pub struct Total {
-    /// Frames that were shown.
+    /// The number of frames that were shown.
     pub frames: u32,
-    /// From the first of them to the last.
+    /// The time from the first frame to the last.
     pub seconds: f64,
-    /// Frames after the first over this time.
+    /// The number of frames after the first, divided by this time.
     pub frames_per_s: f64,
-    /// Median device time of a frame.
+    /// The median device time of a frame.
     pub frame_ms: f64,
-    /// Primary and shadow rays over device time.
+    /// Primary and shadow rays, divided by the device time.
     pub rays_per_s: f64,
 }
 
 impl Rate {
-    /// Before the first frame.
+    /// Makes a counter before the first frame.
     pub fn new() -> Self {
         let recent = Recent::now();
         Self {
@@ -70,7 +70,7 @@ impl Rate {
         self.recent.frames += 1;
     }
 
-    /// Counts what a device cast for it.
+    /// Counts the rays and the time of a frame that the device cast.
     pub fn count_rays(&mut self, rays: f64, ms: f64) {
         self.times_ms.push(ms);
         self.rays += rays;
@@ -78,25 +78,26 @@ impl Rate {
         self.recent.ms += ms;
     }
 
-    /// Frames per second and rays per second of device time, and whether they are new since the last call.
+    /// Returns frames per second and rays per second of device time, and whether they are new since the last
+    /// call.
     pub fn recent(&mut self) -> ([f64; 2], bool) {
         let elapsed = self.recent.since.elapsed();
         let is_over = elapsed >= PERIOD;
         if is_over {
             let Recent { frames, rays, ms, .. } = std::mem::replace(&mut self.recent, Recent::now());
-            // Of a picture that rests, the rays of its last frames stay.
+            // If nothing was cast, the rate of the last frames stays.
             let rays_per_s = if ms > 0.0 { rays / ms * 1e3 } else { self.shown[1] };
             self.shown = [f64::from(frames) / elapsed.as_secs_f64(), rays_per_s];
         }
         (self.shown, is_over)
     }
 
-    /// Frames so far.
+    /// Returns the number of frames so far.
     pub fn frames(&self) -> u32 {
         self.frames
     }
 
-    /// All of it.
+    /// Returns the figures of the whole session.
     pub fn total(&self) -> Total {
         let seconds = self.first.map_or(0.0, |first| (self.last - first).as_secs_f64());
         let frames = self.frames();

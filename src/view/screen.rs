@@ -1,4 +1,4 @@
-//! Where pictures are shown, and where the user's wishes come from.
+//! The screens that show pictures and read the user's input.
 
 mod terminal;
 mod window;
@@ -10,20 +10,20 @@ use super::keys::Key;
 use crate::error::Result;
 use image::RgbImage;
 
-/// What the user did since the last look.
+/// The user's input since the last call.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Input {
-    /// Keys that were pressed, or held.
+    /// The keys that were pressed or held.
     pub keys: Vec<Key>,
-    /// How far the pointer was dragged to go around the scene: to the right and down, in heights of the picture.
+    /// The drag that goes around the scene: to the right and down, in heights of the picture.
     pub orbit: [f64; 2],
-    /// And to move aside.
+    /// The drag that moves the eye aside, in the same units.
     pub pan: [f64; 2],
-    /// Steps of the wheel, positive for away from the user.
+    /// The steps of the wheel; steps away from the user are positive.
     pub wheel: f64,
-    /// The pixel that the pointer is at.
+    /// The pixel at the pointer.
     pub pointer: Option<[u32; 2]>,
-    /// Whether the window was closed.
+    /// True if the window was closed.
     pub closed: bool,
 }
 
@@ -32,9 +32,9 @@ pub trait Screen {
     /// Shows a picture.
     fn show(&mut self, picture: &RgbImage) -> Result<()>;
 
-    /// Shows a line beside it.
+    /// Shows a line of text beside the picture.
     fn tell(&mut self, line: &str) -> Result<()>;
 
-    /// What the user did since the last call.
+    /// Returns the user's input since the last call.
     fn input(&mut self) -> Result<Input>;
 }

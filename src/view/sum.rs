@@ -1,9 +1,9 @@
-//! Samples of every pixel that add up while nothing moves.
+//! The samples of every pixel, which add up while nothing moves.
 
 use crate::image::Radiance;
 use crate::scene::{Sample, pixel_samples};
 
-/// The samples of one view: how many are cast, and their sum.
+/// The samples of one view: their number so far, and their sum.
 pub struct Sum {
     samples: Vec<Sample>,
     cast: usize,
@@ -11,22 +11,22 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// Of so many samples: the same that `render --samples` casts.
+    /// Makes an empty sum of this many samples, the same ones that `render --samples` casts.
     pub fn of(samples: u32) -> Self {
         Self { samples: pixel_samples(samples), cast: 0, radiance: None }
     }
 
-    /// Forgets what is cast: something has changed.
+    /// Forgets all samples, because something has changed.
     pub fn restart(&mut self) {
         (self.cast, self.radiance) = (0, None);
     }
 
-    /// The next sample; none where all are cast.
+    /// Returns the next sample; `None` if all are cast.
     pub fn next(&self) -> Option<Sample> {
         self.samples.get(self.cast).copied()
     }
 
-    /// Samples that are cast, and all there are.
+    /// Returns the number of samples that are cast, and the number of all samples.
     pub fn progress(&self) -> [usize; 2] {
         [self.cast, self.samples.len()]
     }
@@ -36,7 +36,7 @@ impl Sum {
         self.cast += 1;
     }
 
-    /// Whether the image of a sample that was cast is missing in the sum.
+    /// Returns whether a sample was cast whose image is missing in the sum.
     pub fn lacks_image(&self) -> bool {
         self.cast > 0 && self.radiance.is_none()
     }
@@ -46,7 +46,7 @@ impl Sum {
         self.radiance = Some(image);
     }
 
-    /// Adds the next sample's image, and gives the mean of all so far.
+    /// Adds the next sample's image, and returns the mean of all samples so far.
     pub fn add(&mut self, image: Radiance) -> Radiance {
         self.cast += 1;
         let sum = match self.radiance.take() {

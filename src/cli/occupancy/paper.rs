@@ -75,8 +75,7 @@ fn text(rows: &[Row]) -> String {
         ]);
     }
     let mut text = format!(
-        "The paper's Figure 5 is given with {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB, \
-         but only the\nfirst two bound it: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
+        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly considers the first two: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", row.size, contradiction(row));

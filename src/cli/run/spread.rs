@@ -11,7 +11,7 @@ use std::path::Path;
 /// The file of blocks in the folder of results.
 const FILE: &str = "blocks.json";
 
-/// How the points of a run were cut into blocks.
+/// The blocks into which the points of a run were cut.
 #[derive(Serialize, Deserialize)]
 struct Spread {
     /// Number of devices.

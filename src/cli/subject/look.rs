@@ -20,7 +20,8 @@ pub struct Look {
     /// Background, as a display colour: '#203040', black, white
     #[arg(long, value_name = "COLOUR")]
     background: Option<String>,
-    /// Keep edges of meshes without normals sharp if their faces meet at more than this angle [default for a bare mesh: 40]
+    /// For meshes without normals: keep an edge sharp if its faces meet at more than this angle [default for
+    /// a bare mesh: 40]
     #[arg(long, value_name = "DEGREES")]
     crease: Option<f64>,
     /// Turn normals to the viewer, so that back faces are lit like front faces; always on for a bare mesh

@@ -14,7 +14,7 @@ pub struct Line {
     pub number: u32,
     /// The text.
     pub text: String,
-    /// Whether it contains code, and not only a comment or nothing.
+    /// True if it contains code, and not only a comment or nothing.
     pub is_code: bool,
 }
 

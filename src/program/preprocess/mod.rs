@@ -85,11 +85,11 @@ fn defines(options: &str) -> Vec<&str> {
 
 /// An `#if` whose `#endif` has not been reached.
 struct Branch {
-    /// Whether the current branch is compiled.
+    /// True if the current branch is compiled.
     live: bool,
-    /// Whether one of its branches was compiled, so that no other can be.
+    /// True if one of its branches was compiled, so that no other can be.
     decided: bool,
-    /// Whether the text around it is compiled.
+    /// True if the text around it is compiled.
     around: bool,
     /// Its line in the whole text.
     line: u32,

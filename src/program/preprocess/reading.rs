@@ -49,7 +49,7 @@ fn part(items: &[&Item]) -> String {
 /// A function, a type, a variable or a pragma, with the comment before it; or a separate comment.
 struct Item<'a> {
     lines: Vec<&'a Line>,
-    /// Whether an empty line precedes it.
+    /// True if an empty line precedes it.
     apart: bool,
     /// The name that it declares, if that can be determined.
     name: Option<String>,

@@ -30,7 +30,7 @@ pub(super) struct Token {
     pub text: String,
     /// The line on which it begins, from 1, in the whole text.
     pub line: u32,
-    /// Whether it comes from a macro.
+    /// True if it comes from a macro.
     pub made: bool,
     /// The macros that it came from, which it cannot call again.
     pub hidden: Vec<String>,

@@ -1,4 +1,5 @@
-//! How certain a comparison of two times is. If the samples do not decide a test, it neither holds nor fails.
+//! The certainty of a comparison of two times. If the samples do not decide a test, it neither holds nor
+//! fails.
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
@@ -74,7 +75,7 @@ impl Ratio {
     fn decides(&self, held: &RangeInclusive<f64>) -> String {
         let Some((_, [low, high])) = self.sure else { return more_samples(self.frame_ms) };
         let bound = [*held.start(), *held.end()].into_iter().find(|bound| (low..=high).contains(bound));
-        let bound = bound.map_or(String::new(), |bound| format!(", which holds {bound}"));
+        let bound = bound.map_or(String::new(), |bound| format!(", since {bound} lies in it"));
         let ends = [low, high].map(|end| significant(end, 3)).join(" to ");
         format!("a narrower interval than {ends}{bound}: more launches or samples, or a quieter machine")
     }
@@ -136,8 +137,7 @@ impl<'a> Fastest<'a> {
         let slowest = self.few.iter().filter_map(|record| median(record)).fold(0.0, f64::max);
         match self.few.is_empty() {
             true => {
-                "narrower intervals of those that tie: more launches or samples; a difference below what the \
-                     machine can tell apart stays a tie"
+                "narrower intervals of the points that tie, by more launches or samples; if the difference is too small for this machine to show, they stay a tie"
                     .to_owned()
             }
             false => more_samples(slowest),
@@ -202,7 +202,7 @@ mod tests {
         let near = ratio([1.05, 1.2], [1.0, 1.1], 5).line("a".into(), LONGER);
         assert!(
             near.decides.starts_with("a narrower interval than 0.")
-                && near.decides.contains(", which holds 1:"),
+                && near.decides.contains(", since 1 lies in it:"),
             "{near:?}"
         );
     }

@@ -15,13 +15,13 @@ const TABLE: &str = include_str!("claims.toml");
 pub struct Row {
     /// The paper's words.
     pub sentence: String,
-    /// Where the sentence is in the paper, and its figure.
+    /// The section of the paper that has the sentence, and its figure.
     pub place: String,
     /// The values of the paper's figures.
     pub published: String,
     /// Our interpretation of the sentence.
     pub reading: String,
-    /// Where the paper itself, or arithmetic, contradicts it.
+    /// A contradiction in the paper, or with arithmetic.
     #[serde(default)]
     pub contradiction: String,
     /// The configs whose records are needed.
@@ -130,11 +130,12 @@ pub fn table() -> Result<Vec<Row>> {
 /// Reads a table. A mistake in it is reported with its location and, for a misspelt name, the most similar
 /// valid one.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
-    let file: File = toml::from_str(text)
-        .map_err(|error| toml_error(name, text, &error, "the head of claims.toml has every key and kind"))?;
+    let file: File = toml::from_str(text).map_err(|error| {
+        toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind")
+    })?;
     match file.claim.iter().find_map(Row::mistake) {
         Some(mistake) => Err(Error::input(format!("{name}: {mistake}"))
-            .with_help("the head of claims.toml has every key and kind")),
+            .with_help("the first lines of claims.toml explain every key and kind")),
         None => Ok(file.claim),
     }
 }

@@ -41,10 +41,10 @@ impl Comparison {
     /// Explains how verdicts are found.
     fn rule(&self) -> String {
         format!(
-            "In each folder, a point's time is divided by that of the anchor, a fixed kernel timed in the same rounds, or, without an anchor, \
-             by the times of the baselines, or of the points that changed by similar factors. The change is the ratio of these two ratios. Faster and slower: its 95% interval lies beyond {0}%; same: it lies \
-             within {0}%; otherwise unclear. A verdict is wrong for at most one of 40 points. Fewer than five samples in a launch \
-             are not enough.",
+            "In each folder, a point's time is divided by the time of the anchor, a fixed kernel that is timed in the same rounds. Without an anchor, \
+             it is divided by the times of the baselines, or else of the points that changed by similar factors. The change is the ratio between the folders. \
+             A point is faster or slower if the 95% interval of its change lies beyond {0}%, the same if the interval lies within {0}%, \
+             and unclear otherwise. At most one verdict of 40 is wrong. Points with fewer than five samples in a launch are not judged.",
             self.threshold_percent()
         )
     }

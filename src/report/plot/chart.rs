@@ -35,9 +35,9 @@ pub struct Series {
     /// Its name in the legend. A series without a name is a line without markers that belongs to the one
     /// before it and is hidden with it.
     pub name: String,
-    /// How it looks.
+    /// The appearance of the series.
     pub look: Look,
-    /// Whether its marks are joined, in the order of x.
+    /// True if its marks are joined, in the order of x.
     pub joined: bool,
     /// Its marks.
     pub marks: Vec<Mark>,
@@ -56,7 +56,7 @@ pub struct Chart {
     pub across: Across,
     /// The scale of the y axis.
     pub up: Kind,
-    /// Whether to draw the line on which x equals y.
+    /// True if the line on which x equals y is drawn.
     pub diagonal: bool,
     /// The curves.
     pub series: Vec<Series>,

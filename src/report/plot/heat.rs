@@ -15,7 +15,7 @@ pub enum Cell {
         slower: f64,
         /// The time as text.
         text: String,
-        /// Whether it is a winner: the fastest, or tied with it.
+        /// True if it is a winner: the fastest, or tied with it.
         wins: bool,
         /// Its tooltip.
         tip: String,

@@ -14,7 +14,7 @@ pub struct Layout {
     pub width: f64,
     /// Length of the y axis.
     pub height: f64,
-    /// Whether the legend is below; otherwise it is on the right.
+    /// True if the legend is below; otherwise it is on the right.
     pub legend_below: bool,
 }
 

@@ -12,7 +12,7 @@ const MARKERS: usize = 6;
 pub struct Look {
     /// The number of the series.
     pub number: usize,
-    /// Whether the values are published ones, not ours: a dashed line and empty markers.
+    /// True if the values are published ones, not ours: a dashed line and empty markers.
     pub dashed: bool,
 }
 

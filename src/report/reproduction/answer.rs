@@ -33,7 +33,7 @@ pub struct Answer {
     pub size: String,
     /// The reason, from the records.
     pub why: String,
-    /// How certain that is.
+    /// The certainty of the answer.
     pub sure: String,
     /// Time over local size, one plot per scene.
     pub plots: Vec<Plot>,
@@ -172,7 +172,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray from global memory at each test (by arithmetic {moved} per frame on {} for primary rays alone), {} from {}; {}",
+        "naive reads the ray from global memory at each test (for primary rays alone, {moved} per frame on {}, by arithmetic), and {} reads it from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),
@@ -260,7 +260,7 @@ mod tests {
         );
         assert_eq!(found.size, "on teapot 8 x 8 (naive only: 4 x 4)");
         assert!(
-            found.why.contains("from global memory at each test (by arithmetic 9.8 GB per frame")
+            found.why.contains("from global memory at each test (for primary rays alone, 9.8 GB per frame")
                 && found.why.contains("does not report registers"),
             "{}",
             found.why

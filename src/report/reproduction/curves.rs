@@ -49,12 +49,12 @@ pub(super) fn curves_of(
     }
     let shapes = Plot::of(
         format!("figure-{number}-shapes{suffix}"),
-        "Each curve divided by its own least value: shapes can be compared although the devices differ. Points with fewer than five samples are left out.",
+        "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples are left out.",
         &drawn(&curves, number, device, true),
     );
     let times = Plot::of(
         format!("figure-{number}{suffix}"),
-        "Ours, solid, on this device; the paper's, dashed, on its own unnamed one. Log scale.",
+        "Solid: our times on this device. Dashed: the paper's times on its own unnamed device. The scale is logarithmic.",
         &drawn(&curves, number, device, false),
     );
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))

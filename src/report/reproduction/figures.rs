@@ -47,8 +47,9 @@ pub struct Figure {
 
 /// Returns every figure.
 pub fn described() -> Result<Vec<Described>> {
-    let file: File = toml::from_str(TABLE)
-        .map_err(|error| toml_error("figures.toml", TABLE, &error, "its head has every key"))?;
+    let file: File = toml::from_str(TABLE).map_err(|error| {
+        toml_error("figures.toml", TABLE, &error, "the first lines of figures.toml explain every key")
+    })?;
     Ok(file.figure)
 }
 

@@ -1,4 +1,5 @@
-//! A terminal: two pixels for each character, as the colours of a half block's upper and lower half.
+//! A terminal as a screen: each character shows two pixels, as the colours of the upper and the lower half of
+//! a half block.
 
 use super::{Input, Screen};
 use crate::error::{Error, Result};
@@ -10,17 +11,17 @@ use std::fmt::Write as _;
 use std::io::{ErrorKind, IsTerminal as _, Stdout, Write as _};
 use std::time::Duration;
 
-/// Characters across and down where nobody knows.
+/// Characters across and down if the terminal does not report them.
 const USUAL: [u16; 2] = [80, 24];
 
-/// The terminal that standard output is, or a file that will be shown on one.
+/// The terminal at standard output, or a file that will be shown on a terminal.
 pub struct Terminal {
     out: Stdout,
     /// Characters across and down.
     cells: [u16; 2],
-    /// Whether there is somebody to press keys.
+    /// True if a user can press keys.
     is_interactive: bool,
-    /// The button that is down, and where it was last.
+    /// The button that is down, and its last position.
     dragged: Option<(MouseButton, [u16; 2])>,
     pointer: Option<[u32; 2]>,
     line: String,
@@ -42,7 +43,7 @@ impl Terminal {
         Ok(opened)
     }
 
-    /// Pixels across and down: a line is left for text.
+    /// Returns the pixels across and down; one line is left for text.
     pub fn size(&self) -> [u32; 2] {
         let [across, down] = self.cells.map(u32::from);
         [across.max(1), 2 * down.saturating_sub(1).max(1)]
@@ -115,7 +116,7 @@ impl Screen for Terminal {
 impl Drop for Terminal {
     fn drop(&mut self) {
         if self.is_interactive {
-            // Nobody is left to tell where it fails.
+            // A failure here cannot be shown to anybody.
             let _ =
                 execute!(self.out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen);
             let _ = terminal::disable_raw_mode();
@@ -128,7 +129,7 @@ fn failed(error: std::io::Error) -> Error {
         .with_help("without --terminal a window is opened")
 }
 
-/// What a key of the terminal means.
+/// Returns the key that a code of the terminal means.
 fn meant(code: KeyCode) -> Option<Key> {
     match code {
         KeyCode::Char(letter) => Some(Key::Char(letter)),
@@ -141,7 +142,8 @@ fn meant(code: KeyCode) -> Option<Key> {
     }
 }
 
-/// A picture as lines of half blocks, each pair of rows a line; a colour that stays is not told again.
+/// Returns a picture as lines of half blocks, one line for two rows. A colour that stays the same is not
+/// written again.
 fn blocks(picture: &RgbImage, end: &str) -> String {
     let [width, height] = [picture.width(), picture.height()];
     let mut text = String::new();

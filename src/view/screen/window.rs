@@ -1,4 +1,4 @@
-//! A window of its own. Its libraries are loaded when it opens, so that no other command needs them.
+//! A window as a screen. Its libraries are loaded when it opens, so that no other command needs them.
 
 use super::{Input, Screen};
 use crate::error::{Error, Result};
@@ -11,28 +11,28 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 const REMEDY: &str = "--terminal shows it in this terminal instead, `raycl render` writes it to a file; elsewhere \
     than at the display itself, `ssh -X` forwards a window";
 
-/// Pixels that a thread copies at a time.
+/// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;
 
 /// A window of the picture's size.
 pub struct Window {
     window: minifb::Window,
     size: [u32; 2],
-    /// What was typed.
+    /// The keys that were typed.
     keys: Receiver<Key>,
-    /// What is shown, 0RGB.
+    /// The pixels that are shown, as 0RGB.
     pixels: Vec<u32>,
-    /// Where the pointer was dragged from.
+    /// The position of the pointer when the drag was last read.
     dragged: Option<[f64; 2]>,
-    /// Whether the last picture's showing has also looked what the user did.
+    /// True if showing the last picture has also read the user's input.
     looked: bool,
 }
 
 impl Window {
-    /// Opens it.
+    /// Opens the window.
     ///
     /// # Errors
-    /// The user's mistake where there is no display, or its libraries are missing.
+    /// There is no display, or its libraries are missing: a mistake of the user.
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
         if needs_display() && std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
             return Err(Error::input("there is no display: DISPLAY is not set").with_help(REMEDY));
@@ -55,7 +55,7 @@ impl Window {
         (x < self.size[0] && y < self.size[1]).then_some([x, y])
     }
 
-    /// How far the pointer went since the last look while a button was down.
+    /// Returns how far the pointer moved with a button down since the last call.
     fn drag(&mut self) -> [f64; 2] {
         let down = self.is_down(MouseButton::Left) || self.pans();
         let at = self.window.get_unscaled_mouse_pos(MouseMode::Pass).filter(|_| down);
@@ -114,16 +114,16 @@ impl Screen for Window {
     }
 }
 
-/// Whether windows are X11's.
+/// Returns whether windows need an X11 display.
 fn needs_display() -> bool {
     cfg!(all(unix, not(target_os = "macos")))
 }
 
-/// Keys as they are pressed, one by one: a short tap counts, however long a frame takes.
+/// Collects keys one by one as they are pressed, so that a short tap counts even if a frame takes long.
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
-    /// Whether the last key has been down for a while.
+    /// True if the last key has been down for a while.
     is_held: bool,
 }
 
@@ -134,14 +134,14 @@ impl Typed {
 
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
-            // The receiver is gone only when the window is.
+            // The receiver is only gone if the window is gone.
             let _ = self.sender.send(key);
         }
     }
 }
 
 impl InputCallback for Typed {
-    /// After the state of its key.
+    /// This is called after the state of its key.
     fn add_char(&mut self, code: u32) {
         if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
             self.send(Key::Char(letter));
@@ -160,7 +160,7 @@ impl InputCallback for Typed {
     }
 }
 
-/// What a key means that writes nothing.
+/// Returns the meaning of a key that types no character.
 fn meant(key: minifb::Key) -> Option<Key> {
     use minifb::Key as Pressed;
     Some(match key {
@@ -182,7 +182,7 @@ mod tests {
     fn a_tap_counts_and_only_movement_repeats() {
         let (sender, keys) = channel();
         let mut typed = Typed::new(sender);
-        // A tap, then two keys held, of which X11 tells again and again.
+        // A tap, then two held keys, which X11 reports again and again.
         for is_down in [true, false, true, true] {
             typed.set_key_state(minifb::Key::S, is_down);
             if is_down {
