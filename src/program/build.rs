@@ -40,6 +40,8 @@ pub struct BuiltProgram {
     kept_log: Option<String>,
     kept: Kept,
     key: String,
+    options: String,
+    context: Context,
 }
 
 impl BuiltProgram {
@@ -64,7 +66,9 @@ impl BuiltProgram {
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         let from_cache = kept_log.is_some();
         let kept = kept.clone();
-        let built = Self { program, build_ms, from_cache, device, verbose, kept_log, kept, key };
+        let context = context.clone();
+        let built =
+            Self { program, build_ms, from_cache, device, verbose, kept_log, kept, key, options, context };
         if built.kept.has_binaries_at_hand() {
             built.keep();
         }
@@ -88,7 +92,18 @@ impl BuiltProgram {
 
     /// Returns the key under which it is stored, if it is.
     pub fn stored_as(&self) -> Option<&str> {
-        (self.keep()).then_some(&self.key)
+        self.keep().then_some(&self.key)
+    }
+
+    /// Loads the stored program once, so that the driver's cache has its machine code for the next process. A driver
+    /// that returns PTX compiles that again when it is loaded, apart from the source's compilation.
+    pub fn rehearse(&self) {
+        if self.from_cache || self.ptx().is_empty() {
+            return;
+        }
+        if let Some(found) = self.kept.find(&self.key) {
+            drop(load(&self.context, self.device, &found, &self.options));
+        }
     }
 
     /// Returns the compiler's messages; may be empty.
