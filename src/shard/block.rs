@@ -182,6 +182,9 @@ mod tests {
         let six: Vec<Vec<f64>> = vec![vec![1.0; 10]; 6];
         let most = self::loads(&six, &cut(&groups(&six), 4), 4).into_iter().fold(0.0, f64::max);
         assert!(most <= 18.0, "whole groups would be 20: {most}");
+        let three = [vec![1.0], vec![1.0], vec![2.0]];
+        let loads = self::loads(&three, &cut(&groups(&three), 2), 2);
+        assert_eq!(loads, [2.0, 2.0], "the longest is dealt first");
         let whole = cut(&groups(&vec![vec![1.0; 8]; 4]), 4);
         assert!(whole.len() == 4 && whole.iter().all(|block| block.control.is_none()), "{whole:?}");
         assert_eq!(whole.iter().map(|block| block.shard).collect::<Vec<_>>(), [1, 2, 3, 4]);

@@ -286,6 +286,7 @@ mod tests {
             ),
             (None, BATCH.to_owned(), "no launcher numbered"),
             (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
+            (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
             (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is not one of 8 shards"),

@@ -97,10 +97,10 @@ mod tests {
 
     #[test]
     fn long_shards_are_an_array_and_short_ones_a_step() {
-        let long = scripts(&wishes(600, true));
+        let long = scripts(&wishes(900, true));
         for line in [
             "#SBATCH --array=1-16",
-            "#SBATCH --time=30",
+            "#SBATCH --time=40",
             "#SBATCH --gres=gpu:1",
             "#SBATCH --requeue",
             "exec raycl run 'a b.toml' --out o --shard auto/16",
