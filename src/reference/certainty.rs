@@ -34,7 +34,7 @@ const SKY_NUDGE: f64 = 1e-6;
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// A pixel's radiance, and how it changes under nudges of its ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelSample {
     /// The radiance at the pixel's centre.
     pub radiance: DVec3,
@@ -204,7 +204,10 @@ impl PixelSample {
     /// Adds another sample of the same pixel. Whether it hits is taken from the last one, as in a caster.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
-        (self.hit, self.turns) = (other.hit, other.turns);
+        // Of several samples, one that hits is enough.
+        let surely = |sample: &Self| sample.hit && !sample.turns;
+        self.turns = (self.turns || other.turns) && !surely(self) && !surely(other);
+        self.hit |= other.hit;
         self.change += other.change;
         self.near_change += other.near_change;
         self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];

@@ -4,7 +4,7 @@ use super::report::Verified;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::reference::{all_pixels, reference_of, some_pixels};
-use crate::scene::{Scene, pixel_samples};
+use crate::scene::{SampleCounts, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
@@ -26,7 +26,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
-    (strategy, samples): (&Strategy, u32),
+    (strategy, sampling): (&Strategy, (Sampling, Option<&SampleCounts>)),
     saved: &Path,
     some: Option<u32>,
 ) -> Result<Verified> {
@@ -35,7 +35,18 @@ pub(super) fn check(
         Some(some) => some_pixels(size, some as usize),
         None => all_pixels(size),
     };
-    let expected = reference_of(scene, size, strategy.culling, &pixels, &pixel_samples(samples));
+    let (sampling, counts) = sampling;
+    if counts.is_some_and(|counts| !counts.are_of(&sampling)) {
+        let Sampling { first, most } = sampling;
+        let message = format!("the picture is wrong: pixels have numbers of samples other than {first} and {most}");
+        return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
+    }
+    let count = |pixel: usize| {
+        let place = [pixel as u32 % size[0], pixel as u32 / size[0]];
+        counts.map_or(sampling.most, |counts| counts.at(place))
+    };
+    let samples = sampling.rounds().concat();
+    let expected = reference_of(scene, size, strategy.culling, &pixels, (&samples, &count));
     let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {
