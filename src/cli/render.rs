@@ -68,7 +68,7 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take N times as long (Blackman-Harris filter, 1.5 pixels
-    /// wide) [default: for a bare mesh 2, and 8 where neighbouring pixels differ; else 1]
+    /// wide) [default: for a bare mesh 2, and 6 where neighbouring pixels differ; else 1]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
     /// Cast the first eighth of the samples of every pixel, and the others only where neighbouring pixels differ [default number: 16]
@@ -279,7 +279,7 @@ fn sampling(args: &Args, dressed: bool) -> Sampling {
 }
 
 /// The default for a bare mesh.
-const DRESSED_SAMPLES: Sampling = Sampling { first: 2, most: 8 };
+const DRESSED_SAMPLES: Sampling = Sampling { first: 2, most: 6 };
 /// The most samples of a pixel with `--adaptive`, if their number is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;
 
