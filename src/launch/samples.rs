@@ -82,3 +82,51 @@ impl Samples {
         Ok(SampleCounts::new(self.size, counts))
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::device::discover;
+    use crate::image::Radiance;
+    use crate::launch::Session;
+    use crate::manifest::ROUGH_STEPS;
+    use crate::program::Sources;
+    use crate::reference::rough::steps_of_blocks;
+    use crate::scene::{SampleCounts, Sampling, load_scene};
+    use crate::strategy::preset;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// Sides that are not multiples of a block's.
+    const SIZE: [u32; 2] = [75, 61];
+
+    fn cast(sampling: Sampling) -> (Radiance, SampleCounts, f32) {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+        let strategy = preset("bvh").unwrap().strategy;
+        let prepared = session.sampling(sampling).prepare(&strategy, SIZE, [1, 1]);
+        let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+        let caster = caster.map_err(|refused| refused.reason()).unwrap();
+        caster.cast_samples(&scene.camera, &sampling).unwrap();
+        (caster.read().unwrap().0, caster.sample_counts().unwrap().unwrap(), scene.display.exposure)
+    }
+
+    #[test]
+    fn the_blocks_that_get_more_samples_are_those_where_the_first_ones_differ() {
+        let adaptive = Sampling { first: 2, most: 8 };
+        let (means, _, exposure) = cast(Sampling::all(2));
+        let counts = cast(adaptive).1;
+        let steps = steps_of_blocks(&means, exposure);
+        let blocks = (0..61_u32).step_by(4).flat_map(|y| (0..75_u32).step_by(4).map(move |x| [x, y]));
+        let limit = f64::from(ROUGH_STEPS);
+        for (place, steps) in blocks.zip(&steps).filter(|(_, steps)| (**steps - limit).abs() > 1e-2) {
+            let expected = if *steps > limit { adaptive.most } else { adaptive.first };
+            assert_eq!(counts.at(place), expected, "{place:?}: {steps}");
+        }
+        let rough = steps.iter().filter(|steps| **steps > limit).count();
+        assert!((20..steps.len() - 20).contains(&rough), "{rough} of {}", steps.len());
+        assert!(counts.are_of(&adaptive) && !counts.are_of(&Sampling::all(8)));
+    }
+}

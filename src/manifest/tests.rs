@@ -137,6 +137,7 @@ fn a_program_holds_no_file_of_another_family() {
 }
 
 const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
+const SAMPLE_FILES: [&str; 2] = ["common/samples.cl", "common/mark_rough.cl"];
 
 #[test]
 fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
@@ -149,6 +150,13 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         assert!(!without.files.contains(&textures) && soft(&without) == 0, "{strategy}");
         let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
         assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
+    }
+    for strategy in strategies() {
+        let files = |of| spec_for(&Sources::Embedded, &strategy, of).files;
+        let many = files(Workload { many_samples: true, ..Workload::CUBE });
+        assert!(SAMPLE_FILES.iter().all(|file| many.iter().any(|own| own == file)), "{strategy}");
+        let one = files(Workload::CUBE);
+        assert!(SAMPLE_FILES.iter().all(|file| one.iter().all(|own| own != file)), "{strategy}");
     }
     for fact in [Fact::Textured, Fact::Soft] {
         let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();

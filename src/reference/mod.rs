@@ -14,6 +14,7 @@ pub mod intersect;
 pub mod layers;
 pub mod ray;
 pub mod real;
+pub mod rough;
 pub mod shade;
 pub mod shadows;
 pub mod soft;

@@ -199,6 +199,32 @@ mod tests {
     }
 
     #[test]
+    fn an_eighth_of_adaptive_samples_is_for_every_pixel_and_the_others_continue_their_positions() {
+        let all = pixel_samples(16);
+        for sampling in [Sampling::adaptive(16), Sampling::all(16), Sampling { first: 3, most: 16 }] {
+            let [first, rest] = sampling.rounds();
+            assert_eq!((first.len() as u32, rest.len() as u32), (sampling.first, 16 - sampling.first));
+            for round in [&first, &rest] {
+                for (number, sample) in (0..).zip(round) {
+                    assert_eq!((sample.number, sample.count), (number, round.len() as u32));
+                }
+            }
+            for (earlier, (sample, expected)) in (0..).zip(first.iter().chain(&rest).zip(&all)) {
+                assert_eq!((sample.earlier, sample.offset), (earlier, expected.offset));
+            }
+        }
+        assert_eq!([1, 2, 16, 20].map(|most| Sampling::adaptive(most).first), [1, 1, 2, 3]);
+        assert!(Sampling::adaptive(2).is_adaptive() && !Sampling::adaptive(1).is_adaptive());
+    }
+
+    #[test]
+    fn the_mean_of_counts_is_that_of_pixels_and_not_of_blocks() {
+        let counts = SampleCounts::new([6, 5], vec![1, 2, 3, 4]);
+        assert_eq!([[0, 0], [3, 3], [4, 3], [3, 4], [5, 4]].map(|place| counts.at(place)), [1, 1, 2, 3, 4]);
+        assert_eq!(counts.mean(), f64::from(16 + 2 * 8 + 3 * 4 + 4 * 2) / 30.0);
+    }
+
+    #[test]
     fn sixteen_samples_are_one_in_each_of_16_rows_and_columns_of_the_filter() {
         let offsets = pixel_offsets(16);
         for axis in 0..2 {

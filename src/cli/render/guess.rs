@@ -77,7 +77,15 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
         remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
-    let known = Workload { local_size, stack_size, texture_words, soft_lights, sky, many_samples, ..Workload::default() };
+    let known = Workload {
+        local_size,
+        stack_size,
+        texture_words,
+        soft_lights,
+        sky,
+        many_samples,
+        ..Workload::default()
+    };
     Some((strategy, known))
 }
 
@@ -166,7 +174,8 @@ mod tests {
     fn only_a_mesh_is_guessed_to_have_several_samples() {
         let of = |scene: &str, more: &[&str]| sampling(&args(Path::new(scene), more)).most;
         assert_eq!([of("a.toml", &[]), of("a.toml.gz", &[]), of("a.toml", &["--samples", "2"])], [1, 1, 2]);
-        assert_eq!([of("a.obj", &[]), of("-", &[]), of("a.obj", &["--plain"])], [4, 4, 1]);
+        assert_eq!([of("a.obj", &[]), of("-", &[]), of("a.obj", &["--plain"])], [6, 6, 1]);
+        assert_eq!(of("a.toml", &["--adaptive"]), 16);
     }
 
     #[test]

@@ -176,7 +176,10 @@ impl Report {
             format!("size      {width} x {height} pixels, local size {x} x {y}"),
         ];
         if self.mean_samples < f64::from(self.samples) {
-            lines.push(format!("samples   {:.2} per pixel on average, {} at most", self.mean_samples, self.samples));
+            lines.push(format!(
+                "samples   {:.2} per pixel on average, {} at most",
+                self.mean_samples, self.samples
+            ));
         }
         let parts = self.parts.iter().map(|Part { part, ms }| (*part, *ms));
         let shown =

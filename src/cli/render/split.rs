@@ -116,7 +116,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     refuse_not_finite(&image, target.path())?;
     let verified = args
         .verify
-        .map(|some| check(&scene, (&image, hits), (&castings[0].strategy, (Sampling::ONE, None)), target.path(), some))
+        .map(|some| {
+            check(&scene, (&image, hits), (&castings[0].strategy, (Sampling::ONE, None)), target.path(), some)
+        })
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
