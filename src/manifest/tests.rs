@@ -36,8 +36,8 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 
 /// A scene with textures.
 const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
-/// A scene with soft lights and a sky.
-const SOFT: Workload = Workload { soft_lights: true, sky: true, ..Workload::CUBE };
+/// A scene with soft lights and a sky, and several samples of each pixel.
+const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
 
 /// Returns the program of a strategy for another scene.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
@@ -113,9 +113,11 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Used in programs of scenes with textures or soft lights.
+    // Used in programs of scenes with textures or soft lights, and of several samples.
     named.insert("common/textures.cl".to_owned());
     named.extend(SOFT_FILES.map(str::to_owned));
+    named.extend(SAMPLE_FILES.map(str::to_owned));
+    named.insert("tile_cpu/sky.cl".to_owned());
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
 }

@@ -338,8 +338,19 @@ mod tests {
         assert_eq!((one.change, one.range), (0.75, [DVec3::splat(0.25), DVec3::splat(1.5)]));
         one.add(&PixelSample::of(DVec3::splat(3.0), false));
         one.divide(2.0);
-        assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, false));
+        assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
+        // Of several samples one that surely hits is enough; one that may hit leaves it open.
+        let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
+        for (samples, hit, turns) in [
+            ([(true, false), (false, true)], true, false),
+            ([(true, true), (false, false)], true, true),
+            ([(false, false), (false, true)], false, true),
+        ] {
+            let mut sum = PixelSample::default();
+            samples.into_iter().for_each(|(hit, turns)| sum.add(&sample(hit, turns)));
+            assert_eq!((sum.hit, sum.turns), (hit, turns), "{samples:?}");
+        }
     }
 
     #[test]
