@@ -41,6 +41,11 @@ pub struct Cast {
 }
 
 impl Cast {
+    /// Returns the number of samples per pixel, and how many the pixels got.
+    pub fn sampled(&self) -> (Sampling, Option<&SampleCounts>) {
+        (self.sampling, self.counts.as_ref())
+    }
+
     /// Returns the number of samples that pixels got on average.
     pub fn mean_samples(&self) -> f64 {
         self.counts.as_ref().map_or(f64::from(self.sampling.most), SampleCounts::mean)
