@@ -155,7 +155,7 @@ fn render(args: &Args) -> Result<()> {
     let mut verified = None;
     if let Some(image) = &radiance {
         refuse_not_finite(image, target.path())?;
-        let check = |some| check(&scene, (image, cast.hits), (&strategy, cast.sampled()), target.path(), some);
+        let check = |some| check(&scene, (image, cast.hits), (&strategy, cast.sampled()), &target, some);
         verified = args.verify.map(check).transpose()?;
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });

@@ -3,6 +3,7 @@
 use super::report::Verified;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
+use crate::output::Target;
 use crate::reference::{all_pixels, reference_of, some_pixels};
 use crate::scene::{SampleCounts, Sampling, Scene};
 use crate::strategy::Strategy;
@@ -27,7 +28,7 @@ pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
     (strategy, sampling): (&Strategy, (Sampling, Option<&SampleCounts>)),
-    saved: &Path,
+    saved: &Target,
     some: Option<u32>,
 ) -> Result<Verified> {
     let size = [image.width, image.height];
@@ -55,5 +56,5 @@ pub(super) fn check(
         return Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels });
     }
     let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
-    Err(error.with_help(format!("it was saved for inspection: {}", saved.display())))
+    Err(error.with_help(format!("it was saved for inspection: {}", saved.path().display())))
 }
