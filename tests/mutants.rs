@@ -26,15 +26,18 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// No row changes them. The probe is there to find wrong answers; the anchor is never replaced by a folder of kernels, and is broken
 /// by a test beside it (src/anchor.rs).
-/// Textures and soft lights are in scenes that have them alone; tests/textures.rs and tests/soft.rs break them. What is shown is no radiance, and is
+/// Textures, soft lights and several samples are in pictures that have them alone; tests/textures.rs, tests/soft.rs and tests/samples.rs break them. What is shown is no radiance, and is
 /// broken by a test beside it (src/launch/show.rs).
-const UNTOUCHED: [&str; 8] = [
+const UNTOUCHED: [&str; 11] = [
     "probe/lanes.cl",
     "anchor/spheres.cl",
     "common/textures.cl",
     "common/soft.cl",
     "cast/soft.cl",
     "tile_cpu/soft.cl",
+    "tile_cpu/sky.cl",
+    "common/samples.cl",
+    "common/mark_rough.cl",
     "tile_gpu/soft.cl",
     "display/show.cl",
 ];

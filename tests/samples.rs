@@ -1,6 +1,6 @@
 //! Several samples of each pixel.
 
-use crate::binary::{Place, TRIANGLE, device};
+use crate::binary::{Place, TRIANGLE, device, has};
 use image::RgbImage;
 use std::collections::BTreeSet;
 
@@ -27,4 +27,53 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
         assert!(colours(&many) > colours(&one) + 20, "{strategy}: {} {}", colours(&many), colours(&one));
     }
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
+}
+
+/// What the command says of samples.
+fn report(place: &Place, options: &[&str]) -> serde_json::Value {
+    let device = device();
+    let usual =
+        ["render", "scene.toml", "--width", "60", "--height", "40", "-o", "b.png", "--json", "--device"];
+    serde_json::from_str(&place.output(&[&usual[..], &[&device, "--force"], options].concat())).expect("JSON")
+}
+
+#[test]
+fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let means: Vec<f64> =
+        ["naive", "wide-common-origin", "tile", "tile,passes=separate", "bvh-packet", "raster"]
+            .iter()
+            .map(|strategy| {
+                let options = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
+                let said = report(&place, &options);
+                assert_eq!(said["samples"], 16, "{strategy}");
+                said["mean_samples"].as_f64().expect("a number")
+            })
+            .collect();
+    // All families agree on the pixels; a triangle has edges, and surfaces without any.
+    assert!(means.iter().all(|mean| mean == &means[0]) && (3.0..12.0).contains(&means[0]), "{means:?}");
+    let all = report(&place, &["--samples", "16"]);
+    assert_eq!((&all["samples"], &all["mean_samples"]), (&16.into(), &16.0.into()));
+    assert_eq!(report(&place, &["--adaptive"])["samples"], 16);
+    place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
+}
+
+/// A pixel that is left out or counted twice, and a mean of another number of samples.
+#[test]
+fn a_broken_mean_is_a_wrong_picture() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let device = device();
+    for (file, from, to, strategy) in [
+        ("common/samples.cl", "(float)((earlier) + 1)", "(float)((earlier) + 2)", "bvh"),
+        ("common/samples.cl", "x / SAMPLED_BLOCK] > earlier", "x / SAMPLED_BLOCK] > earlier + 1", "tile"),
+        ("common/mark_rough.cl", "? most : first;", "? most : most + 1;", "bvh"),
+    ] {
+        let folder = place.kernels(file, from, to);
+        let cast =
+            ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--verify"];
+        let ends = ["--samples", "4", "--adaptive", "-o", "wrong.png", "--force", "--strategy", strategy];
+        let said = place.mistake(&[&cast[..], &ends, &["--cl-dir", &folder]].concat(), 1);
+        has(&said, &["the picture is wrong: "]);
+        std::fs::remove_dir_all(place.path(&folder)).expect("the folder of kernels");
+    }
 }

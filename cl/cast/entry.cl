@@ -6,7 +6,7 @@
 // A whole frame: primary rays, shading, shadow rays.
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     SCENE_AND_WORKING
-    const Pixels pixels = own_pixels(image_size);
+    const Pixels pixels = CAST_PIXELS;
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
@@ -18,13 +18,13 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     // misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
-    store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
+    store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }
 
 // Stores the nearest triangle of every pixel, or NO_HIT.
 __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
     SCENE_AND_WORKING
-    const Pixels pixels = own_pixels(image_size);
+    const Pixels pixels = CAST_PIXELS;
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);

@@ -23,6 +23,9 @@
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif
+#ifndef SAMPLED
+#error "SAMPLED: 0 or 1: whether a pixel gets several samples"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -32,6 +35,10 @@
 #include "common/vec3.cl"
 #include "common/camera.cl"
 #include "common/hit.cl"
+#if SAMPLED
+#include "common/samples.cl"
+#include "common/mark_rough.cl"
+#endif
 #include "cast/working.cl"
 #include "cast/vectors/{vectors}.cl"
 #include "cast/triangles/{triangles}.cl"
@@ -139,6 +146,23 @@
 #define search_ray ray_in_pixels
 #else
 #define search_ray camera_ray
+#endif
+
+// Returns the pixels of this work-item's lanes that are cast.
+#if SAMPLED
+Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
+    IntLanes x, y, inside;
+    x.all = pixels.x;
+    y.all = pixels.y;
+    inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (inside.each[lane] && !is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) inside.each[lane] = 0;
+    pixels.inside = inside.all;
+    return pixels;
+}
+#define CAST_PIXELS wanted_pixels(own_pixels(image_size), image_size, wanted, earlier)
+#else
+#define CAST_PIXELS own_pixels(image_size)
 #endif
 
 // Puts rays into the working vectors. Returns the smallest distance at which their hits count.

@@ -1,12 +1,12 @@
 // Shades the nearest triangle of every pixel, whichever kernel found it.
 __kernel GROUP_SHAPE void shade_nearest(SHADE_NEAREST_PARAMETERS) {
     SCENE_AND_WORKING
-    const Pixels pixels = own_pixels(image_size);
+    const Pixels pixels = CAST_PIXELS;
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
     Nearest nearest;
     nearest.t = (varying)(FAR);
     nearest.triangle = load_nearest(nearest_triangle, image_size, pixels);
     const Mask hits = nearest.triangle != NO_HIT;
     after_closest_hit(&working, &scene, &nearest, hits);
-    store_radiance(image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
+    store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }

@@ -26,6 +26,10 @@ typedef struct {
     int lane;   // 0 to 31
     int number; // of the group within its work-group
     __local uint *board; // one word per lane, if lanes cannot exchange values otherwise
+#if SAMPLED
+    const __global uint *wanted; // samples that each block of pixels gets
+    uint earlier;                // samples that are already in the image
+#endif
 } Group;
 
 #define LOWEST_BIT(bits) (31 - clz((bits) & (0u - (bits))))

@@ -1,5 +1,17 @@
+// The radiance of a pixel in the image. With several samples, the image has the mean of those so far.
+
+#if SAMPLED
+#define EARLIER_PARAMETER uint earlier,
+#define EARLIER_ARGUMENT earlier,
+#define MEAN_WITH(mean, sample) MEAN_OF(mean, sample, earlier)
+#else
+#define EARLIER_PARAMETER
+#define EARLIER_ARGUMENT
+#define MEAN_WITH(mean, sample) sample
+#endif
+
 // Writes radiance and, as the fourth component, 1 for a hit and 0 for a miss.
-void store_radiance(__global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
+void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;
     IntLanes x, y, inside;
     red.all = SELECT(hits, sum.x, (varying)(background.x));
@@ -13,5 +25,6 @@ void store_radiance(__global float4 *image, int2 image_size, float4 background, 
     for (int lane = 0; lane < WIDTH; lane++)
         if (inside.each[lane])
             image[(size_t)y.each[lane] * image_size.x + x.each[lane]] =
-                (float4)(red.each[lane], green.each[lane], blue.each[lane], hit.each[lane]);
+                MEAN_WITH(image[(size_t)y.each[lane] * image_size.x + x.each[lane]],
+                          (float4)(red.each[lane], green.each[lane], blue.each[lane], hit.each[lane]));
 }

@@ -15,6 +15,9 @@
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif
+#ifndef SAMPLED
+#error "SAMPLED: 0 or 1: whether a pixel gets several samples"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -25,6 +28,10 @@
 #include "common/camera.cl"
 #include "common/hit.cl"
 #include "common/rows.cl"
+#if SAMPLED
+#include "common/samples.cl"
+#include "common/mark_rough.cl"
+#endif
 #if TEXTURES
 #include "common/textures.cl"
 #else

@@ -52,10 +52,38 @@ float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
     return most_lane(longest);
 }
 
-// Returns the vectors with a ray inside the image.
-uint make_camera_rays(Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
-    uint inside = 0;
+#if SAMPLED
+// Returns the vectors whose pixels get another sample.
+uint vectors_to_cast(const __global uint *wanted, uint earlier, int2 image_size) {
+    uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
+        const Pixels pixels = tile_pixels(vector, image_size);
+        const int x = pixels.x.s0, y = pixels.y.s0;
+        cast |= pixels.inside.s0 && is_wanted(wanted, earlier, image_size, x, y) ? 1u << vector : 0;
+    }
+    return cast;
+}
+
+// Gives the other vectors an empty interval, which overlaps no box, and a reach of less than zero.
+void leave_out_others(Slices *slices, uint cast) {
+    for (int part = 0; part < PARTS; part++) {
+        const int16 is_cast = (int16)((int)(cast >> (16 * part))) >> LANES & 1;
+        for (int axis = 0; axis < 3; axis++) {
+            slices->low[axis][part] = SELECT(is_cast != 0, slices->low[axis][part], (float16)(FAR));
+            slices->high[axis][part] = SELECT(is_cast != 0, slices->high[axis][part], (float16)(-FAR));
+        }
+        slices->reach[part] = SELECT(is_cast != 0, slices->reach[part], (float16)(-1.0f));
+    }
+}
+#endif
+
+// Returns the vectors with a ray inside the image.
+uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
+    uint inside = 0;
+#if SAMPLED
+    for (int vector = 0; vector < VECTORS; vector++) bundle->place[vector] = (varying_int)(NO_HIT);
+#endif
+    EACH_CAST(vector) {
         const Pixels pixels = tile_pixels(vector, image_size);
         const varying x = TO_FLOAT(pixels.x) + 0.5f, y = TO_FLOAT(pixels.y) + 0.5f;
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;

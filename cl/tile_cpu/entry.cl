@@ -69,6 +69,18 @@ typedef struct {
     const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
+// The additional parameters of programs with several samples, including the comma: the number of earlier samples, and
+// the vectors whose pixels get another one.
+#if SAMPLED
+#define CAST_PARAMETERS uint earlier, uint cast,
+#define CAST_ARGUMENTS earlier, cast,
+#define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++) if (cast >> vector & 1u)
+#else
+#define CAST_PARAMETERS
+#define CAST_ARGUMENTS
+#define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++)
+#endif
+
 float least_lane(float16 v) {
     // Compares halves: 16 lanes, 8, 4, 2, 1.
     const float8 a = min(v.lo, v.hi);

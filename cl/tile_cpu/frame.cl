@@ -2,17 +2,20 @@
 
 // Finds the nearest hits of the camera's rays and stores their indices in leaf order in the bundle. Returns 0,
 // without making any ray, if all rays miss the scene.
-int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
+int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
     // First only the intervals are tested, which costs far less than 512 rays.
     bundle->longest = slice_camera(eye, corner, step_x, step_y, image_size, &slices);
+#if SAMPLED
+    leave_out_others(&slices, cast);
+#endif
     bundle->origin = LOAD3((const float *)&eye);
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
     const Cone cone = finish_slices(&slices);
     Boxes boxes;
     // A tile of background ends here, before any ray is made.
     if (!children_meet(&cone, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
-    const uint open = make_camera_rays(bundle, eye, corner, step_x, step_y, image_size);
+    const uint open = make_camera_rays(CAST_ARGUMENTS bundle, eye, corner, step_x, step_y, image_size);
     walk(bundle, &slices, &cone, tree, open, 0);
     return 1;
 }
@@ -51,16 +54,26 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
 #define LEAVE_OUTSIDE(image_size) \
     if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;
 
+// Neither is a tile cast all of whose pixels have enough samples.
+#if SAMPLED
+#define LEAVE_ENOUGH(image_size)                                        \
+    const uint cast = vectors_to_cast(wanted, earlier, image_size); \
+    if (!cast) return;
+#else
+#define LEAVE_ENOUGH(image_size)
+#endif
+
 // A whole frame.
 __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
+    LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
     // Primary rays, then, from each light in turn, shadow rays to the hits.
-    if (find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size))
-        shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
+    if (find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size))
+        shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
     else
-        store_background(image, image_size, background);
+        store_background(CAST_ARGUMENTS image, image_size, background);
 }
 
 // Returns where the numbers of the tile's vectors are stored: tile by tile, since only the next pass reads them.
@@ -69,10 +82,11 @@ size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_gl
 // Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.
 __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
+    LEAVE_ENOUGH(image_size)
     SurfaceTree tree;
     BIND_SURFACE_TREE(tree)
     Bundle bundle;
-    const int found = find_nearest(&bundle, &tree, eye, corner, step_x, step_y, image_size);
+    const int found = find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size);
     for (int vector = 0; vector < VECTORS; vector++)
         vstore16(found ? bundle.place[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());
 }
@@ -80,8 +94,9 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
 // Shades the nearest triangle of every pixel.
 __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     LEAVE_OUTSIDE(image_size)
+    LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
     for (int vector = 0; vector < VECTORS; vector++) bundle.place[vector] = vload16(vector, nearest + tile_start());
-    shade_tile(&bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
+    shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
 }

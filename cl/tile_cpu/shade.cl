@@ -173,19 +173,25 @@ float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
                      rb.s7, gh.s7);
 }
 
-// Stores that bypass the caches: nothing reads the image again.
+// Stores that bypass the caches: nothing reads the image again before the next sample.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
+// Stores a row of a block: four of its lanes, say s0123.
+#define STORE_ROW(lanes, row)                                             \
+    STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
+                       interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
+
 // Does the same as store_radiance for a vector of a tile: a row of four pixels at once if all are inside and rows are
 // aligned.
-void store_block(__global float4 *restrict image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
+void store_block(EARLIER_PARAMETER __global float4 *restrict image, int2 image_size, float4 background, Vec3 sum,
+                 Pixels pixels, Mask hits) {
     const int x = pixels.x.s0, y = pixels.y.s0;
     if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
-        store_radiance(image, image_size, background, sum, pixels, hits);
+        store_radiance(EARLIER_ARGUMENT image, image_size, background, sum, pixels, hits);
         return;
     }
     const varying red = SELECT(hits, sum.x, (varying)(background.x));
@@ -193,16 +199,16 @@ void store_block(__global float4 *restrict image, int2 image_size, float4 backgr
     const varying blue = SELECT(hits, sum.z, (varying)(background.z));
     const varying hit = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
     __global float4 *row = image + (size_t)y * image_size.x + x;
-    STREAM16(interleave(red.s0123, green.s0123, blue.s0123, hit.s0123), row);
-    STREAM16(interleave(red.s4567, green.s4567, blue.s4567, hit.s4567), row + image_size.x);
-    STREAM16(interleave(red.s89ab, green.s89ab, blue.s89ab, hit.s89ab), row + 2 * image_size.x);
-    STREAM16(interleave(red.scdef, green.scdef, blue.scdef, hit.scdef), row + 3 * image_size.x);
+    STORE_ROW(s0123, row);
+    STORE_ROW(s4567, row + image_size.x);
+    STORE_ROW(s89ab, row + 2 * image_size.x);
+    STORE_ROW(scdef, row + 3 * image_size.x);
 }
 
-void store_background(__global float4 *restrict image, int2 image_size, float4 background) {
+void store_background(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background) {
     const Vec3 none = splat(uniform3(0.0f, 0.0f, 0.0f));
-    for (int vector = 0; vector < VECTORS; vector++)
-        store_block(image, image_size, background, none, tile_pixels(vector, image_size), (Mask)(0));
+    EACH_CAST(vector)
+        store_block(EARLIER_ARGUMENT image, image_size, background, none, tile_pixels(vector, image_size), (Mask)(0));
 }
 
 #if SOFT
@@ -211,8 +217,8 @@ void store_background(__global float4 *restrict image, int2 image_size, float4 b
 
 // For each light: computes the radiance of the tile's hits if nothing is in between, then traverses the tree from the
 // light to find the hits that are in shadow.
-void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS, int2 image_size,
-                float4 background, __global float4 *restrict image) {
+void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS,
+                int2 image_size, float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
     Vec3 sum[VECTORS], arriving[VECTORS];
     uint hit = 0;
@@ -250,7 +256,7 @@ void shade_tile(Bundle *bundle, const SurfaceTree *tree, const Lighting *lightin
 #if SKY
     add_sky(bundle, tree, lighting, image_size, shaded, sum);
 #endif
-    for (int vector = 0; vector < VECTORS; vector++)
-        store_block(image, image_size, background, sum[vector], tile_pixels(vector, image_size),
+    EACH_CAST(vector)
+        store_block(EARLIER_ARGUMENT image, image_size, background, sum[vector], tile_pixels(vector, image_size),
                     bundle->place[vector] != NO_HIT);
 }

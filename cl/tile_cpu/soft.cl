@@ -3,10 +3,48 @@
 
 #include "cast/bvh_node.cl"
 
+// The interval of a packet's origins, and that of its reciprocal directions, per axis. If directions run both ways along
+// an axis, the axis excludes nothing.
+typedef struct {
+    float low[3], high[3], per_low[3], per_high[3];
+    int mixed[3], negative[3];
+} PacketBounds;
+
+void bound_axis(varying origin, varying per_direction, Mask rays, int axis, PacketBounds *bounds) {
+    bounds->low[axis] = least_lane(SELECT(rays, origin, (varying)(FAR)));
+    bounds->high[axis] = most_lane(SELECT(rays, origin, (varying)(-FAR)));
+    bounds->per_low[axis] = least_lane(SELECT(rays, per_direction, (varying)(FAR)));
+    bounds->per_high[axis] = most_lane(SELECT(rays, per_direction, (varying)(-FAR)));
+    bounds->negative[axis] = bounds->per_high[axis] < 0.0f;
+    bounds->mixed[axis] = bounds->per_low[axis] < 0.0f && !bounds->negative[axis];
+}
+
+// Returns the children of a node that rays of the packet may enter before `reach`, one bit each.
+uint packet_meets(const PacketBounds *bounds, const __global float *node, float reach) {
+    Children entry = (Children)(0.0f), leave = (Children)(reach);
+    for (int axis = 0; axis < 3; axis++) {
+        if (bounds->mixed[axis]) continue;
+        const int negative = bounds->negative[axis];
+        // The shortest way to the nearer side starts at the end of the origins' interval that lies nearest to it.
+        const float first = negative ? bounds->low[axis] : bounds->high[axis];
+        const float last = negative ? bounds->high[axis] : bounds->low[axis];
+        const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
+        const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - last;
+        entry = max(entry, min(near * bounds->per_low[axis], near * bounds->per_high[axis]));
+        leave = min(leave, max(far * bounds->per_low[axis], far * bounds->per_high[axis]) * OUTWARDS);
+    }
+    return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
+}
+
 // Returns the lanes of `wanted` whose ray is stopped before t_max.
 Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(from, way);
-    Waiting stack[STACK_SIZE];
+    const float reach = most_lane(SELECT(wanted, t_max, (varying)(-1.0f)));
+    PacketBounds bounds;
+    bound_axis(from.x, probe.per_direction.x, wanted, 0, &bounds);
+    bound_axis(from.y, probe.per_direction.y, wanted, 1, &bounds);
+    bound_axis(from.z, probe.per_direction.z, wanted, 2, &bounds);
+    uint stack[STACK_SIZE];
     Mask open = wanted;
     uint word = 0;
     int waiting = 0;
@@ -17,10 +55,19 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
             if (!ANY(open)) break;
         } else {
             const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
-            waiting = push_met_children(&probe, node, SELECT(open, t_max, (varying)(-1.0f)), stack, waiting);
+            const varying own_reach = SELECT(open, t_max, (varying)(-1.0f));
+            // First the whole packet is tested against all children at once, then its rays, child by child. Any hit
+            // will do, so children are not sorted.
+            for (uint met = packet_meets(&bounds, node, reach); met; met &= met - 1) {
+                const int child = LOWEST_BIT(met);
+                varying entry;
+                if (!ANY(enter_box(&probe, node + child, own_reach, &entry))) continue;
+                stack[waiting] = as_uint(node[CHILD_ROW + child]);
+                fetch_child(tree, stack[waiting++]);
+            }
         }
         if (!waiting) break;
-        word = stack[--waiting].word;
+        word = stack[--waiting];
     }
     return wanted & !open;
 }
@@ -52,23 +99,5 @@ void add_soft_light(const Bundle *bundle, const SurfaceTree *tree, const Lightin
 }
 
 #if SKY
-// Adds the light of the sky, from a direction whose probability is proportional to its cosine with the normal, so
-// that k_L times its radiance arrives.
-void add_sky(const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size, const Shaded *shaded,
-             Vec3 *sum) {
-    const Soft *soft = &lighting->soft;
-    const varying t_max = (varying)(reach_of_sky(soft) - lighting->bias);
-    for (int vector = 0; vector < VECTORS; vector++) {
-        const Mask hits = bundle->place[vector] != NO_HIT;
-        if (!ANY(hits)) continue;
-        const Shaded *own = shaded + vector;
-        const Pixels pixels = tile_pixels(vector, image_size);
-        const Vec3 way = way_to_sky(soft, lighting->light_count, pixels.x, pixels.y, own->normal);
-        Mask lit = hits & (dot3(way, own->normal) > 0.0f);
-        const Vec3 from = along(own->point, (varying)(lighting->bias), way);
-        lit &= !are_stopped(&tree->tree, from, way, t_max, lit);
-        const Vec3 received = multiply(own->surface.lambertian, radiance_of_sky(soft, way));
-        sum[vector] = select3(lit, add(sum[vector], received), sum[vector]);
-    }
-}
+#include "tile_cpu/sky.cl"
 #endif

@@ -7,12 +7,18 @@
 #endif
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
+#if SAMPLED
+#define BIND_SAMPLES group.wanted = wanted, group.earlier = earlier;
+#else
+#define BIND_SAMPLES
+#endif
 // A group with its stack, and with the triangles of a leaf that its rays have to test.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
     __local uint2 stacks[LOCAL_Y][STACK_SIZE]; \
     Group group;                                 \
     BIND_GROUP(group)                            \
+    BIND_SAMPLES                                 \
     __local uint2 *stack = stacks[group.number];
 #define LEAF_LOCALS                                             \
     __local float4 leaf_quads[LOCAL_Y][3 * GROUP_LANES]; \
@@ -47,6 +53,9 @@ INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size
     pixel.x = tile_x * TILE_X + ray % across * 8 + lane % 8;
     pixel.y = tile_y * TILE_Y + ray / across * 4 + lane / 8;
     pixel.inside = (pixel.x < image_size.x) & (pixel.y < image_size.y);
+#if SAMPLED // a pixel with enough samples is treated like one outside
+    pixel.inside = pixel.inside && is_wanted(group->wanted, group->earlier, image_size, pixel.x, pixel.y);
+#endif
     return pixel;
 }
 

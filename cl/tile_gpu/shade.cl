@@ -121,6 +121,16 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
+// The radiance with which a round of lights begins, and that with which it ends. With several samples, the image has
+// their mean; a round then adds its part of the sample.
+#if SAMPLED
+#define BEFORE_ROUND(mean) (float4)(0.0f)
+#define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) / (float)(earlier + 1) : MEAN_OF(mean, sum, earlier))
+#else
+#define BEFORE_ROUND(mean) mean
+#define AFTER_ROUND(mean, sum) sum
+#endif
+
 // Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no kernel has
 // done so, the first `queue_rows` rows of work-groups cast the leftover shadow rays and shade these pixels. These are
 // few rays, each of which takes long; meanwhile the other work-groups shade all pixels whose lights are known.
@@ -143,10 +153,10 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             if (group.lane == 0) {
                 // Lights that were known to reach it, and those found now.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
-                float4 sum = first_light ? image[entry.x] : dark;
+                float4 sum = first_light ? BEFORE_ROUND(image[entry.x]) : dark;
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
                             reached, &sum);
-                image[entry.x] = sum;
+                image[entry.x] = AFTER_ROUND(image[entry.x], sum);
             }
         }
     } else {
@@ -166,12 +176,12 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             const uint at = index_of(pixel, image_size);
             // Later rounds of lights add to what earlier ones left in the image.
             float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
-            if (first_light && pixel.inside) sum = image[at];
+            if (first_light && pixel.inside) sum = BEFORE_ROUND(image[at]);
             if (reached[ray])
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
                             reached[ray] & ~SOME_LEFT_OVER, &sum);
             // Pixels in the queue are stored by the groups that process it.
-            if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = sum;
+            if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = AFTER_ROUND(image[at], sum);
         }
     }
 }

@@ -22,7 +22,7 @@ use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
-use crate::scene::{Display, Loaded, Scene};
+use crate::scene::{Display, Loaded, Sampling, Scene};
 use casting::{Picture, Shows, cast};
 use judge::{check, refuse_not_finite};
 use motion::Motion;
@@ -68,9 +68,12 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take N times as long (Blackman-Harris filter, 1.5 pixels
-    /// wide) [default: 4 for a bare mesh, else 1]
+    /// wide) [default: for a bare mesh 2, and 6 where neighbouring pixels differ; else 1]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
+    /// Cast the first eighth of the samples of every pixel, and the others only where neighbouring pixels differ [default number: 16]
+    #[arg(long, conflicts_with = "devices")]
+    adaptive: bool,
     /// Cast the frame this many times and report medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
@@ -128,11 +131,11 @@ fn render(args: &Args) -> Result<()> {
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
     let Opened { loaded, device, queue, early, tree, show, .. } = opened;
-    let samples = samples(args, loaded.dressed);
+    let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
-    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
+    let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
     let tree_was_built = tree.is_some();
     let mut session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
@@ -152,7 +155,7 @@ fn render(args: &Args) -> Result<()> {
     let mut verified = None;
     if let Some(image) = &radiance {
         refuse_not_finite(image, target.path())?;
-        let check = |some| check(&scene, (image, cast.hits), (&strategy, samples), target.path(), some);
+        let check = |some| check(&scene, (image, cast.hits), (&strategy, cast.sampled()), &target, some);
         verified = args.verify.map(check).transpose()?;
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
@@ -176,7 +179,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, samples)).chain(keeping).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -267,12 +270,18 @@ fn is_dressed(args: &Args) -> bool {
 }
 
 /// Returns the number of samples per pixel: the requested number, or the default.
-fn samples(args: &Args, dressed: bool) -> u32 {
-    args.samples.unwrap_or(if dressed { DRESSED_SAMPLES } else { 1 })
+fn sampling(args: &Args, dressed: bool) -> Sampling {
+    match args.samples {
+        None if dressed => DRESSED_SAMPLES,
+        samples if args.adaptive => Sampling::adaptive(samples.unwrap_or(ADAPTIVE_SAMPLES)),
+        samples => Sampling::all(samples.unwrap_or(1)),
+    }
 }
 
 /// The default for a bare mesh.
-const DRESSED_SAMPLES: u32 = 4;
+const DRESSED_SAMPLES: Sampling = Sampling { first: 2, most: 6 };
+/// The most samples of a pixel with `--adaptive`, if their number is not given.
+const ADAPTIVE_SAMPLES: u32 = 16;
 
 fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3

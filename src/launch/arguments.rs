@@ -85,7 +85,7 @@ impl<'a> Argument<'a> {
             Self::Pairs(buffer) => kernel.arg(buffer),
             Self::Float(value) => kernel.arg(value),
             Self::Int(value) => kernel.arg(value),
-            Self::Uint(value) => kernel.arg(value),
+            Self::Uint(value) => kernel.arg_named(name, value),
             Self::Float4(value) => kernel.arg_named(name, value),
             Self::Int2(value) => kernel.arg(value),
             Self::Uint2(value) => kernel.arg_named(name, value),
@@ -97,6 +97,8 @@ impl<'a> Argument<'a> {
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
 /// The argument that scenes with sampled soft lights or a sky have in addition.
 pub(super) const SOFT: &str = "soft";
+/// The argument that frames of pixels with several samples have in addition.
+pub(super) const WANTED: &str = "wanted";
 
 /// Arguments by the names of their parameters. A kernel uses those that it has a parameter for.
 #[derive(Clone, Default)]
@@ -121,6 +123,7 @@ impl<'a> Arguments<'a> {
         let holds = |fact| match fact {
             Fact::Textured => has(TEXTURE_ROWS),
             Fact::Soft => has(SOFT),
+            Fact::Sampled => has(WANTED),
             of_strategy => strategy.holds(of_strategy),
         };
         for parameter in kernel.parameters(holds) {
@@ -141,6 +144,7 @@ impl<'a> Arguments<'a> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {
                 (Some(place), Argument::Float4(value)) => kernel.set_arg(place, *value)?,
+                (Some(place), Argument::Uint(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Uint2(value)) => kernel.set_arg(place, *value)?,
                 _ => {}
             }

@@ -8,13 +8,14 @@ use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
 use super::rounds::Rounds;
+use super::samples::Samples;
 use super::setup::{Setup, Working, camera_arguments, sample_argument, scene_arguments};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
-use crate::scene::{Camera, Display, Sample};
+use crate::scene::{Camera, Display, Sample, SampleCounts, Sampling};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use image::RgbImage;
 use ocl::prm::Float4;
@@ -28,6 +29,7 @@ pub struct Caster {
     steps: Steps,
     image: Buffer<Float4>,
     working: Working,
+    samples: Option<Samples>,
     size: [u32; 2],
     records_ms: Option<f64>,
     _bytes: FrameBytes,
@@ -45,7 +47,11 @@ impl Caster {
         let prepared = prepared_planes(queue, strategy, workload)?;
         let of_scene = scene_arguments(uploaded, tree);
         let records = Records::prepare(queue, program, strategy, uploaded.triangle_count, of_scene)?;
+        let samples = Samples::allocate(queue, workload)?;
         let mut arguments = working.add_to(setup.arguments());
+        if let Some(samples) = &samples {
+            arguments = samples.add_to(arguments);
+        }
         if let Some(records) = &records {
             arguments = arguments.with("records", &records.buffer);
         }
@@ -65,8 +71,10 @@ impl Caster {
                 parts.cast_separate(&image, &nearest)?
             }
         };
+        let mark = samples.as_ref().map(|samples| samples.mark_kernel(&parts, &image)).transpose()?;
+        let samples = samples.zip(mark).map(|(samples, kernel)| samples.marked_by(kernel));
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
-        Ok(Self { queue: queue.clone(), steps, image, working, size, records_ms, _bytes: bytes })
+        Ok(Self { queue: queue.clone(), steps, image, working, samples, size, records_ms, _bytes: bytes })
     }
 
     /// Returns the device time for preparing the records of triangles, if the strategy uses them. It is spent
@@ -104,25 +112,30 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts one frame for each sample of a pixel. Returns their mean, the number of pixels that hit
-    /// something in the last of them, and the total times.
-    pub fn cast_samples(
-        &self,
-        camera: &Camera,
-        samples: &[Sample],
-    ) -> Result<(Radiance, usize, FrameTimes), LaunchError> {
-        let mut sum = Radiance::new(self.size[0], self.size[1]);
-        let (mut hits, mut times) = (0, FrameTimes::default());
-        for sample in samples {
-            times = times.and(&self.cast_sample(camera, sample)?);
-            let (image, hit) = self.read()?;
-            hits = hit;
-            sum.add(&image);
-        }
-        Ok((sum.part(samples.len()), hits, times))
+    /// Casts a picture, one frame for each sample of a pixel. The image is then their mean. Returns the total
+    /// times.
+    pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
+        let [first, rest] = sampling.rounds();
+        let all = |samples: &[Sample], times: FrameTimes| {
+            let cast = |times: FrameTimes, sample| Ok(times.and(&self.cast_sample(camera, sample)?));
+            samples.iter().try_fold(times, cast)
+        };
+        let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
+            return all(&first, FrameTimes::default());
+        };
+        samples.want_all(&self.queue)?;
+        let times = all(&first, FrameTimes::default())?;
+        all(&rest, times.and(&samples.mark(&self.queue, sampling)?))
     }
 
-    /// Casts one frame with one sample of every pixel.
+    /// Returns how many samples the pixels of an adaptive picture got.
+    pub fn sample_counts(&self) -> Result<Option<SampleCounts>, LaunchError> {
+        let read = self.samples.as_ref().map(|samples| samples.read(&self.queue));
+        Ok(read.transpose()?)
+    }
+
+    /// Casts one frame with one sample of every pixel that wants more than there are, and adds it to the mean
+    /// in the image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
         self.look_from(&Camera { shift: sample.offset, ..*camera })?;
         let arguments = sample_argument(Arguments::default(), sample);

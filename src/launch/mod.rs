@@ -18,6 +18,7 @@ mod rays;
 mod records;
 mod refused;
 mod rounds;
+mod samples;
 mod scene;
 mod session;
 mod setup;

@@ -7,7 +7,7 @@ use super::scene::move_lights;
 use super::setup::Setup;
 use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
 use crate::program::{BuiltProgram, CompiledKernel, ProgramSpec};
-use crate::scene::{Light, Scene};
+use crate::scene::{Light, Sampling, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub struct Prepared {
     /// The sizes.
     pub workload: Workload,
     /// Number of samples per pixel.
-    pub samples: u32,
+    pub sampling: Sampling,
     /// The source that was compiled.
     pub spec: ProgramSpec,
     /// The compiled program.

@@ -131,6 +131,7 @@ impl Workload {
             texture_words: word_count(&scene.mesh.textures),
             soft_lights: false,
             sky: scene.sky.is_some(),
+            many_samples: false,
             stack_size: 0,
             image_size,
             local_size,
@@ -141,7 +142,7 @@ impl Workload {
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
-        Self { soft_lights, ..self }
+        Self { soft_lights, many_samples: samples > 1, ..self }
     }
 }
 

@@ -10,7 +10,7 @@ use crate::device::{Builtins, Device, DeviceInfo, DeviceLimits};
 use crate::error::Result;
 use crate::memory::{Available, resident_bytes};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
-use crate::scene::Scene;
+use crate::scene::{Sampling, Scene};
 use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ pub struct Session {
     builtins: Builtins,
     compute_capability: Option<String>,
     verifies: bool,
-    samples: u32,
+    sampling: Sampling,
     kept: Kept,
     early: Option<(ProgramSpec, BuiltProgram)>,
     early_tree: Option<(Strategy, HostTree)>,
@@ -49,7 +49,7 @@ impl Session {
             builtins: info.builtins(),
             compute_capability: info.hardware.compute_capability.clone(),
             verifies: false,
-            samples: 1,
+            sampling: Sampling::ONE,
             kept: Kept::of(Cache::of_user(), info),
             early: None,
             early_tree: None,
@@ -96,8 +96,8 @@ impl Session {
 
     /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows.
     #[must_use]
-    pub fn sampling(self, samples: u32) -> Self {
-        Self { samples, ..self }
+    pub fn sampling(self, sampling: Sampling) -> Self {
+        Self { sampling, ..self }
     }
 
     /// Returns whether the session is of this scene.
@@ -132,7 +132,7 @@ impl Session {
     ) -> std::result::Result<Workload, Refused> {
         strategy.check()?;
         let mut workload =
-            Workload::of(&self.scene, image_size, local_size).sampled(&self.scene, self.samples);
+            Workload::of(&self.scene, image_size, local_size).sampled(&self.scene, self.sampling.most);
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
@@ -165,7 +165,7 @@ impl Session {
             scene: Arc::clone(&self.scene),
             strategy: *strategy,
             workload: *workload,
-            samples: self.samples,
+            sampling: self.sampling,
             spec,
             program,
             build_wait_ms,

@@ -100,8 +100,9 @@ pub(super) fn soft_arguments<'a>(
     sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
 }
 
-/// Sets which sample of every pixel is cast.
+/// Sets which sample of every pixel is cast, and how many there are already.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
+    let arguments = arguments.with("earlier", sample.earlier);
     arguments.with("sample", Uint2::new(sample.number, sample.count))
 }
 

@@ -18,6 +18,10 @@ pub const LIGHT_FLOATS: usize = 6;
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
+/// Side in pixels of the blocks whose pixels get equally many samples. Vectors of tiles are such blocks.
+pub const SAMPLED_BLOCK: u32 = 4;
+/// The difference of neighbouring pixels as displayed, in steps of 256, from which they get more samples.
+pub const ROUGH_STEPS: u32 = 30;
 /// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;
 /// Number of triangles in a tile that is streamed through `__local` memory.

@@ -1,7 +1,7 @@
 //! The table of kernel families.
 
-use super::Fact::{self, Always, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
-use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
+use super::Fact::{self, Always, Indexed, Planes, Sampled, Soft, Soup, Textured, Tiled, Tree};
+use super::Role::{Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade, Shadow};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
@@ -54,8 +54,9 @@ pub static RASTER: Family = Family {
         kernel(
             "shade_nearest",
             Shade,
-            &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, NEAREST_IN, WORKING],
+            &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, CAMERA, SIZE, IMAGE, SAMPLES, NEAREST_IN, WORKING],
         ),
+        MARK_KERNEL,
     ],
     defines: &[COMMON_DEFINES, CAST_DEFINES],
     rules: &[
@@ -84,13 +85,14 @@ pub static TILE_CPU: Family = Family {
     label: "traversal = tile with vectors of rays (width = 16)",
     entry: "tile_cpu/entry.cl",
     kernels: &[
-        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE]),
-        kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, TILE_NEAREST_OUT]),
+        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES]),
+        kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, SAMPLES, TILE_NEAREST_OUT]),
         kernel(
             "tile_shade",
             Shade,
-            &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
+            &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, TILE_NEAREST_IN],
         ),
+        MARK_KERNEL,
     ],
     defines: &[
         COMMON_DEFINES,
@@ -136,6 +138,7 @@ pub static TILE_GPU: Family = Family {
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
+                SAMPLES,
                 SOFT,
                 FIRST_LIGHT,
                 TILE_NEAREST_OUT,
@@ -145,12 +148,24 @@ pub static TILE_GPU: Family = Family {
         kernel(
             "tile_primary",
             Primary,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, TILE_NEAREST_OUT],
+            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, SAMPLES, TILE_NEAREST_OUT],
         ),
         kernel(
             "tile_shadow",
             Shadow,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, SOFT, FIRST_LIGHT, TILE_NEAREST_IN, FOUND],
+            &[
+                LIGHTS,
+                TREE,
+                SURFACES,
+                PREPARED_ROWS,
+                CAMERA,
+                SIZE,
+                SAMPLES,
+                SOFT,
+                FIRST_LIGHT,
+                TILE_NEAREST_IN,
+                FOUND,
+            ],
         ),
         kernel(
             "tile_left_over",
@@ -162,6 +177,7 @@ pub static TILE_GPU: Family = Family {
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
+                SAMPLES,
                 SOFT,
                 FIRST_LIGHT,
                 TILE_NEAREST_IN,
@@ -182,10 +198,12 @@ pub static TILE_GPU: Family = Family {
                 SIZE,
                 FIRST_LIGHT,
                 IMAGE,
+                SAMPLES,
                 TILE_NEAREST_IN,
                 SHADED_BY,
             ],
         ),
+        MARK_KERNEL,
     ],
     defines: &[
         COMMON_DEFINES,
@@ -230,19 +248,32 @@ const CAST_KERNELS: &[Kernel] = &[
     kernel(
         "cast_frame",
         Frame,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, WORKING],
+        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, WORKING],
     ),
     kernel(
         "cast_primary",
         Primary,
-        &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, NEAREST_OUT, WORKING],
+        &[
+            GEOMETRY,
+            LIGHTS,
+            PREPARED,
+            RECORDS,
+            TREE,
+            TEXTURES,
+            SOFT,
+            CAMERA,
+            SIZE,
+            SAMPLES,
+            NEAREST_OUT,
+            WORKING,
+        ],
     ),
     kernel(
         "shade_nearest",
         Shade,
         &[
-            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, NEAREST_IN,
-            WORKING,
+            GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES,
+            NEAREST_IN, WORKING,
         ],
     ),
     kernel(
@@ -250,7 +281,12 @@ const CAST_KERNELS: &[Kernel] = &[
         Rays,
         &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, RAYS, NEAREST_OUT, WORKING],
     ),
+    MARK_KERNEL,
 ];
+
+/// The kernel that decides which pixels get more samples; it is the same in all families.
+const MARK_KERNEL: Kernel =
+    Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
 
 type Defines = &'static [(Fact, &'static str)];
 
@@ -269,6 +305,9 @@ const COMMON_DEFINES: Defines = &[
     (Always, "TEXTURES"),
     (Always, "SOFT"),
     (Always, "SKY"),
+    (Always, "SAMPLED"),
+    (Sampled, "SAMPLED_BLOCK"),
+    (Sampled, "ROUGH_STEPS"),
 ];
 const TEXTURE_DEFINES: Defines = &[
     (Textured, "TEXTURE_HEAD_WORDS"),

@@ -14,8 +14,8 @@ mod parameters;
 mod tests;
 
 pub use constants::{
-    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROW_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS,
-    TILE_TRIANGLES, WORKING_VECTORS,
+    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS,
+    TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
 };
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
@@ -45,6 +45,8 @@ pub enum Fact {
     Textured,
     /// The scene has sampled lights with a radius or a sky: a property of the scene, too.
     Soft,
+    /// Pixels get several samples: a property of the picture.
+    Sampled,
 }
 
 /// The role of a kernel in a frame.
@@ -68,6 +70,8 @@ pub enum Role {
     Rays,
     /// Prepares records of triangles once per scene; not part of a frame either.
     Records,
+    /// Decides which pixels get more samples; runs between a picture's frames.
+    Mark,
 }
 
 /// A kernel.

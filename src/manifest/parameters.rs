@@ -1,7 +1,7 @@
 //! The parameters of kernels, in groups that several kernels use.
 
 use super::Fact;
-use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soft, Soup, Textured, Tree};
+use super::Fact::{Always, Heap, Indexed, Planes, Records, Sampled, Scratch, Soft, Soup, Textured, Tree};
 
 /// A parameter of a kernel. The argument of the same name is bound to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +53,18 @@ pub const TEXTURES: &[Parameter] =
     &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
+/// How many samples each block of pixels gets, and how many samples the image already has.
+pub const SAMPLES: &[Parameter] =
+    &[p(Sampled, "const __global uint *restrict", "wanted"), p(Sampled, "const uint", "earlier")];
+/// The image after the first samples, the display's exposure, and how many samples a block gets if nothing in
+/// it is rough, and if something is.
+pub const MARK_ROUGH: &[Parameter] = &[
+    p(Sampled, QUADS, "means"),
+    p(Sampled, "const float", "exposure"),
+    p(Sampled, "const uint", "first"),
+    p(Sampled, "const uint", "most"),
+    p(Sampled, "__global uint *restrict", "wanted"),
+];
 /// The planes prepared for the eye and a round's lights, and the triangle of each row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];

@@ -36,8 +36,8 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 
 /// A scene with textures.
 const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
-/// A scene with soft lights and a sky.
-const SOFT: Workload = Workload { soft_lights: true, sky: true, ..Workload::CUBE };
+/// A scene with soft lights and a sky, and several samples of each pixel.
+const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
 
 /// Returns the program of a strategy for another scene.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
@@ -113,9 +113,11 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Used in programs of scenes with textures or soft lights.
+    // Used in programs of scenes with textures or soft lights, and of several samples.
     named.insert("common/textures.cl".to_owned());
     named.extend(SOFT_FILES.map(str::to_owned));
+    named.extend(SAMPLE_FILES.map(str::to_owned));
+    named.insert("tile_cpu/sky.cl".to_owned());
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
 }
@@ -137,6 +139,7 @@ fn a_program_holds_no_file_of_another_family() {
 }
 
 const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
+const SAMPLE_FILES: [&str; 2] = ["common/samples.cl", "common/mark_rough.cl"];
 
 #[test]
 fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
@@ -149,6 +152,13 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         assert!(!without.files.contains(&textures) && soft(&without) == 0, "{strategy}");
         let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
         assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
+    }
+    for strategy in strategies() {
+        let files = |of| spec_for(&Sources::Embedded, &strategy, of).files;
+        let many = files(Workload { many_samples: true, ..Workload::CUBE });
+        assert!(SAMPLE_FILES.iter().all(|file| many.iter().any(|own| own == file)), "{strategy}");
+        let one = files(Workload::CUBE);
+        assert!(SAMPLE_FILES.iter().all(|file| one.iter().all(|own| own != file)), "{strategy}");
     }
     for fact in [Fact::Textured, Fact::Soft] {
         let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();

@@ -34,7 +34,7 @@ const SKY_NUDGE: f64 = 1e-6;
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// A pixel's radiance, and how it changes under nudges of its ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelSample {
     /// The radiance at the pixel's centre.
     pub radiance: DVec3,
@@ -204,7 +204,10 @@ impl PixelSample {
     /// Adds another sample of the same pixel. Whether it hits is taken from the last one, as in a caster.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
-        (self.hit, self.turns) = (other.hit, other.turns);
+        // Of several samples, one that hits is enough.
+        let surely = |sample: &Self| sample.hit && !sample.turns;
+        self.turns = (self.turns || other.turns) && !surely(self) && !surely(other);
+        self.hit |= other.hit;
         self.change += other.change;
         self.near_change += other.near_change;
         self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
@@ -335,8 +338,19 @@ mod tests {
         assert_eq!((one.change, one.range), (0.75, [DVec3::splat(0.25), DVec3::splat(1.5)]));
         one.add(&PixelSample::of(DVec3::splat(3.0), false));
         one.divide(2.0);
-        assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, false));
+        assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
+        // Of several samples one that surely hits is enough; one that may hit leaves it open.
+        let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
+        for (samples, hit, turns) in [
+            ([(true, false), (false, true)], true, false),
+            ([(true, true), (false, false)], true, true),
+            ([(false, false), (false, true)], false, true),
+        ] {
+            let mut sum = PixelSample::default();
+            samples.into_iter().for_each(|(hit, turns)| sum.add(&sample(hit, turns)));
+            assert_eq!((sum.hit, sum.turns), (hit, turns), "{samples:?}");
+        }
     }
 
     #[test]

@@ -14,6 +14,7 @@ pub mod intersect;
 pub mod layers;
 pub mod ray;
 pub mod real;
+pub mod rough;
 pub mod shade;
 pub mod shadows;
 pub mod soft;
@@ -87,32 +88,31 @@ pub struct Doubt {
 
 /// Casts `scene` at `size = [width, height]` in double precision, on all cores.
 pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
-    reference_of(scene, size, culling, &all_pixels(size), &[Sample::CENTRE])
+    reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Does the same for some pixels only, with the mean of several samples each. A pixel is certain if all its
-/// samples are. The other pixels are black and uncertain, and are not used in verification.
+/// Does the same for some pixels only, with the mean of several samples each, as many of `of_pixel` as
+/// `count` returns for the pixel. A pixel is certain if all its samples are. The other pixels are black and
+/// uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
     culling: Culling,
     pixels: &[usize],
-    of_pixel: &[Sample],
+    (of_pixel, count): (&[Sample], &dyn Fn(usize) -> u32),
 ) -> Reference {
     let tree = Arc::new(Tree::new(&scene.mesh, culling));
     let mut scene = scene.clone();
-    let mut at = |sample: &Sample| {
+    let mut all = vec![PixelSample::default(); pixels.len()];
+    for sample in of_pixel {
         scene.camera.shift = sample.offset;
-        samples(&scene, &tree, *sample, size, pixels)
-    };
-    let mut each = of_pixel.iter();
-    let mut all = each.next().map(&mut at).unwrap_or_default();
-    for sample in each {
-        all.iter_mut().zip(at(sample)).for_each(|(sum, found)| sum.add(&found));
+        let wanted = |(_, pixel): &(_, &usize)| count(**pixel) > sample.earlier;
+        let (places, some): (Vec<usize>, Vec<usize>) = pixels.iter().enumerate().filter(wanted).unzip();
+        let found = samples(&scene, &tree, *sample, size, &some);
+        places.into_iter().zip(found).for_each(|(place, found)| all[place].add(&found));
     }
-    if of_pixel.len() > 1 {
-        all.iter_mut().for_each(|sum| sum.divide(of_pixel.len() as f64));
-    }
+    let cast = |pixel| count(pixel).min(of_pixel.len() as u32);
+    all.iter_mut().zip(pixels).for_each(|(sum, pixel)| sum.divide(f64::from(cast(*pixel))));
     judged(&all, size, pixels, scene.display)
 }
 

@@ -150,7 +150,9 @@ fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
 fn some_pixels_are_those_of_all() {
     let (scene, size) = (fixtures::figure_4(), [80, 50]);
     let all = reference(&scene, size, Culling::None);
-    let of = |some| reference_of(&scene, size, Culling::None, &some_pixels(size, some), &[Sample::CENTRE]);
+    let of = |some| {
+        reference_of(&scene, size, Culling::None, &some_pixels(size, some), (&[Sample::CENTRE], &|_| 1))
+    };
     let some = of(700);
     assert_eq!((some.judged, all.judged), (700, 4000));
     let lit = |found: &&usize| some.radiance.pixels[**found] != [0.0; 3];

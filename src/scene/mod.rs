@@ -32,7 +32,7 @@ pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, lo
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};
 pub use orbit::Orbit;
-pub use samples::{Sample, pixel_samples, scrambled, sobol};
+pub use samples::{Sample, SampleCounts, Sampling, pixel_samples, scrambled, sobol};
 pub use shapes::{Shape, generate};
 pub use texture::{Mapped, Texture, Textures, Wrap, linear_values};
 pub use validate::MAX_COORDINATE;

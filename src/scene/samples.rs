@@ -3,12 +3,16 @@
 //! 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that
 //! rays stay coherent.
 
+use crate::manifest::SAMPLED_BLOCK;
+
 /// The Blackman-Harris filter's width, in pixels.
 const WIDTH: f64 = 1.5;
 /// Its cosine series (Harris, "On the Use of Windows for Harmonic Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
 /// Number of bisections when a position in the filter is searched; more than double precision needs.
 const HALVINGS: u32 = 54;
+/// With adaptive sampling, every pixel gets one in this many of the samples.
+const FIRST_OF: u32 = 8;
 /// Arbitrary seeds of Owen's scrambling.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
@@ -21,17 +25,92 @@ pub struct Sample {
     pub number: u32,
     /// The number of samples per pixel.
     pub count: u32,
+    /// The number of samples that are cast before it.
+    pub earlier: u32,
+}
+
+/// How many samples pixels get.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampling {
+    /// The number of samples of every pixel.
+    pub first: u32,
+    /// The number of samples where neighbouring pixels differ after the first ones.
+    pub most: u32,
+}
+
+impl Sampling {
+    /// One sample per pixel.
+    pub const ONE: Self = Self::all(1);
+
+    /// The same number of samples for every pixel.
+    pub const fn all(count: u32) -> Self {
+        Self { first: count, most: count }
+    }
+
+    /// Up to `most` samples where pixels differ, and fewer elsewhere.
+    pub fn adaptive(most: u32) -> Self {
+        Self { first: most.div_ceil(FIRST_OF), most }
+    }
+
+    /// Returns whether pixels may get different numbers of samples.
+    pub fn is_adaptive(&self) -> bool {
+        self.first < self.most
+    }
+
+    /// Returns the first samples, of every pixel, and the others. Their positions are those of one sequence; lights and
+    /// the sky are sampled by a sequence of each round, since neither is a part of the other.
+    pub fn rounds(&self) -> [Vec<Sample>; 2] {
+        let round = |sample: Sample| match sample.earlier < self.first {
+            true => Sample { count: self.first, ..sample },
+            false => Sample { number: sample.number - self.first, count: self.most - self.first, ..sample },
+        };
+        let all = pixel_samples(self.most).into_iter().map(round);
+        let (first, rest) = all.partition(|sample| sample.earlier < self.first);
+        [first, rest]
+    }
+}
+
+/// How many samples the pixels of a picture got, with one number for each block of pixels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SampleCounts {
+    size: [u32; 2],
+    of_block: Vec<u32>,
+}
+
+impl SampleCounts {
+    /// Makes the counts of a picture of `size` pixels, with its blocks row by row.
+    pub fn new(size: [u32; 2], of_block: Vec<u32>) -> Self {
+        Self { size, of_block }
+    }
+
+    /// Returns the number of samples of a pixel; 0 outside the picture.
+    pub fn at(&self, [x, y]: [u32; 2]) -> u32 {
+        let block = y / SAMPLED_BLOCK * self.size[0].div_ceil(SAMPLED_BLOCK) + x / SAMPLED_BLOCK;
+        self.of_block.get(block as usize).copied().unwrap_or(0)
+    }
+
+    /// Returns the mean number of samples of a pixel.
+    pub fn mean(&self) -> f64 {
+        let [width, height] = self.size;
+        let row = |y| (0..width).map(move |x| u64::from(self.at([x, y]))).sum::<u64>();
+        (0..height).map(row).sum::<u64>() as f64 / (f64::from(width) * f64::from(height)).max(1.0)
+    }
+
+    /// Returns whether every block has one of the two numbers that a sampling allows.
+    pub fn are_of(&self, sampling: &Sampling) -> bool {
+        self.of_block.iter().all(|count| [sampling.first, sampling.most].contains(count))
+    }
 }
 
 impl Sample {
     /// The single sample at pixels' centres.
-    pub const CENTRE: Self = Self { offset: [0.0; 2], number: 0, count: 1 };
+    pub const CENTRE: Self = Self { offset: [0.0; 2], number: 0, count: 1, earlier: 0 };
 }
 
 /// Returns several samples for every pixel.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let offsets = (0..).zip(pixel_offsets(count));
-    offsets.map(|(number, offset)| Sample { offset, number, count: count.max(1) }).collect()
+    offsets.map(|(number, offset)| Sample { offset, number, count: count.max(1), earlier: number }).collect()
 }
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
@@ -117,6 +196,32 @@ mod tests {
             );
             assert!(values().all(|value| value.abs() < WIDTH / 2.0));
         }
+    }
+
+    #[test]
+    fn an_eighth_of_adaptive_samples_is_for_every_pixel_and_the_others_continue_their_positions() {
+        let all = pixel_samples(16);
+        for sampling in [Sampling::adaptive(16), Sampling::all(16), Sampling { first: 3, most: 16 }] {
+            let [first, rest] = sampling.rounds();
+            assert_eq!((first.len() as u32, rest.len() as u32), (sampling.first, 16 - sampling.first));
+            for round in [&first, &rest] {
+                for (number, sample) in (0..).zip(round) {
+                    assert_eq!((sample.number, sample.count), (number, round.len() as u32));
+                }
+            }
+            for (earlier, (sample, expected)) in (0..).zip(first.iter().chain(&rest).zip(&all)) {
+                assert_eq!((sample.earlier, sample.offset), (earlier, expected.offset));
+            }
+        }
+        assert_eq!([1, 2, 16, 20].map(|most| Sampling::adaptive(most).first), [1, 1, 2, 3]);
+        assert!(Sampling::adaptive(2).is_adaptive() && !Sampling::adaptive(1).is_adaptive());
+    }
+
+    #[test]
+    fn the_mean_of_counts_is_that_of_pixels_and_not_of_blocks() {
+        let counts = SampleCounts::new([6, 5], vec![1, 2, 3, 4]);
+        assert_eq!([[0, 0], [3, 3], [4, 3], [3, 4], [5, 4]].map(|place| counts.at(place)), [1, 1, 2, 3, 4]);
+        assert_eq!(counts.mean(), f64::from(16 + 2 * 8 + 3 * 4 + 4 * 2) / 30.0);
     }
 
     #[test]

@@ -145,7 +145,7 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
-            Fact::Textured | Fact::Soft => false,
+            Fact::Textured | Fact::Soft | Fact::Sampled => false,
         }
     }
 
@@ -154,6 +154,7 @@ impl Strategy {
         match fact {
             Fact::Textured => workload.is_textured(),
             Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
+            Fact::Sampled => workload.many_samples,
             of_strategy => self.holds(of_strategy),
         }
     }

@@ -110,6 +110,7 @@ mod tests {
             texture_words: 0,
             soft_lights: false,
             sky: false,
+            many_samples: false,
             stack_size: 0,
             image_size: [side, side],
             local_size: [1, 1],

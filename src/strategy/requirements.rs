@@ -237,6 +237,10 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = scene(strategy, w);
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
+    if w.many_samples {
+        let blocks = w.sampled_blocks().map(u64::from);
+        sum.add("samples", &[(4, " B"), (blocks[0], ""), (blocks[1], " blocks")]);
+    }
     if strategy.passes == super::Passes::Separate || strategy.shares_tiles() {
         sum.add("nearest triangles", &[(4, " B"), (w.nearest_count(strategy) as u64, " pixels")]);
     }

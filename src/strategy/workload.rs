@@ -1,7 +1,7 @@
 //! The sizes of a scene, an image and a work-group.
 
 use super::{Strategy, Traversal};
-use crate::manifest::GROUP_LANES;
+use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 
 /// The sizes on which a strategy's needs depend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub struct Workload {
     pub soft_lights: bool,
     /// True if there is a sky.
     pub sky: bool,
+    /// Whether pixels get several samples.
+    pub many_samples: bool,
     /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
     pub stack_size: usize,
     /// Image size in pixels: across, down.
@@ -42,6 +44,7 @@ impl Workload {
         texture_words: 0,
         soft_lights: false,
         sky: false,
+        many_samples: false,
         stack_size: 32,
         image_size: [64, 64],
         local_size: [8, 8],
@@ -55,6 +58,11 @@ impl Workload {
     /// Returns whether each pixel casts rays to its own points of lights, or its own direction of a sky.
     pub fn is_soft(&self) -> bool {
         self.soft_lights || self.sky
+    }
+
+    /// Returns the number of blocks across and down whose pixels get equally many samples.
+    pub fn sampled_blocks(&self) -> [u32; 2] {
+        self.image_size.map(|pixels| pixels.div_ceil(SAMPLED_BLOCK))
     }
 
     /// Returns the number of work-items across and down: one per block of pixels or 32 per tile, rounded up

@@ -144,7 +144,8 @@ fn hits_that_cannot_be_are_noticed() {
 fn a_sample_judges_its_own_pixels_and_finiteness_everywhere() {
     let scene = fixtures::figure_4();
     let size = [80, 50];
-    let reference = reference_of(&scene, size, Culling::None, &some_pixels(size, 900), &[Sample::CENTRE]);
+    let reference =
+        reference_of(&scene, size, Culling::None, &some_pixels(size, 900), (&[Sample::CENTRE], &|_| 1));
     let mut image = self::reference(&scene, [80, 50], Culling::None).radiance;
     assert!(judge(&image, &reference).ok);
     let elsewhere = (0..4000).find(|&at| reference.radiance.pixels[at] == [0.0; 3]).expect("a pixel");

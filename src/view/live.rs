@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::image::to_rgb8;
 use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowProgram};
 use crate::program::{Kept, Sources};
-use crate::scene::{Camera, Loaded, Sample, Scene};
+use crate::scene::{Camera, Loaded, Sample, Sampling, Scene};
 use crate::strategy::Strategy;
 use image::RgbImage;
 use std::sync::Arc;
@@ -146,21 +146,15 @@ impl Live {
     fn frame(&mut self, pose: &Pose, sample: &Sample) -> std::result::Result<Frame, Refused> {
         let reading = Refused::at("reading the image");
         let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
-        if self.sum.lacks_image() {
-            self.sum.fill(self.caster.read().map_err(&reading)?.0);
-        }
         if self.loaded.orbit.with_lights {
             self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
         let times = self.caster.cast_sample(&camera, sample).map_err(Refused::at("the launch"))?;
-        if sample.number == 0
-            && let Some((picture, hits)) = self.shown().map_err(&reading)?
-        {
-            self.sum.skip();
+        self.sum.add();
+        if let Some((picture, hits)) = self.shown().map_err(&reading)? {
             return Ok(self.told(picture, hits, &times));
         }
-        let (image, hits) = self.caster.read().map_err(&reading)?;
-        let mean = self.sum.add(image);
+        let (mean, hits) = self.caster.read().map_err(&reading)?;
         Ok(self.told(to_rgb8(&mean, self.scene.display), hits, &times))
     }
 
@@ -269,7 +263,7 @@ impl Live {
 }
 
 fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
-    Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(samples)
+    Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(Sampling::all(samples))
 }
 
 /// Returns the display transform for a device with separate memory; `None` if it cannot be built, so that the

@@ -9,7 +9,7 @@ use crate::image::{Incoming, Radiance};
 use crate::launch::{Caster, FrameTimes, LaunchError, Prepared, Refused, ShowProgram};
 use crate::measure::Summary;
 use crate::output::Target;
-use crate::scene::{Display, Scene, pixel_samples};
+use crate::scene::{Display, SampleCounts, Sampling, Scene};
 use image::RgbImage;
 
 /// An image, in the form in which it is saved.
@@ -35,7 +35,21 @@ pub struct Cast {
     pub records_ms: f64,
     pub read_ms: f64,
     /// Number of samples per pixel.
-    pub samples: u32,
+    pub sampling: Sampling,
+    /// How many the pixels got, if that differs.
+    pub counts: Option<SampleCounts>,
+}
+
+impl Cast {
+    /// Returns the number of samples per pixel, and how many the pixels got.
+    pub fn sampled(&self) -> (Sampling, Option<&SampleCounts>) {
+        (self.sampling, self.counts.as_ref())
+    }
+
+    /// Returns the number of samples that pixels got on average.
+    pub fn mean_samples(&self) -> f64 {
+        self.counts.as_ref().map_or(f64::from(self.sampling.most), SampleCounts::mean)
+    }
 }
 
 /// The first frame includes the first use of memory and often compilation. With several frames, its time is only
@@ -62,17 +76,10 @@ pub fn cast(
     timeline.ends_with("buffers", &[("records", records_ms)]);
     // With a single frame nothing is measured, so no lock is needed.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
-    let samples = pixel_samples(prepared.samples);
-    let mut summed = None;
-    let mut frame = || -> Result<FrameTimes> {
-        let launched = Refused::at("the launch");
-        if samples.len() == 1 {
-            return caster.cast().map_err(launched).map_err(refused);
-        }
-        let (image, hits, times) =
-            caster.cast_samples(&scene.camera, &samples).map_err(launched).map_err(refused)?;
-        summed = Some((image, hits));
-        Ok(times)
+    let sampling = prepared.sampling;
+    let frame = || -> Result<FrameTimes> {
+        let cast = caster.cast_samples(&scene.camera, &sampling);
+        cast.map_err(Refused::at("the launch")).map_err(refused)
     };
     let first = frame()?;
     // Some drivers compile a kernel at its first launch, which counts as build time.
@@ -83,16 +90,18 @@ pub fn cast(
         frames.push(frame()?);
     }
     timeline.ends("casting");
-    let (image, hits) = match summed {
-        // The mean of several samples is already on the host.
-        Some((image, hits)) => (Picture::Radiance(image), hits),
-        None => read(&caster, shows.as_ref()).map_err(Refused::at("reading the image")).map_err(refused)?,
+    let reading = Refused::at("reading the image");
+    let (image, hits) = read(&caster, shows.as_ref()).map_err(&reading).map_err(refused)?;
+    let counts = if sampling.is_adaptive() {
+        caster.sample_counts().map_err(&reading).map_err(refused)?
+    } else {
+        None
     };
     timeline.ends("read");
     let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
-    let (times, samples) = (medians(&frames), prepared.samples);
-    Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, samples }))
+    let times = medians(&frames);
+    Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, sampling, counts }))
 }
 
 /// Reads the last frame's image: in 8 bits if requested and possible, else as radiance.

@@ -8,6 +8,7 @@ use crate::cli::subject::Subject;
 use crate::device::DeviceInfo;
 use crate::filetype::unpacked_name;
 use crate::program::{ProgramSpec, Sources};
+use crate::scene::Sampling;
 use crate::strategy::{Strategy, Task, Workload, preset};
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
@@ -32,6 +33,8 @@ struct Remembered {
     soft_lights: bool,
     #[serde(default)]
     sky: bool,
+    #[serde(default)]
+    many_samples: bool,
 }
 
 /// Returns the cache, unless kernels are being edited.
@@ -56,8 +59,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let Workload { local_size, stack_size, texture_words, soft_lights, sky, .. } = *workload;
-    let now = Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky };
+    let Workload { local_size, stack_size, texture_words, soft_lights, sky, many_samples, .. } = *workload;
+    let now = Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky, many_samples };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -70,11 +73,19 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
 }
 
 fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    let Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky } =
+    let Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky, many_samples } =
         remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
-    let known = Workload { local_size, stack_size, texture_words, soft_lights, sky, ..Workload::default() };
+    let known = Workload {
+        local_size,
+        stack_size,
+        texture_words,
+        soft_lights,
+        sky,
+        many_samples,
+        ..Workload::default()
+    };
     Some((strategy, known))
 }
 
@@ -90,14 +101,16 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
     let sky = is_dressed(args);
-    let soft_lights = sky && samples(args) > 1;
-    Some((strategy, Workload { local_size, stack_size, soft_lights, sky, ..Workload::default() }))
+    let many_samples = sampling(args).most > 1;
+    let soft_lights = sky && many_samples;
+    let known = Workload { local_size, stack_size, soft_lights, sky, many_samples, ..Workload::default() };
+    Some((strategy, known))
 }
 
 /// Samples of each pixel: a scene file is none of a bare mesh, which a mesh's name says before it is read.
-pub fn samples(args: &Args) -> u32 {
+pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
-    super::samples(args, is_dressed(args) && !is_scene)
+    super::sampling(args, is_dressed(args) && !is_scene)
 }
 
 /// The scene's file as it is, and all arguments that choose a program.
@@ -106,7 +119,7 @@ fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let found = path.metadata().ok()?;
     let changed = found.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
     let Subject { width, height, strategy, local_size, set, .. } = &args.subject;
-    let samples = args.samples;
+    let samples = (args.samples, args.adaptive);
     Some(format!(
         "{}\n{} bytes, {changed:?}\n{width}x{height} {strategy:?} {local_size:?} {set:?} {}\n{}",
         path.display(),
@@ -159,9 +172,10 @@ mod tests {
 
     #[test]
     fn only_a_mesh_is_guessed_to_have_several_samples() {
-        let of = |scene: &str, more: &[&str]| samples(&args(Path::new(scene), more));
+        let of = |scene: &str, more: &[&str]| sampling(&args(Path::new(scene), more)).most;
         assert_eq!([of("a.toml", &[]), of("a.toml.gz", &[]), of("a.toml", &["--samples", "2"])], [1, 1, 2]);
-        assert_eq!([of("a.obj", &[]), of("-", &[]), of("a.obj", &["--plain"])], [4, 4, 1]);
+        assert_eq!([of("a.obj", &[]), of("-", &[]), of("a.obj", &["--plain"])], [6, 6, 1]);
+        assert_eq!(of("a.toml", &["--adaptive"]), 16);
     }
 
     #[test]

@@ -3,8 +3,9 @@
 use super::report::Verified;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
+use crate::output::Target;
 use crate::reference::{all_pixels, reference_of, some_pixels};
-use crate::scene::{Scene, pixel_samples};
+use crate::scene::{SampleCounts, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
@@ -26,8 +27,8 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
-    (strategy, samples): (&Strategy, u32),
-    saved: &Path,
+    (strategy, sampling): (&Strategy, (Sampling, Option<&SampleCounts>)),
+    saved: &Target,
     some: Option<u32>,
 ) -> Result<Verified> {
     let size = [image.width, image.height];
@@ -35,7 +36,19 @@ pub(super) fn check(
         Some(some) => some_pixels(size, some as usize),
         None => all_pixels(size),
     };
-    let expected = reference_of(scene, size, strategy.culling, &pixels, &pixel_samples(samples));
+    let (sampling, counts) = sampling;
+    if counts.is_some_and(|counts| !counts.are_of(&sampling)) {
+        let Sampling { first, most } = sampling;
+        let message =
+            format!("the picture is wrong: pixels have numbers of samples other than {first} and {most}");
+        return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
+    }
+    let count = |pixel: usize| {
+        let place = [pixel as u32 % size[0], pixel as u32 / size[0]];
+        counts.map_or(sampling.most, |counts| counts.at(place))
+    };
+    let samples = sampling.rounds().concat();
+    let expected = reference_of(scene, size, strategy.culling, &pixels, (&samples, &count));
     let verdict = verify(image, Some(hits), &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
     if verdict.ok {
@@ -43,5 +56,5 @@ pub(super) fn check(
         return Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels });
     }
     let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
-    Err(error.with_help(format!("it was saved for inspection: {}", saved.display())))
+    Err(error.with_help(format!("it was saved for inspection: {}", saved.path().display())))
 }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
 use crate::launch::{Caster, Prepared, Refused};
 use crate::program::Sources;
-use crate::scene::{Loaded, Orbit, Scene, pixel_samples};
+use crate::scene::{Loaded, Orbit, Sampling, Scene};
 use crate::shard::Asked;
 use crate::strategy::Strategy;
 use frames::{Frames, Numbered};
@@ -104,13 +104,13 @@ pub fn run(args: &Args) -> Result<()> {
     let sink = sink(args, wanted, count)?;
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     let Opened { loaded, device, queue, .. } = open(args, &sources)?;
-    let samples = super::samples(args, loaded.dressed);
+    let sampling = super::sampling(args, loaded.dressed);
     let Loaded { scene, orbit, notes, .. } = loaded;
     let scene = Arc::new(scene);
     let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
     let missing = match &sink {
         Sink::Numbered(numbered) => {
-            numbered.missing(&keys(args, (&scene, samples), &strategy, wanted, count))?
+            numbered.missing(&keys(args, (&scene, sampling), &strategy, wanted, count))?
         }
         Sink::Movie(_) => wanted.numbers().map(|number| (number, String::new())).collect(),
     };
@@ -120,10 +120,10 @@ pub fn run(args: &Args) -> Result<()> {
     let mut output = sink.name();
     if frames > 0 {
         let mut session =
-            crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(samples);
+            crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
         let prepared = args.subject.prepare(&mut session, &strategy, local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
-        let shown = Shown { device: &device, prepared: &prepared, scene: &scene, orbit, count, samples };
+        let shown = Shown { device: &device, prepared: &prepared, scene: &scene, orbit, count, sampling };
         let casting = Instant::now();
         frame_ms = shown.cast_into(sink, &missing)?;
         seconds = casting.elapsed().as_secs_f64();
@@ -192,14 +192,15 @@ impl Sink {
 /// Returns the key of each frame: a hash of the scene's content, the strategy, the angle and raycl's version.
 fn keys(
     args: &Args,
-    (scene, samples): (&Scene, u32),
+    (scene, sampling): (&Scene, Sampling),
     strategy: &Strategy,
     wanted: Frames,
     count: u32,
 ) -> Vec<(u32, String)> {
     let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
+    let Sampling { first, most } = sampling;
     let shared = format!(
-        "{version} {} {strategy} {width}x{height} samples {samples} turntable {count}",
+        "{version} {} {strategy} {width}x{height} samples {first}-{most} turntable {count}",
         scene.content_hash()
     );
     let kernels = args.subject.cl_dir.as_ref().map(|folder| folder.display().to_string()).unwrap_or_default();
@@ -216,7 +217,7 @@ struct Shown<'a> {
     orbit: Orbit,
     count: u32,
     /// Number of samples per pixel.
-    samples: u32,
+    sampling: Sampling,
 }
 
 /// A frame to be written: its number, key and image.
@@ -265,8 +266,9 @@ impl Shown<'_> {
         if lights != self.scene.lights || self.orbit.with_lights {
             self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
-        let samples = pixel_samples(self.samples);
-        let (image, _, times) = caster.cast_samples(&camera, &samples).map_err(Refused::at("the launch"))?;
+        let cast = caster.cast_samples(&camera, &self.sampling);
+        let times = cast.map_err(Refused::at("the launch"))?;
+        let (image, _) = caster.read().map_err(Refused::at("reading the image"))?;
         Ok((image, times.frame_ms))
     }
 }

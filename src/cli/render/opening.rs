@@ -98,8 +98,7 @@ fn early(
 /// Returns the program for the display transform if the device does not share the host's memory. If it cannot
 /// be built, the host applies the transform.
 fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
-    let is_one_picture = guess::samples(args) == 1 && !args.motion.turns();
-    if queue.shares_memory || !is_one_picture || !may_be_shown(args, &target(args)) {
+    if queue.shares_memory || args.motion.turns() || !may_be_shown(args, &target(args)) {
         return None;
     }
     let kept = Kept::of(guess::cache(args), &device.info);

@@ -31,8 +31,10 @@ pub struct Report {
     pub local_size: [u32; 2],
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Samples per pixel; device times are for all of them.
+    /// The largest number of samples per pixel; device times are for all of them.
     pub samples: u32,
+    /// The mean number of samples per pixel, which is smaller if they are adaptive.
+    pub mean_samples: f64,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
     /// Time from the end of reading the scene until the drivers have listed their devices and the device is open.
@@ -123,9 +125,9 @@ impl Report {
         let workload = &prepared.workload;
         let [width, height] = workload.image_size;
         let triangles = scene.mesh.triangles.len();
-        let pixels = f64::from(width) * f64::from(height) * f64::from(cast.samples);
+        let pixels = f64::from(width) * f64::from(height) * cast.mean_samples();
         let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
-        let shadow_rays = (cast.hits * scene.shadow_rays_per_hit()) as f64 * f64::from(cast.samples);
+        let shadow_rays = (cast.hits * scene.shadow_rays_per_hit()) as f64 * cast.mean_samples();
         let per_s = |count: f64, ms: f64| count / ms * 1e3;
         Self {
             scene: scene.name.clone(),
@@ -146,7 +148,8 @@ impl Report {
             shade_ms: cast.times.shade_ms,
             frame_ms: cast.times.frame_ms,
             read_ms: cast.read_ms,
-            samples: cast.samples,
+            samples: cast.sampling.most,
+            mean_samples: cast.mean_samples(),
             frame_rays_per_s: per_s(pixels + shadow_rays, cast.times.frame_ms),
             primary_rays_per_s: cast.times.primary_ms.map(|ms| per_s(pixels, ms)),
             shadow_rays_per_s: cast.times.shadow_ms.map(|ms| per_s(shadow_rays, ms)),
@@ -172,6 +175,12 @@ impl Report {
             format!("strategy  {preset}{}", self.strategy),
             format!("size      {width} x {height} pixels, local size {x} x {y}"),
         ];
+        if self.mean_samples < f64::from(self.samples) {
+            lines.push(format!(
+                "samples   {:.2} per pixel on average, {} at most",
+                self.mean_samples, self.samples
+            ));
+        }
         let parts = self.parts.iter().map(|Part { part, ms }| (*part, *ms));
         let shown =
             parts.filter(|&(part, ms)| !["tree", "records", "keep", "report"].contains(&part) || ms >= 0.005);

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::image::{check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Sampling};
 use crate::strategy::{Task, preset_of};
 use serde::Serialize;
 use std::sync::Arc;
@@ -116,7 +116,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     refuse_not_finite(&image, target.path())?;
     let verified = args
         .verify
-        .map(|some| check(&scene, (&image, hits), (&castings[0].strategy, 1), target.path(), some))
+        .map(|some| {
+            check(&scene, (&image, hits), (&castings[0].strategy, (Sampling::ONE, None)), &target, some)
+        })
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);

@@ -29,6 +29,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         texture_words: 0,
         soft_lights: false,
         sky: false,
+        many_samples: false,
         stack_size: 0,
         image_size: [800, 500],
         local_size: [local, local],

@@ -1,0 +1,32 @@
+// Marks the blocks of pixels that get more samples: those where neighbouring pixels differ visibly after the first
+// samples, at an edge, at the border of a shadow, or where few samples leave grain. src/reference/rough.rs has the same.
+
+#ifndef ROUGH_STEPS
+#error "ROUGH_STEPS: the difference of neighbouring pixels as displayed, in steps of 256, from which a block is rough"
+#endif
+
+// Returns a pixel nearly as displayed, from 0 to 255: with a gamma of 2. Pixels beyond the image repeat the last ones.
+float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure) {
+    const float4 mean = image[(size_t)clamp(y, 0, image_size.y - 1) * image_size.x + clamp(x, 0, image_size.x - 1)];
+    const float4 shown = 255.0f * sqrt(clamp(exposure * mean, 0.0f, 1.0f));
+    return (float4)(shown.xyz, 0.0f);
+}
+
+// Sets how many samples a block wants: `most` if it is rough. The pixels around it count too, since the filter of a
+// pixel's samples reaches into them.
+__kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
+    const int across = sampled_blocks(image_size.x), block = get_global_id(0);
+    if (block >= across * sampled_blocks(image_size.y)) return;
+    const int left = block % across * SAMPLED_BLOCK - 1, top = block / across * SAMPLED_BLOCK - 1;
+    float4 above[SAMPLED_BLOCK + 2], most_apart = (float4)(0.0f);
+    for (int row = 0; row < SAMPLED_BLOCK + 2; row++) {
+        float4 before = displayed(means, image_size, left, top + row, exposure);
+        for (int column = 0; column < SAMPLED_BLOCK + 2; column++) {
+            const float4 own = displayed(means, image_size, left + column, top + row, exposure);
+            most_apart = max(most_apart, fabs(own - before));
+            if (row) most_apart = max(most_apart, fabs(own - above[column]));
+            above[column] = before = own;
+        }
+    }
+    wanted[block] = max(max(most_apart.x, most_apart.y), most_apart.z) > ROUGH_STEPS ? most : first;
+}

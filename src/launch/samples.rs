@@ -1,0 +1,132 @@
+//! Several samples per pixel: how many each block of pixels gets, on the device.
+
+use super::arguments::{Arguments, WANTED};
+use super::buffers::allocate;
+use super::frame::{FrameTimes, Phase};
+use super::parts::{Parts, builder};
+use super::steps::Step;
+use super::{LaunchError, Queue};
+use crate::manifest::Role;
+use crate::scene::{SampleCounts, Sampling};
+use crate::strategy::Workload;
+use ocl::prm::Float4;
+use ocl::{Buffer, Kernel};
+use std::time::Instant;
+
+/// Number of blocks that a work-group marks.
+const MARKED_TOGETHER: usize = 64;
+
+/// The number of samples that each block of pixels gets.
+pub(super) struct Samples {
+    wanted: Buffer<u32>,
+    size: [u32; 2],
+    mark: Option<Step>,
+}
+
+impl Samples {
+    /// Allocates the numbers; `None` if every pixel gets one sample.
+    pub fn allocate(queue: &Queue, workload: &Workload) -> ocl::Result<Option<Self>> {
+        if !workload.many_samples {
+            return Ok(None);
+        }
+        let blocks = workload.sampled_blocks().iter().product::<u32>() as usize;
+        let samples = Self { wanted: allocate(queue, blocks)?, size: workload.image_size, mark: None };
+        samples.want_all(queue)?;
+        Ok(Some(samples))
+    }
+
+    /// Adds the arguments of a frame.
+    pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
+        arguments.with(WANTED, &self.wanted).with("earlier", 0_u32)
+    }
+
+    /// Makes the kernel that marks rough blocks of an image.
+    pub fn mark_kernel(&self, parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Kernel, LaunchError> {
+        let setup = &parts.setup;
+        let arguments = parts.arguments.clone().with("means", image);
+        let arguments = arguments.with("exposure", setup.scene.display.exposure);
+        let arguments = arguments.with("first", 0_u32).with("most", 0_u32);
+        let role = parts.kernel_for(Role::Mark)?;
+        let mut kernel = builder(setup.queue, setup.program, setup.strategy, role, &arguments)?;
+        kernel.global_work_size(self.wanted.len().next_multiple_of(MARKED_TOGETHER));
+        kernel.local_work_size(MARKED_TOGETHER);
+        Ok(kernel.build()?)
+    }
+
+    /// Sets the kernel that marks rough blocks.
+    #[must_use]
+    pub fn marked_by(self, kernel: Kernel) -> Self {
+        Self { mark: Some(Step::Run(kernel)), ..self }
+    }
+
+    /// Lets every pixel get all samples that are cast.
+    pub fn want_all(&self, queue: &Queue) -> ocl::Result<()> {
+        self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
+    }
+
+    /// Lets only rough blocks get more than the first samples. Returns the time that took.
+    pub fn mark(&self, queue: &Queue, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
+        let Some(step) = &self.mark else { return Ok(FrameTimes::default()) };
+        let start = Instant::now();
+        let arguments = Arguments::default().with("first", sampling.first).with("most", sampling.most);
+        step.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;
+        let marked = step.enqueue(queue)?;
+        queue.commands.finish()?;
+        Ok(FrameTimes::of(&[(Phase::Whole, marked)], start.elapsed().as_secs_f64() * 1e3, 1)?)
+    }
+
+    /// Reads the numbers.
+    pub fn read(&self, queue: &Queue) -> ocl::Result<SampleCounts> {
+        let mut counts = vec![0; self.wanted.len()];
+        self.wanted.cmd().queue(&queue.commands).read(&mut counts).enq()?;
+        Ok(SampleCounts::new(self.size, counts))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::device::discover;
+    use crate::image::Radiance;
+    use crate::launch::Session;
+    use crate::manifest::ROUGH_STEPS;
+    use crate::program::Sources;
+    use crate::reference::rough::steps_of_blocks;
+    use crate::scene::{SampleCounts, Sampling, load_scene};
+    use crate::strategy::preset;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// Sides that are not multiples of a block's.
+    const SIZE: [u32; 2] = [75, 61];
+
+    fn cast(sampling: Sampling) -> (Radiance, SampleCounts, f32) {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+        let strategy = preset("bvh").unwrap().strategy;
+        let prepared = session.sampling(sampling).prepare(&strategy, SIZE, [1, 1]);
+        let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+        let caster = caster.map_err(|refused| refused.reason()).unwrap();
+        caster.cast_samples(&scene.camera, &sampling).unwrap();
+        (caster.read().unwrap().0, caster.sample_counts().unwrap().unwrap(), scene.display.exposure)
+    }
+
+    #[test]
+    fn the_blocks_that_get_more_samples_are_those_where_the_first_ones_differ() {
+        let adaptive = Sampling { first: 2, most: 8 };
+        let (means, _, exposure) = cast(Sampling::all(2));
+        let counts = cast(adaptive).1;
+        let steps = steps_of_blocks(&means, exposure);
+        let blocks = (0..61_u32).step_by(4).flat_map(|y| (0..75_u32).step_by(4).map(move |x| [x, y]));
+        let limit = f64::from(ROUGH_STEPS);
+        for (place, steps) in blocks.zip(&steps).filter(|(_, steps)| (**steps - limit).abs() > 1e-2) {
+            let expected = if *steps > limit { adaptive.most } else { adaptive.first };
+            assert_eq!(counts.at(place), expected, "{place:?}: {steps}");
+        }
+        let rough = steps.iter().filter(|steps| **steps > limit).count();
+        assert!((20..steps.len() - 20).contains(&rough), "{rough} of {}", steps.len());
+        assert!(counts.are_of(&adaptive) && !counts.are_of(&Sampling::all(8)));
+    }
+}

@@ -1,0 +1,51 @@
+//! Which blocks of pixels get more samples: those where neighbouring pixels differ visibly after the first
+//! ones. `cl/common/mark_rough.cl` does the same on devices.
+
+use crate::image::Radiance;
+use crate::manifest::SAMPLED_BLOCK;
+
+/// Returns, for each block of an image row by row, the largest difference of neighbouring pixels in it and
+/// around it, nearly as displayed: with a gamma of 2, in steps of 256.
+pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
+    let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
+    let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));
+    blocks.map(|start| steps_of_block(means, exposure, start)).collect()
+}
+
+fn steps_of_block(means: &Radiance, exposure: f32, start: [u32; 2]) -> f64 {
+    let [xs, ys] = start.map(|first| i64::from(first) - 1..=i64::from(first + SAMPLED_BLOCK));
+    let pixels = ys.clone().flat_map(|y| xs.clone().map(move |x| [x, y]));
+    let shown = |[x, y]: [i64; 2]| displayed(means, exposure, [x, y]);
+    let steps = pixels.flat_map(|[x, y]| {
+        let beside = [(x > *xs.start()).then(|| [x - 1, y]), (y > *ys.start()).then(|| [x, y - 1])];
+        beside.into_iter().flatten().map(move |other| largest_difference(shown([x, y]), shown(other)))
+    });
+    steps.fold(0.0, f64::max)
+}
+
+/// Returns a pixel from 0 to 255; pixels beyond the image repeat the last ones.
+fn displayed(means: &Radiance, exposure: f32, [x, y]: [i64; 2]) -> [f64; 3] {
+    let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
+    let pixel = means.pixels[inside(y, means.height) * means.width as usize + inside(x, means.width)];
+    pixel.map(|channel| 255.0 * (f64::from(exposure) * f64::from(channel)).clamp(0.0, 1.0).sqrt())
+}
+
+fn largest_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.into_iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_that_differs_is_in_its_block_and_in_those_that_it_touches() {
+        let mut means = Radiance::new(13, 9);
+        means.pixels[4 * 13 + 4] = [0.0, 0.25 / 15.0, 0.0];
+        let steps = steps_of_blocks(&means, 15.0);
+        // Blocks of four: the pixel is the first of the second one across and down.
+        let rough: Vec<bool> = steps.iter().map(|steps| (steps - 127.5).abs() < 1e-3).collect();
+        let expected = [[true, true, false, false], [true, true, false, false], [false; 4]];
+        assert_eq!(rough, expected.concat(), "{steps:?}");
+    }
+}
