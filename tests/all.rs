@@ -10,6 +10,7 @@ mod bad_input;
 mod book;
 mod commands;
 mod compiled;
+mod cutouts;
 #[cfg(unix)]
 mod device_lock;
 mod edits;

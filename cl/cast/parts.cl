@@ -20,6 +20,9 @@
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"
 #endif
+#ifndef CUTOUTS
+#error "CUTOUTS: 0 or 1: whether triangles have masks, and so holes"
+#endif
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif
@@ -52,6 +55,12 @@
 #endif
 #include "cast/scene.cl"
 #include "cast/gather.cl"
+#if CUTOUTS
+#include "common/cutouts.cl"
+#else
+#define SOLID(textures, triangle, hit) hit.lanes
+#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
+#endif
 #include "common/reflectance.cl"
 #if TREE
 #include "cast/bvh_node.cl"

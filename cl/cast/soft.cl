@@ -8,7 +8,8 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
         const Vec3 way = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
-        open &= !is_stopped_by(corners(&scene->geometry, triangle), from, way, t_max);
+        open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, way,
+                               is_stopped_by(corners(&scene->geometry, triangle), from, way, t_max));
     }
     return wanted & !open;
 }

@@ -12,6 +12,9 @@
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"
 #endif
+#ifndef CUTOUTS
+#error "CUTOUTS: 0 or 1: whether triangles have masks, and so holes"
+#endif
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif

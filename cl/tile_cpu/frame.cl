@@ -20,7 +20,8 @@ int find_nearest(Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int
 #define BIND_SURFACE_TREE(tree)  \
     tree.tree.nodes = nodes;    \
     tree.tree.leaves = leaves;  \
-    tree.surfaces = surfaces;
+    tree.surfaces = surfaces;   \
+    BIND_MASKS(tree.tree)
 #if TEXTURES
 #define BIND_TEXTURES(lighting)            \
     lighting.textures.rows = texture_rows; \

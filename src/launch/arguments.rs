@@ -95,6 +95,8 @@ impl<'a> Argument<'a> {
 
 /// The argument that scenes with textures have in addition.
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
+/// The argument that scenes with cut-outs have in addition.
+pub(super) const MASK_ROWS: &str = "mask_rows";
 /// The argument that scenes with sampled soft lights or a sky have in addition.
 pub(super) const SOFT: &str = "soft";
 
@@ -121,6 +123,7 @@ impl<'a> Arguments<'a> {
         let holds = |fact| match fact {
             Fact::Textured => has(TEXTURE_ROWS),
             Fact::Soft => has(SOFT),
+            Fact::CutOut => has(MASK_ROWS),
             of_strategy => strategy.holds(of_strategy),
         };
         for parameter in kernel.parameters(holds) {

@@ -129,6 +129,7 @@ impl Workload {
             materials: scene.mesh.materials.len(),
             lights: scene.lights.len(),
             texture_words: word_count(&scene.mesh.textures),
+            cut_outs: scene.mesh.textures.have_holes(),
             soft_lights: false,
             sky: scene.sky.is_some(),
             stack_size: 0,

@@ -1,6 +1,6 @@
 //! The inputs of a frame, and the kernel arguments derived from them.
 
-use super::arguments::{Arguments, SOFT, TEXTURE_ROWS};
+use super::arguments::{Arguments, SOFT};
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, Queue};
 use crate::program::BuiltProgram;
@@ -76,7 +76,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("lights", &scene.lights)
         .with("light_count", scene.light_count as i32);
     let arguments = match &scene.textures {
-        Some(textures) => arguments.with(TEXTURE_ROWS, &textures.rows).with("texture_words", &textures.words),
+        Some(textures) => textures.add_to(arguments),
         None => arguments,
     };
     let Some(tree) = tree else { return arguments };

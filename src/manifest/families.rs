@@ -1,6 +1,6 @@
 //! The table of kernel families.
 
-use super::Fact::{self, Always, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
+use super::Fact::{self, Always, CutOut, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
 use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
@@ -84,12 +84,12 @@ pub static TILE_CPU: Family = Family {
     label: "traversal = tile with vectors of rays (width = 16)",
     entry: "tile_cpu/entry.cl",
     kernels: &[
-        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE]),
-        kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, TILE_NEAREST_OUT]),
+        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE]),
+        kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, MASKS, CAMERA, SIZE, TILE_NEAREST_OUT]),
         kernel(
             "tile_shade",
             Shade,
-            &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
+            &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
         ),
     ],
     defines: &[
@@ -129,6 +129,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -141,12 +142,24 @@ pub static TILE_GPU: Family = Family {
         kernel(
             "tile_primary",
             Primary,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, TILE_NEAREST_OUT],
+            &[LIGHTS, TREE, SURFACES, MASKS, PREPARED_ROWS, CAMERA, SIZE, TILE_NEAREST_OUT],
         ),
         kernel(
             "tile_shadow",
             Shadow,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, SOFT, FIRST_LIGHT, TILE_NEAREST_IN, FOUND],
+            &[
+                LIGHTS,
+                TREE,
+                SURFACES,
+                MASKS,
+                PREPARED_ROWS,
+                CAMERA,
+                SIZE,
+                SOFT,
+                FIRST_LIGHT,
+                TILE_NEAREST_IN,
+                FOUND,
+            ],
         ),
         kernel(
             "tile_left_over",
@@ -155,6 +168,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -171,6 +185,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 TEXTURES,
                 SOFT,
                 PREPARED_ROWS,
@@ -259,6 +274,7 @@ const COMMON_DEFINES: Defines = &[
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
     (Always, "TEXTURES"),
+    (Always, "CUTOUTS"),
     (Always, "SOFT"),
     (Always, "SKY"),
 ];
@@ -267,6 +283,7 @@ const TEXTURE_DEFINES: Defines = &[
     (Textured, "WRAP_REPEAT"),
     (Textured, "WRAP_CLAMP"),
     (Textured, "WRAP_MIRROR"),
+    (CutOut, "LEAST_ALPHA_UNIT"),
 ];
 const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
 /// Defines for tests that need exact signs.

@@ -45,6 +45,8 @@ pub enum Fact {
     Textured,
     /// The scene has sampled lights with a radius or a sky: a property of the scene, too.
     Soft,
+    /// The scene has cut-outs, whose triangles have holes: a property of the scene, too.
+    CutOut,
 }
 
 /// The role of a kernel in a frame.

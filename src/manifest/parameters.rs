@@ -1,7 +1,7 @@
 //! The parameters of kernels, in groups that several kernels use.
 
 use super::Fact;
-use super::Fact::{Always, Heap, Indexed, Planes, Records, Scratch, Soft, Soup, Textured, Tree};
+use super::Fact::{Always, CutOut, Heap, Indexed, Planes, Records, Scratch, Soft, Soup, Textured, Tree};
 
 /// A parameter of a kernel. The argument of the same name is bound to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +51,9 @@ pub const SURFACES: &[Parameter] =
 /// The triangles' texture coordinates, and all textures.
 pub const TEXTURES: &[Parameter] =
     &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
+/// The same for kernels of tiles that cast rays through the holes of cut-outs.
+pub const MASKS: &[Parameter] =
+    &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
 /// The sky and the lights' radii, and which of how many samples per pixel is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// The planes prepared for the eye and a round's lights, and the triangle of each row.

@@ -36,6 +36,8 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 
 /// A scene with textures.
 const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
+/// A scene with cut-outs.
+const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
 /// A scene with soft lights and a sky.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, ..Workload::CUBE };
 
@@ -89,7 +91,8 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
         let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
-        let texts: Vec<_> = members.iter().map(spec).chain(with(TEXTURED)).chain(with(SOFT)).collect();
+        let of_scenes = [TEXTURED, CUT_OUT, SOFT].into_iter().flat_map(with);
+        let texts: Vec<_> = members.iter().map(spec).chain(of_scenes).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
             let given = |spec: &ProgramSpec| spec.options.contains(&option);
@@ -113,8 +116,8 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Used in programs of scenes with textures or soft lights.
-    named.insert("common/textures.cl".to_owned());
+    // Used in programs of scenes with textures, cut-outs or soft lights.
+    named.extend(["common/textures.cl", "common/cutouts.cl"].map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
@@ -140,7 +143,7 @@ const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.
 
 #[test]
 fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
-    let textures = "common/textures.cl".to_owned();
+    let [textures, cutouts] = ["common/textures.cl", "common/cutouts.cl"].map(str::to_owned);
     let soft =
         |spec: &ProgramSpec| spec.files.iter().filter(|file| SOFT_FILES.contains(&file.as_str())).count();
     for strategy in strategies() {
@@ -149,6 +152,9 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         assert!(!without.files.contains(&textures) && soft(&without) == 0, "{strategy}");
         let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
         assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
+        let cut_out = spec_for(&Sources::Embedded, &strategy, CUT_OUT);
+        let found = [&textured, &cut_out].map(|spec| spec.files.contains(&cutouts));
+        assert_eq!(found, [false, taken[0]], "{strategy}");
     }
     for fact in [Fact::Textured, Fact::Soft] {
         let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();

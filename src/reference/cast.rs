@@ -1,5 +1,6 @@
 //! The ray caster: a primary ray per pixel, the closest hit, then shading once.
 
+use super::cutouts::Solid;
 use super::intersect::Hit;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
@@ -35,7 +36,7 @@ impl<R: Real> Grazing<R> {
 /// A scene to be cast with one type of numbers, at one image size.
 pub struct Caster<'a, R: Real> {
     scene: &'a Scene,
-    finder: Box<dyn Finder<R> + 'a>,
+    finder: Solid<'a, R>,
     frame: Frame<R>,
 }
 
@@ -43,7 +44,12 @@ impl<'a, R: Real> Caster<'a, R> {
     /// Makes a caster of `scene` at `[width, height]` pixels, which searches for hits with `finder`.
     pub fn new(scene: &'a Scene, [width, height]: [u32; 2], finder: impl Finder<R> + 'a) -> Self {
         let frame = Frame::new(&scene.camera.pixel_frame(width, height));
-        Self { scene, finder: Box::new(finder), frame }
+        Self { scene, finder: Solid::new(finder, &scene.mesh.textures), frame }
+    }
+
+    /// Returns casters for which rounding moved the edges of holes in triangles; none if there are no holes.
+    pub fn leaning(&self) -> impl Iterator<Item = Self> {
+        self.finder.leaning().map(|finder| Self { finder, ..*self })
     }
 
     /// Returns the ray through pixel coordinates (x, y), and the nearest triangle that it hits.

@@ -84,20 +84,22 @@ impl Asked<'_> {
 }
 
 /// Casts the pixel. Then it casts it again with its ray nudged in each direction along the image's axes, with half and
-/// twice the shadow bias, with surfaces near lights counted as occluders or not, and with the possible roundings of
-/// grazing light. If two surfaces coincide, either is correct, so those behind are included too.
+/// twice the shadow bias, with surfaces near lights counted as occluders or not, with the edges of holes moved by
+/// rounding, and with the possible roundings of grazing light. If two surfaces coincide, either is correct, so those behind are included too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
     let (ray, hit) = caster.look(x, y);
     let mut sample = PixelSample::of(caster.radiance(seen, &ray, hit.as_ref(), bias), hit.is_some());
-    for (reach, [x, y]) in nudges(frame, [x, y]) {
+    let mut look_again = |caster: &Caster<'_, f64>, reach, [x, y]: [f64; 2]| {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
             sample.turn(reach);
         }
         sample.nudge(reach, caster.radiance(seen, &ray, other.as_ref(), bias));
-    }
+    };
+    nudges(frame, [x, y]).for_each(|(reach, place)| look_again(caster, reach, place));
+    caster.leaning().for_each(|leaning| look_again(&leaning, Reach::Near, [x, y]));
     if let Some(hit) = &hit {
         for factor in [0.5, 2.0] {
             sample.consider(caster.radiance(seen, &ray, Some(hit), bias * factor));

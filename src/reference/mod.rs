@@ -9,6 +9,7 @@ pub mod beam;
 pub mod cast;
 pub mod certainty;
 pub mod cost;
+pub mod cutouts;
 mod fingerprint;
 pub mod intersect;
 pub mod layers;

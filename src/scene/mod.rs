@@ -34,7 +34,7 @@ pub use mesh::{Mesh, Triangle};
 pub use orbit::Orbit;
 pub use samples::{Sample, pixel_samples, scrambled, sobol};
 pub use shapes::{Shape, generate};
-pub use texture::{Mapped, Texture, Textures, Wrap, linear_values};
+pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};
 pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
@@ -155,6 +155,7 @@ impl Scene {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
             hash_words(&mut hasher, texture.texels.iter().copied());
+            hash_words(&mut hasher, Some(texture.least_alpha.into()).filter(|least| *least > 0).into_iter());
         }
         if self.lights.iter().any(|light| light.radius > 0.0) {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));

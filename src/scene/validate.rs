@@ -189,7 +189,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     })?;
     let valid = |row: &Mapped| {
         row.corners.as_flattened().iter().all(|value| value.is_finite())
-            && row.texture.is_none_or(|number| (number as usize) < list.len())
+            && [row.texture, row.mask].into_iter().flatten().all(|number| (number as usize) < list.len())
     };
     require(mapped.iter().all(valid), || {
         "a triangle's texture does not exist, or its coordinates are not finite".to_owned()

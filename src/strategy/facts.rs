@@ -145,7 +145,7 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
-            Fact::Textured | Fact::Soft => false,
+            Fact::Textured | Fact::Soft | Fact::CutOut => false,
         }
     }
 
@@ -153,6 +153,7 @@ impl Strategy {
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         match fact {
             Fact::Textured => workload.is_textured(),
+            Fact::CutOut => workload.cut_outs,
             Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
             of_strategy => self.holds(of_strategy),
         }

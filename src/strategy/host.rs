@@ -107,6 +107,7 @@ mod tests {
             materials: 1,
             lights: 1,
             texture_words: 0,
+            cut_outs: false,
             soft_lights: false,
             sky: false,
             stack_size: 0,

@@ -18,6 +18,8 @@ pub struct Workload {
     pub lights: usize,
     /// Number of words of all textures; 0 without textures.
     pub texture_words: usize,
+    /// Whether textures make holes in triangles.
+    pub cut_outs: bool,
     /// Whether lights with a radius are sampled.
     pub soft_lights: bool,
     /// Whether there is a sky.
@@ -40,6 +42,7 @@ impl Workload {
         materials: 1,
         lights: 1,
         texture_words: 0,
+        cut_outs: false,
         soft_lights: false,
         sky: false,
         stack_size: 32,
