@@ -59,6 +59,7 @@ mod split;
 mod supervisor;
 mod textures;
 mod torture;
+mod transparent;
 mod trees;
 mod turns;
 #[cfg(unix)]

@@ -29,6 +29,8 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     size: [u32; 2],
+    /// Whether the background is transparent, so that images have coverage.
+    transparent: bool,
     records_ms: Option<f64>,
     _bytes: FrameBytes,
 }
@@ -66,7 +68,8 @@ impl Caster {
             }
         };
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
-        Ok(Self { queue: queue.clone(), steps, image, working, size, records_ms, _bytes: bytes })
+        let (queue, transparent) = (queue.clone(), setup.scene.transparent);
+        Ok(Self { queue, steps, image, working, size, transparent, records_ms, _bytes: bytes })
     }
 
     /// Returns the device time for preparing the records of triangles, if the strategy uses them. It is spent
@@ -153,6 +156,9 @@ impl Caster {
                 .zip(values)
                 .for_each(|(pixel, value)| *pixel = [value[0], value[1], value[2]]);
             hits += values.par_iter().filter(|pixel| pixel[3] > 0.0).count();
+            if self.transparent {
+                image.coverage.extend(values.iter().map(|pixel| pixel[3]));
+            }
         })?;
         Ok((image, hits))
     }

@@ -85,6 +85,7 @@ pub(super) fn assemble(
         sky: sky.or(studio.as_ref().map(|studio| studio.sky)),
         camera,
         background: background(&wire, studio.as_ref(), display),
+        transparent: matches!(wire.background, Some(BackgroundWire::Transparent)),
         display,
     };
     Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
@@ -103,6 +104,8 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
         Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
+        // What is added to the surfaces' radiance, which is multiplied by the share that they cover.
+        Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }
 

@@ -114,6 +114,9 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
+    /// Whether pictures have an alpha channel: the share of a pixel that surfaces cover. The background is then
+    /// black.
+    pub transparent: bool,
     /// The distance from its surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
     /// The display transform.
@@ -156,6 +159,9 @@ impl Scene {
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
             hash_words(&mut hasher, texture.texels.iter().copied());
             hash_words(&mut hasher, Some(texture.least_alpha.into()).filter(|least| *least > 0).into_iter());
+        }
+        if self.transparent {
+            hash_words(&mut hasher, [u32::MAX].into_iter());
         }
         if self.lights.iter().any(|light| light.radius > 0.0) {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));

@@ -29,7 +29,7 @@ pub(super) struct SceneWire {
     pub light: Option<Vec<LightWire>>,
     /// Light from all directions, unless something occludes it [default: none].
     pub sky: Option<SkyWire>,
-    /// Radiance of a ray that hits nothing, one number or three, or a display colour such as "#204060".
+    /// Radiance of a ray that hits nothing, one number or three, a display colour such as "#204060", or "transparent".
     pub background: Option<BackgroundWire>,
     /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
     /// [default: false].
@@ -236,6 +236,8 @@ pub(super) enum BackgroundWire {
     Radiance([f32; 3]),
     /// Red, green and blue from 0 to 255.
     Displayed([u8; 3]),
+    /// None: pictures have an alpha channel.
+    Transparent,
 }
 
 impl<'de> Deserialize<'de> for BackgroundWire {
@@ -251,12 +253,17 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     type Value = BackgroundWire;
 
     fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str("a display colour such as \"#203040\", or radiance: ")?;
+        out.write_str("a display colour such as \"#203040\", \"transparent\", or radiance: ")?;
         self.0.expecting(out)
     }
 
     fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<BackgroundWire, E> {
-        let wrong = || E::custom(format!("{text:?} is not a display colour such as \"#203040\""));
+        if text == "transparent" {
+            return Ok(BackgroundWire::Transparent);
+        }
+        let wrong = || {
+            E::custom(format!("{text:?} is neither a display colour such as \"#203040\" nor \"transparent\""))
+        };
         displayed(text).map(BackgroundWire::Displayed).ok_or_else(wrong)
     }
 

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     fn image(value: f32) -> Radiance {
-        Radiance { width: 2, height: 1, pixels: vec![[value, 2.0 * value, 0.0]; 2] }
+        Radiance { pixels: vec![[value, 2.0 * value, 0.0]; 2], ..Radiance::new(2, 1) }
     }
 
     #[test]
