@@ -14,6 +14,7 @@ mod cutouts;
 #[cfg(unix)]
 mod device_lock;
 mod edits;
+mod environment;
 mod examples;
 #[cfg(unix)]
 mod faults;

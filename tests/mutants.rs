@@ -26,13 +26,16 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// No row changes them. The probe is there to find wrong answers; the anchor is never replaced by a folder of kernels, and is broken
 /// by a test beside it (src/anchor.rs).
-/// Textures, cut-outs and soft lights are in scenes that have them alone; tests/textures.rs, tests/cutouts.rs and tests/soft.rs break them. What is shown is no radiance, and is
+/// Textures, cut-outs, soft lights and skies that are pictures are in scenes that have them alone; tests/textures.rs, tests/cutouts.rs, tests/soft.rs and
+/// tests/environment.rs break them. What is shown is no radiance, and is
 /// broken by a test beside it (src/launch/show.rs).
-const UNTOUCHED: [&str; 9] = [
+const UNTOUCHED: [&str; 11] = [
     "probe/lanes.cl",
     "anchor/spheres.cl",
     "common/textures.cl",
     "common/cutouts.cl",
+    "common/environment.cl",
+    "common/show_sky.cl",
     "common/soft.cl",
     "cast/soft.cl",
     "tile_cpu/soft.cl",

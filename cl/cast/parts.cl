@@ -26,6 +26,9 @@
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif
+#ifndef ENVIRONMENT
+#error "ENVIRONMENT: 0 or 1: whether the sky is a picture"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -184,3 +187,7 @@ varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pi
             inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
     return number.all;
 }
+
+#if ENVIRONMENT
+#include "common/show_sky.cl"
+#endif

@@ -18,6 +18,9 @@
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif
+#ifndef ENVIRONMENT
+#error "ENVIRONMENT: 0 or 1: whether the sky is a picture"
+#endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
 #endif
@@ -35,4 +38,7 @@
 #endif
 #if SOFT
 #include "common/soft.cl"
+#endif
+#if ENVIRONMENT
+#include "common/show_sky.cl"
 #endif

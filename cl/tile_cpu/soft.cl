@@ -71,6 +71,11 @@ void add_sky(const Bundle *bundle, const SurfaceTree *tree, const Lighting *ligh
         lit &= !are_stopped(&tree->tree, from, way, t_max, lit);
         const Vec3 received = multiply(own->surface.lambertian, radiance_of_sky(soft, way));
         sum[vector] = select3(lit, add(sum[vector], received), sum[vector]);
+#if ENVIRONMENT
+        const Vec3 mirrored = mirrored_sky(soft, lighting->light_count + 1, pixels.x, pixels.y, &own->surface, own->normal,
+                                           own->to_eye);
+        sum[vector] = select3(hits, add(sum[vector], mirrored), sum[vector]);
+#endif
     }
 }
 #endif

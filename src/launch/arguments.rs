@@ -124,6 +124,7 @@ impl<'a> Arguments<'a> {
             Fact::Textured => has(TEXTURE_ROWS),
             Fact::Soft => has(SOFT),
             Fact::CutOut => has(MASK_ROWS),
+            Fact::Environment => has(SOFT),
             of_strategy => strategy.holds(of_strategy),
         };
         for parameter in kernel.parameters(holds) {

@@ -3,7 +3,7 @@
 use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::{allocate, read_rows};
-use super::frame::FrameTimes;
+use super::frame::{FrameTimes, Phase};
 use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
@@ -55,7 +55,7 @@ impl Caster {
             arguments = arguments.with("prepared", prepared);
         }
         let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
-        let steps = match strategy.passes {
+        let mut steps = match strategy.passes {
             _ if strategy.shares_tiles() => {
                 let nearest = allocate::<i32>(queue, pixels)?;
                 let shared = Shared::allocate(queue, pixels)?;
@@ -67,6 +67,7 @@ impl Caster {
                 parts.cast_separate(&image, &nearest)?
             }
         };
+        steps.extend(parts.show_sky(&image, steps.last().map_or(Phase::Whole, |(phase, _)| *phase))?);
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
         let (queue, transparent) = (queue.clone(), setup.scene.transparent);
         Ok(Self { queue, steps, image, working, size, transparent, records_ms, _bytes: bytes })

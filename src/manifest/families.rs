@@ -1,7 +1,7 @@
 //! The table of kernel families.
 
-use super::Fact::{self, Always, CutOut, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
-use super::Role::{Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
+use super::Fact::{self, Always, CutOut, Environment, Indexed, Planes, Soft, Soup, Textured, Tiled, Tree};
+use super::Role::{Background, Frame, LeftOver, Prepare, Primary, Rays, Resolve, Shade, Shadow};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
@@ -91,6 +91,7 @@ pub static TILE_CPU: Family = Family {
             Shade,
             &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, TILE_NEAREST_IN],
         ),
+        SHOW_SKY,
     ],
     defines: &[
         COMMON_DEFINES,
@@ -197,6 +198,7 @@ pub static TILE_GPU: Family = Family {
                 SHADED_BY,
             ],
         ),
+        SHOW_SKY,
     ],
     defines: &[
         COMMON_DEFINES,
@@ -218,6 +220,14 @@ pub static TILE_GPU: Family = Family {
         only("node_width", &["32"], "tests a child of a node with each of them"),
         rule("tile", AllBut(&["32x16"]), "keeps a tile in their registers, 16x16 at most"),
     ],
+};
+
+/// The kernel that shows a sky's picture, in every family that supports a sky.
+const SHOW_SKY: Kernel = Kernel {
+    name: "show_sky",
+    role: Background,
+    when: Environment,
+    parameters: &[SOFT, CAMERA, SIZE, IMAGE],
 };
 
 /// The kernels for rays that are cast one by one or side by side.
@@ -257,6 +267,7 @@ const CAST_KERNELS: &[Kernel] = &[
         Rays,
         &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, RAYS, NEAREST_OUT, WORKING],
     ),
+    SHOW_SKY,
 ];
 
 type Defines = &'static [(Fact, &'static str)];
@@ -277,6 +288,7 @@ const COMMON_DEFINES: Defines = &[
     (Always, "CUTOUTS"),
     (Always, "SOFT"),
     (Always, "SKY"),
+    (Always, "ENVIRONMENT"),
 ];
 const TEXTURE_DEFINES: Defines = &[
     (Textured, "TEXTURE_HEAD_WORDS"),

@@ -40,6 +40,8 @@ const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
 const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
 /// A scene with soft lights and a sky.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, ..Workload::CUBE };
+/// A scene whose sky is a picture.
+const ENVIRONMENT: Workload = Workload { sky_texels: 1, ..SOFT };
 
 /// Returns the program of a strategy for another scene.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
@@ -91,7 +93,7 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
         let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
-        let of_scenes = [TEXTURED, CUT_OUT, SOFT].into_iter().flat_map(with);
+        let of_scenes = [TEXTURED, CUT_OUT, SOFT, ENVIRONMENT].into_iter().flat_map(with);
         let texts: Vec<_> = members.iter().map(spec).chain(of_scenes).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
@@ -118,6 +120,7 @@ fn every_file_belongs_to_a_family_or_serves_all() {
     named.insert("common/lanes.cl".to_owned());
     // Used in programs of scenes with textures, cut-outs or soft lights.
     named.extend(["common/textures.cl", "common/cutouts.cl"].map(str::to_owned));
+    named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
@@ -139,6 +142,8 @@ fn a_program_holds_no_file_of_another_family() {
     }
 }
 
+/// Files for a sky that is a picture.
+const PICTURE_FILES: [&str; 2] = ["common/environment.cl", "common/show_sky.cl"];
 const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
 
 #[test]
@@ -155,6 +160,10 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         let cut_out = spec_for(&Sources::Embedded, &strategy, CUT_OUT);
         let found = [&textured, &cut_out].map(|spec| spec.files.contains(&cutouts));
         assert_eq!(found, [false, taken[0]], "{strategy}");
+        let pictured = spec_for(&Sources::Embedded, &strategy, ENVIRONMENT);
+        let has_all =
+            |spec: &ProgramSpec| PICTURE_FILES.iter().all(|file| spec.files.iter().any(|own| own == file));
+        assert_eq!([&lit, &pictured].map(has_all), [false, taken[1]], "{strategy}");
     }
     for fact in [Fact::Textured, Fact::Soft] {
         let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();

@@ -69,7 +69,7 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
 
 /// Returns the parameter lists of the camera and of every kernel, from the manifest.
 fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
-    let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
+    let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds_of(kernel.when, workload));
     let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload)));
     let head = "#line 1 \"the manifest's parameters\"\n".to_owned();
     [head, parameter_macro("CAMERA", CAMERA.iter())].into_iter().chain(lists).collect()

@@ -5,10 +5,10 @@ use super::intersect::Hit;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
 use super::shade::{Reaches, Sight, shade, sights, surface_at};
-use super::soft::Seen;
+use super::soft::{Seen, radiance_of_sky};
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
-use crate::scene::{Sample, Scene};
+use crate::scene::{Sample, Scene, Sky};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 
@@ -97,8 +97,22 @@ impl<'a, R: Real> Caster<'a, R> {
     ) -> R::Vector {
         match hit {
             Some(hit) => shade(self.scene, seen, ray, hit, reaches),
+            None => self.background(ray.direction),
+        }
+    }
+
+    /// Returns what a ray sees that hits nothing.
+    pub fn background(&self, direction: R::Vector) -> R::Vector {
+        match self.sky_behind() {
+            Some(sky) => radiance_of_sky::<R>(sky, direction),
             None => R::Vector::of(self.scene.background),
         }
+    }
+
+    /// Returns the sky whose picture is behind everything, if there is one.
+    pub fn sky_behind(&self) -> Option<&'a Sky> {
+        let sky = self.scene.sky.as_ref()?;
+        sky.picture.as_ref().filter(|picture| picture.is_seen).map(|_| sky)
     }
 
     /// Returns whether nothing lies between the light and a point at the distance `bias` from the surface. A

@@ -10,6 +10,7 @@ pub mod cast;
 pub mod certainty;
 pub mod cost;
 pub mod cutouts;
+mod environment;
 mod fingerprint;
 pub mod intersect;
 pub mod layers;

@@ -21,6 +21,7 @@ mod overrides;
 mod samples;
 mod schema;
 mod shapes;
+mod sky;
 mod studio;
 mod texture;
 mod transform;
@@ -34,6 +35,7 @@ pub use mesh::{Mesh, Triangle};
 pub use orbit::Orbit;
 pub use samples::{Sample, pixel_samples, scrambled, sobol};
 pub use shapes::{Shape, generate};
+pub use sky::{Sky, SkyPicture};
 pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};
 pub use validate::MAX_COORDINATE;
 
@@ -53,19 +55,6 @@ pub struct Light {
     pub power: Vec3,
     /// The ball's radius, in the scene's units; 0 for a point light.
     pub radius: f32,
-}
-
-/// A sky: light from all directions, unless something occludes it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sky {
-    /// The radiance from directly above.
-    pub zenith: Vec3,
-    /// The radiance from the horizon and from below it.
-    pub horizon: Vec3,
-    /// The direction of the zenith, of unit length.
-    pub up: Vec3,
-    /// Surfaces farther away than this, in the scene's units, do not occlude the sky.
-    pub reach: f32,
 }
 
 /// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
@@ -166,7 +155,13 @@ impl Scene {
         if self.lights.iter().any(|light| light.radius > 0.0) {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
         }
-        if let Some(Sky { zenith, horizon, up, reach }) = &self.sky {
+        if let Some(picture) = self.sky.as_ref().and_then(|sky| sky.picture.as_ref()) {
+            hash_words(&mut hasher, picture.size.into_iter().chain([picture.is_seen.into()]));
+            let numbers =
+                picture.ahead.to_array().into_iter().chain(picture.texels.iter().flatten().copied());
+            hash_words(&mut hasher, numbers.map(f32::to_bits));
+        }
+        if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
             // A word of its own before: no radii of lights read as a sky.
             hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());

@@ -92,7 +92,7 @@ pub(super) fn check_light(light: &Light) -> Result<()> {
 }
 
 fn check_sky(sky: &Sky) -> Result<()> {
-    let Sky { zenith, horizon, up, reach } = sky;
+    let Sky { zenith, horizon, up, reach, .. } = sky;
     let valid = |radiance: &Vec3| radiance.is_finite() && radiance.min_element() >= 0.0;
     let most = zenith.max(*horizon).max_element();
     require(valid(zenith) && valid(horizon) && most <= MAX_POWER, || {

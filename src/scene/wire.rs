@@ -28,7 +28,8 @@ pub(super) struct SceneWire {
     /// Point lights [default: none, so that everything hit is black].
     pub light: Option<Vec<LightWire>>,
     /// Light from all directions, unless something occludes it [default: none].
-    pub sky: Option<SkyWire>,
+    #[schemars(with = "Option<SkyWire>")]
+    pub sky: Option<Spanned<SkyWire>>,
     /// Radiance of a ray that hits nothing, one number or three, a display colour such as "#204060", or "transparent".
     pub background: Option<BackgroundWire>,
     /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
@@ -157,10 +158,18 @@ pub(super) struct LightWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SkyWire {
-    /// Radiance from directly above: one number is white, three are red, green and blue.
-    pub zenith: Triple<Power>,
+    /// Radiance from directly above: one number is white, three are red, green and blue [needed without a picture].
+    pub zenith: Option<Triple<Power>>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
+    /// A picture of all directions, instead of zenith and horizon: a Radiance HDR or an OpenEXR, relative to this
+    /// file.
+    #[schemars(with = "Option<String>")]
+    pub picture: Option<Spanned<String>>,
+    /// The factor of the picture's radiance [default: 1].
+    pub strength: Option<Number<NonNegative>>,
+    /// Degrees by which the picture is turned around the zenith, counter-clockwise from above [default: 0].
+    pub turn_degrees: Option<Number<Finite>>,
     /// Surfaces farther away than this do not occlude the sky [default: all occlude it].
     pub reach: Option<Number<Positive>>,
 }

@@ -145,7 +145,7 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
-            Fact::Textured | Fact::Soft | Fact::CutOut => false,
+            Fact::Textured | Fact::Soft | Fact::CutOut | Fact::Environment => false,
         }
     }
 
@@ -154,6 +154,7 @@ impl Strategy {
         match fact {
             Fact::Textured => workload.is_textured(),
             Fact::CutOut => workload.cut_outs,
+            Fact::Environment => workload.sky_texels > 0 && self.family().takes(Fact::Soft),
             Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
             of_strategy => self.holds(of_strategy),
         }

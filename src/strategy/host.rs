@@ -41,6 +41,9 @@ impl HostNeeds {
                 &[(Mapped::FLOATS as u64 * 4, " B"), (w.triangles as u64, " triangles")],
             );
         }
+        if w.sky_texels > 0 {
+            kept.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
+        }
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
@@ -110,6 +113,7 @@ mod tests {
             cut_outs: false,
             soft_lights: false,
             sky: false,
+            sky_texels: 0,
             stack_size: 0,
             image_size: [side, side],
             local_size: [1, 1],

@@ -24,6 +24,8 @@ pub struct Workload {
     pub soft_lights: bool,
     /// Whether there is a sky.
     pub sky: bool,
+    /// Number of texels of the sky's picture; 0 without one.
+    pub sky_texels: usize,
     /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
     pub stack_size: usize,
     /// Image size in pixels: across, down.
@@ -45,6 +47,7 @@ impl Workload {
         cut_outs: false,
         soft_lights: false,
         sky: false,
+        sky_texels: 0,
         stack_size: 32,
         image_size: [64, 64],
         local_size: [8, 8],

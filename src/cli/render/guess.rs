@@ -34,6 +34,8 @@ struct Remembered {
     soft_lights: bool,
     #[serde(default)]
     sky: bool,
+    #[serde(default)]
+    sky_texels: usize,
 }
 
 /// Returns the cache, unless kernels are being edited.
@@ -58,8 +60,10 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let Workload { local_size, stack_size, texture_words, cut_outs, soft_lights, sky, .. } = *workload;
-    let now = Remembered { axes, local_size, stack_size, texture_words, cut_outs, soft_lights, sky };
+    let Workload { local_size, stack_size, texture_words, cut_outs, soft_lights, sky, sky_texels, .. } =
+        *workload;
+    let now =
+        Remembered { axes, local_size, stack_size, texture_words, cut_outs, soft_lights, sky, sky_texels };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -72,12 +76,13 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
 }
 
 fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    let Remembered { axes, local_size, stack_size, texture_words, cut_outs, soft_lights, sky } =
+    let Remembered { axes, local_size, stack_size, texture_words, cut_outs, soft_lights, sky, sky_texels } =
         remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
     let usual = Workload::default();
-    let known = Workload { local_size, stack_size, texture_words, cut_outs, soft_lights, sky, ..usual };
+    let known =
+        Workload { local_size, stack_size, texture_words, cut_outs, soft_lights, sky, sky_texels, ..usual };
     Some((strategy, known))
 }
 

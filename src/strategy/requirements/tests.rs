@@ -30,6 +30,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         cut_outs: false,
         soft_lights: false,
         sky: false,
+        sky_texels: 0,
         stack_size: 0,
         image_size: [800, 500],
         local_size: [local, local],
