@@ -10,9 +10,11 @@ mod bad_input;
 mod book;
 mod commands;
 mod compiled;
+mod cutouts;
 #[cfg(unix)]
 mod device_lock;
 mod edits;
+mod environment;
 mod examples;
 #[cfg(unix)]
 mod faults;
@@ -58,6 +60,7 @@ mod split;
 mod supervisor;
 mod textures;
 mod torture;
+mod transparent;
 mod trees;
 mod turns;
 #[cfg(unix)]

@@ -26,12 +26,16 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// No row changes them. The probe is there to find wrong answers; the anchor is never replaced by a folder of kernels, and is broken
 /// by a test beside it (src/anchor.rs).
-/// Textures, soft lights and several samples are in pictures that have them alone; tests/textures.rs, tests/soft.rs and tests/samples.rs break them. What is shown is no radiance, and is
+/// Textures, cut-outs, soft lights, skies that are pictures and several samples are in scenes or pictures that have them alone;
+/// tests/textures.rs, tests/cutouts.rs, tests/soft.rs, tests/environment.rs and tests/samples.rs break them. What is shown is no radiance, and is
 /// broken by a test beside it (src/launch/show.rs).
-const UNTOUCHED: [&str; 11] = [
+const UNTOUCHED: [&str; 14] = [
     "probe/lanes.cl",
     "anchor/spheres.cl",
     "common/textures.cl",
+    "common/cutouts.cl",
+    "common/environment.cl",
+    "common/show_sky.cl",
     "common/soft.cl",
     "cast/soft.cl",
     "tile_cpu/soft.cl",

@@ -141,7 +141,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("common/soft.cl", "bits ^= bits >> 4 & 0x0f0f0f0fu;", "", "tile"),
         ("common/soft.cl", "sqrt(u.x) * sinpi(2.0f * u.z)", "sqrt(u.x) * sinpi(2.0f * u.y)", "tile"),
         ("common/soft.cl", "return normalize_or_zero(add(normal, point));", "return point;", "deferred"),
-        ("cast/soft.cl", "open &= !is_stopped_by", "open &= is_stopped_by", "wide-common-origin"),
+        ("cast/soft.cl", "open &= !SOLID_ON_RAYS", "open &= SOLID_ON_RAYS", "wide-common-origin"),
         ("cast/soft.cl", "multiply(surface->lambertian,", "multiply(surface->glossy,", "deferred"),
         ("tile_cpu/soft.cl", "end = first + LEAF_COUNT(word);", "end = first + 1;", "tile"),
         ("tile_cpu/soft.cl", "const float first = negative ?", "const float first = !negative ?", "tile"),

@@ -167,7 +167,7 @@ fn a_broken_texture_is_a_wrong_picture() {
 }
 
 /// A glTF of one quad, its picture as base64, its sampler as given.
-fn gltf(sampler: &str, transform: &str) -> String {
+pub fn gltf(sampler: &str, transform: &str) -> String {
     use base64::Engine as _;
     use base64::engine::general_purpose::STANDARD;
     let floats = [

@@ -42,13 +42,14 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 // The ray starts at a distance from the surface, so that the triangle that was just hit does not
                 // shadow itself.
                 const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
-                if (intersect(&probe, start, to_light, row, t_max, &hit)) open &= !hit.lanes;
+                if (intersect(&probe, start, to_light, row, t_max, &hit))
+                    open &= !SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);
 #else
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
                 // Lanes outside the image take part in the traversal, but record no hit.
-                const Mask nearer = wanted & hit.lanes;
+                const Mask nearer = wanted & SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, place);
                 nearest->t = SELECT(nearer, hit.t, nearest->t);

@@ -53,12 +53,15 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
             const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), to_light);
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
-            open &= !hit.lanes;
+            open &= !SOLID(&scene->textures, first + k, hit);
             if (!ANY(open)) break;
 #else
             const Vec3 from = working_get(working, RAY_ORIGIN);
             const Vec3 direction = working_get(working, RAY_DIRECTION);
             if (!intersect(&probe, from, direction, row, nearest->t, &hit)) continue;
+#if CUTOUTS
+            hit.lanes = SOLID(&scene->textures, first + k, hit);
+#endif
             // A lane may pass the edges but hit the plane behind its nearest hit, or before t_min.
             if (!ANY(hit.lanes)) continue;
             nearest->t = SELECT(hit.lanes, hit.t, nearest->t);

@@ -20,11 +20,17 @@
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"
 #endif
+#ifndef CUTOUTS
+#error "CUTOUTS: 0 or 1: whether triangles have masks, and so holes"
+#endif
 #if !defined(SOFT) || !defined(SKY)
 #error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
 #endif
 #ifndef SAMPLED
 #error "SAMPLED: 0 or 1: whether a pixel gets several samples"
+#endif
+#ifndef ENVIRONMENT
+#error "ENVIRONMENT: 0 or 1: whether the sky is a picture"
 #endif
 #if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
 #error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
@@ -59,6 +65,12 @@
 #endif
 #include "cast/scene.cl"
 #include "cast/gather.cl"
+#if CUTOUTS
+#include "common/cutouts.cl"
+#else
+#define SOLID(textures, triangle, hit) hit.lanes
+#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
+#endif
 #include "common/reflectance.cl"
 #if TREE
 #include "cast/bvh_node.cl"
@@ -199,3 +211,7 @@ varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pi
             inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;
     return number.all;
 }
+
+#if ENVIRONMENT
+#include "common/show_sky.cl"
+#endif

@@ -8,7 +8,8 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
         const Vec3 way = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
-        open &= !is_stopped_by(corners(&scene->geometry, triangle), from, way, t_max);
+        open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, way,
+                               is_stopped_by(corners(&scene->geometry, triangle), from, way, t_max));
     }
     return wanted & !open;
 }
@@ -29,5 +30,11 @@ void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask 
     const Vec3 received = multiply(surface->lambertian, radiance_of_sky(&scene->soft, working_get(working, TO_LIGHT)));
     const Vec3 sum = working_get(working, RADIANCE);
     working_set(working, RADIANCE, select3(lit, add(sum, received), sum));
+#if ENVIRONMENT
+    const Vec3 mirrored = mirrored_sky(&scene->soft, scene->light_count + 1, pixels.x, pixels.y, surface,
+                                       working_get(working, NORMAL), negate(working_get(working, RAY_DIRECTION)));
+    const Vec3 before = working_get(working, RADIANCE);
+    working_set(working, RADIANCE, select3(active, add(before, mirrored), before));
+#endif
 }
 #endif

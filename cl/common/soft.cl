@@ -104,12 +104,16 @@ Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3
 // Returns the distance up to which surfaces occlude the sky.
 float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
 
+#if ENVIRONMENT
+#include "common/environment.cl"
+#else
 // Returns the sky's radiance in a direction; below the horizon it is the horizon's.
 Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
     const varying height = max(dot3(way, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
     return along(horizon, height, subtract(splat(LOAD3(soft->numbers)), horizon));
 }
+#endif
 #endif
 
 // Returns the lanes whose ray is stopped by a triangle before t_max: Moeller and Trumbore's test, for rays with any

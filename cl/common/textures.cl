@@ -13,11 +13,12 @@
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
 // The floats are the linear light of each 8-bit value (sRGB). A head is a texture's first texel, its width, its height, and how
-// it wraps beyond its edges: u in the lowest 8 bits, v in the next. A texel has red in the lowest 8 bits, then green and blue.
+// it wraps beyond its edges: u in the lowest 8 bits, v in the next; the rest is common/cutouts.cl's. A texel has red in the
+// lowest 8 bits, then green, blue and alpha.
 #define CHANNEL_VALUES 256
 
 typedef struct {
-    const __global float4 *rows; // two per triangle: u and v of its corners, then the texture's number, or -1
+    const __global float4 *rows; // two per triangle: u and v of its corners, the texture's number or -1, the mask's
     const __global uint *words;
 } Textures;
 
@@ -43,15 +44,21 @@ Uniform3 texel_colour(const __global uint *words, uint at) {
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
 }
 
-// Returns the texture's colour at a point of a triangle with these weights: four texels, mixed in linear light. White
-// without a texture.
-Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2) {
-    const float4 ab = textures->rows[2 * (size_t)triangle], c = textures->rows[2 * (size_t)triangle + 1];
-    const int number = as_int(c.z);
-    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
-    const __global uint *head = textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
+// Returns a texture's first word.
+const __global uint *texture_head(const Textures *textures, int number) {
+    return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
+}
+
+// The four texels around a point of a texture, as indices of words, and the share of each.
+typedef struct {
+    uint a, b, d, e;
+    float ka, kb, kd, ke;
+} Texels;
+
+// Returns the texels at the point of a triangle with these weights; `ab` and `c` are the triangle's row.
+Texels texels_at(const __global uint *head, float4 ab, float4 c, float w1, float w2) {
     const int width = (int)head[1], height = (int)head[2];
-    const uint across = head[3] & 255, down = head[3] >> 8;
+    const uint across = head[3] & 255, down = head[3] >> 8 & 255;
     // Centres of texels lie at half-integers, like those of pixels.
     const float w0 = 1.0f - w1 - w2;
     const float x = place_in_texture(w0 * ab.x + w1 * ab.z + w2 * c.x, across) * (float)width - 0.5f;
@@ -60,13 +67,26 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
     const int x0 = texel_in_texture((int)left, width, across), x1 = texel_in_texture((int)left + 1, width, across);
     const uint row0 = head[0] + (uint)(texel_in_texture((int)top, height, down) * width);
     const uint row1 = head[0] + (uint)(texel_in_texture((int)top + 1, height, down) * width);
-    const Uniform3 a = texel_colour(textures->words, row0 + x0), b = texel_colour(textures->words, row0 + x1);
-    const Uniform3 d = texel_colour(textures->words, row1 + x0), e = texel_colour(textures->words, row1 + x1);
     const float to_right = x - left, to_bottom = y - top;
-    const float ka = (1.0f - to_right) * (1.0f - to_bottom), kb = to_right * (1.0f - to_bottom);
-    const float kd = (1.0f - to_right) * to_bottom, ke = to_right * to_bottom;
-    return uniform3(ka * a.x + kb * b.x + kd * d.x + ke * e.x, ka * a.y + kb * b.y + kd * d.y + ke * e.y,
-                    ka * a.z + kb * b.z + kd * d.z + ke * e.z);
+    Texels texels;
+    texels.a = row0 + x0, texels.b = row0 + x1, texels.d = row1 + x0, texels.e = row1 + x1;
+    texels.ka = (1.0f - to_right) * (1.0f - to_bottom), texels.kb = to_right * (1.0f - to_bottom);
+    texels.kd = (1.0f - to_right) * to_bottom, texels.ke = to_right * to_bottom;
+    return texels;
+}
+
+// Returns the texture's colour at a point of a triangle with these weights: four texels, mixed in linear light. White
+// without a texture.
+Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2) {
+    const float4 ab = textures->rows[2 * (size_t)triangle], c = textures->rows[2 * (size_t)triangle + 1];
+    const int number = as_int(c.z);
+    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
+    const Texels at = texels_at(texture_head(textures, number), ab, c, w1, w2);
+    const Uniform3 a = texel_colour(textures->words, at.a), b = texel_colour(textures->words, at.b);
+    const Uniform3 d = texel_colour(textures->words, at.d), e = texel_colour(textures->words, at.e);
+    return uniform3(at.ka * a.x + at.kb * b.x + at.kd * d.x + at.ke * e.x,
+                    at.ka * a.y + at.kb * b.y + at.kd * d.y + at.ke * e.y,
+                    at.ka * a.z + at.kb * b.z + at.kd * d.z + at.ke * e.z);
 }
 
 // Returns a surface whose colour is multiplied by the texture of each lane's triangle. Lanes whose triangle is NO_HIT

@@ -39,6 +39,9 @@ typedef struct {
     const __global float4 *planes; // three rows of quads for the eye, then for each light; one quad per triangle in leaf order
     int row;                       // number of quads in a row
 #endif
+#if CUTOUTS && defined(TILE_X)
+    Textures masks; // of the triangles
+#endif
 } Tree;
 
 // Returns the corners of the triangle at an index in leaf order.

@@ -12,6 +12,15 @@
 #endif
 #include "common/tree.cl"
 #include "common/meet_plane.cl"
+#if CUTOUTS
+#include "common/cutouts.cl"
+#define BIND_MASKS(tree)          \
+    tree.masks.rows = mask_rows;  \
+    tree.masks.words = mask_words;
+#else
+#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
+#define BIND_MASKS(tree)
+#endif
 #include "common/reflectance.cl"
 #include "common/store_radiance.cl"
 
@@ -60,6 +69,9 @@ typedef struct {
     varying per[3][VECTORS];    // the reciprocals of their directions
 #if WATERTIGHT
     Shears shears;
+#endif
+#if CUTOUTS
+    const Tree *tree; // that the rays walk
 #endif
 } Bundle;
 

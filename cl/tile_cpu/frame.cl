@@ -23,7 +23,8 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #define BIND_SURFACE_TREE(tree)  \
     tree.tree.nodes = nodes;    \
     tree.tree.leaves = leaves;  \
-    tree.surfaces = surfaces;
+    tree.surfaces = surfaces;   \
+    BIND_MASKS(tree.tree)
 #if TEXTURES
 #define BIND_TEXTURES(lighting)            \
     lighting.textures.rows = texture_rows; \

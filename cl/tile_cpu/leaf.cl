@@ -1,5 +1,17 @@
 // The leaves of a tile's traversal.
 
+#if CUTOUTS
+// Returns those lanes of `hits` that hit the surface of the triangle at an index in leaf order, and no hole of it.
+Mask solid_in_tile(const Bundle *bundle, int vector, int place, Mask hits) {
+    const Vec3 way = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
+    return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, place), leaf_corners(bundle->tree, place),
+                         splat(bundle->origin), way, hits);
+}
+#define SOLID_IN_TILE(bundle, vector, place, hits) solid_in_tile(bundle, vector, place, hits)
+#else
+#define SOLID_IN_TILE(bundle, vector, place, hits) hits
+#endif
+
 #include "tile_cpu/intersect/{intersector}.cl"
 
 // Returns those of `vectors` whose rays are all finished.

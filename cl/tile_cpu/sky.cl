@@ -67,6 +67,18 @@ void cast_packet(const Tree *tree, SkyRays *rays, int first, varying t_max) {
         if (stopped.each[lane]) ((int *)rays->is_open)[rays->sorted[first + lane]] = 0;
 }
 
+#if ENVIRONMENT
+// Adds the picture of the sky as a vector of shiny surfaces mirrors it.
+void add_mirrored_sky(const Bundle *bundle, const Lighting *lighting, int2 image_size, const Shaded *shaded, int vector, Vec3 *sum) {
+    const Mask hits = bundle->place[vector] != NO_HIT;
+    if (!ANY(hits)) return;
+    const Pixels pixels = tile_pixels(vector, image_size);
+    const Vec3 mirrored = mirrored_sky(&lighting->soft, lighting->light_count + 1, pixels.x, pixels.y, &shaded->surface,
+                                       shaded->normal, shaded->to_eye);
+    sum[vector] = select3(hits, add(sum[vector], mirrored), sum[vector]);
+}
+#endif
+
 // Adds the light of the sky, from a direction whose probability is proportional to its cosine with the normal, so
 // that k_L times its radiance arrives.
 void add_sky(const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size, const Shaded *shaded,
@@ -86,6 +98,9 @@ void add_sky(const Bundle *bundle, const SurfaceTree *tree, const Lighting *ligh
     const varying t_max = (varying)(reach_of_sky(&lighting->soft) - lighting->bias);
     for (int first = 0; first < rays.count; first += WIDTH) cast_packet(&tree->tree, &rays, first, t_max);
     for (int vector = 0; vector < VECTORS; vector++) {
+#if ENVIRONMENT
+        add_mirrored_sky(bundle, lighting, image_size, shaded + vector, vector, sum);
+#endif
         const Mask open = rays.is_open[vector];
         if (!ANY(open)) continue;
         const Vec3 way = vec3(rays.way[0][vector], rays.way[1][vector], rays.way[2][vector]);

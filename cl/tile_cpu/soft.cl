@@ -51,7 +51,9 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
     for (;;) {
         if (IS_LEAF(word)) {
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
-            for (int place = first; place < end; place++) open &= !is_stopped_by(leaf_corners(tree, place), from, way, t_max);
+            for (int place = first; place < end; place++)
+                open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, place), leaf_corners(tree, place), from, way,
+                                       is_stopped_by(leaf_corners(tree, place), from, way, t_max));
             if (!ANY(open)) break;
         } else {
             const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;

@@ -52,6 +52,9 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
 
 // Traverses the tree with a bundle's rays; with `any`, until every ray is finished or has met nothing.
 void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
+#if CUTOUTS
+    bundle->tree = &tree->tree;
+#endif
     WaitingTile stack[STACK_SIZE];
     // The root, with every vector that has a ray.
     stack[0].word = 0;

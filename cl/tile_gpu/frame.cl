@@ -37,6 +37,7 @@
     Tree tree;              \
     tree.nodes = nodes;     \
     tree.leaves = leaves;   \
+    BIND_MASKS(tree)        \
     PLANES_OF_TREE
 
 typedef struct {

@@ -56,6 +56,15 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     }
 }
 
+// Whether a pixel receives any light in a round: from lights that reach it or, in the round of the sky, from a picture of
+// it that shiny surfaces mirror.
+#if ENVIRONMENT
+#define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
+#define HAS_LIGHT(reached, place) ((reached) || ((place) != NO_HIT && SHOWS_SKY(sources)))
+#else
+#define HAS_LIGHT(reached, place) reached
+#endif
+
 INLINED void load_material(const __global float *material, Surface *surface) {
     surface->lambertian = load_vec3(material);
     surface->glossy = load_vec3(material + 3);
@@ -117,7 +126,12 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     textures.words = texture_words;
     surface = TEXTURED(surface, &textures, meeting.triangle, meeting.w1, meeting.w2);
 #endif
-    const Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
+    Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
+#if ENVIRONMENT
+    if (SHOWS_SKY(sources))
+        received = add(received, mirrored_sky(&sources->soft, sources->light_count + 1, pixel.x, pixel.y, &surface,
+                                              meeting.normal, negate(from_eye.direction)));
+#endif
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
@@ -177,7 +191,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             // Later rounds of lights add to what earlier ones left in the image.
             float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
             if (first_light && pixel.inside) sum = BEFORE_ROUND(image[at]);
-            if (reached[ray])
+            if (HAS_LIGHT(reached[ray], place[ray]))
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
                             reached[ray] & ~SOME_LEFT_OVER, &sum);
             // Pixels in the queue are stored by the groups that process it.

@@ -33,7 +33,9 @@ INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way
             if (met) word = push(group, child, met, 0, stack, &waiting);
         } else {
             const int own = LEAF_FIRST(word) + group->lane;
-            const int hit = group->lane < LEAF_COUNT(word) && is_stopped_by(leaf_corners(tree, own), from, way, t_max);
+            const int hit = group->lane < LEAF_COUNT(word) &&
+                            SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, own), leaf_corners(tree, own), from, way,
+                                          is_stopped_by(leaf_corners(tree, own), from, way, t_max));
             stopped = lane_any(group, hit);
         }
         if (met) continue;

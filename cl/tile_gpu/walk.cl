@@ -62,6 +62,20 @@ INLINED uint push(const Group *group, Child child, uint met, const int sorted, _
     return lane_get(group, child.word, LOWEST_BIT(nearest));
 }
 
+#if CUTOUTS
+// Returns whether a ray that hits the triangle at an index in leaf order hits its surface, and no hole of it.
+INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float x, float y) {
+    Corners corners;
+    load_corners(shaft, tree, place, &corners.a, &corners.b, &corners.c);
+    return solid_on_rays(&tree->masks, leaf_triangle(tree, place), corners, vec3(shaft->x, shaft->y, shaft->z), vec3(x, y, 1.0f), 1);
+}
+#define SOLID_IN_BEAM(tree, shaft, place, x, y, hit) (hit && solid_in_beam(tree, shaft, place, x, y))
+#define USES_LANES(any) 1
+#else
+#define SOLID_IN_BEAM(tree, shaft, place, x, y, hit) hit
+#define USES_LANES(any) !any
+#endif
+
 // Triangles that a group's rays have to test, side by side, and the lanes that prepared them.
 typedef struct {
     __local float4 *quads; // three each
@@ -83,7 +97,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
         // Compaction by ballot: candidates lie side by side, however many lanes have none.
         const int at = BITS_BEFORE(group, tested);
         store_candidate(own, candidates->quads + 3 * at);
-        if (!any) candidates->lanes[at] = group->lane;
+        if (USES_LANES(any)) candidates->lanes[at] = group->lane;
     }
     lane_sync(group);
     const int count = popcount(tested);
@@ -95,8 +109,9 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
-            const int hit = meets(&triangle, beam->x[ray], beam->y[ray], beam->nearest[ray], beam->ceiling[ray], any,
-                                  &per_depth);
+            const int hit = SOLID_IN_BEAM(tree, shaft, first + candidates->lanes[k], beam->x[ray], beam->y[ray],
+                                          meets(&triangle, beam->x[ray], beam->y[ray], beam->nearest[ray],
+                                                beam->ceiling[ray], any, &per_depth));
             beam->nearest[ray] = hit ? (any ? FAR : per_depth) : beam->nearest[ray];
             found[ray] = hit ? k : found[ray];
         }
@@ -181,7 +196,8 @@ INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft,
             if (group->lane < LEAF_COUNT(word) &&
                 prepare(shaft, tree, LEAF_FIRST(word) + group->lane, nearest, 1, &own))
                 // One ray, 32 triangles: the same test with the roles of lanes and triangles exchanged.
-                hit = meets(&own, x, y, nearest, FAR, 1, &per_depth);
+                hit = SOLID_IN_BEAM(tree, shaft, LEAF_FIRST(word) + group->lane, x, y,
+                                    meets(&own, x, y, nearest, FAR, 1, &per_depth));
             blocked = lane_any(group, hit);
         }
         if (met) continue;

@@ -144,7 +144,7 @@ fn render(args: &Args) -> Result<()> {
     let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
     timeline.ends_with("buffers", &parts);
     let shows = Shows { display: scene.display, target: &target, program: show.as_ref() };
-    let shows = may_be_shown(args, &target).then_some(shows);
+    let shows = (may_be_shown(args, &target) && !scene.transparent).then_some(shows);
     let (picture, cast) = cast(args, &device, &prepared, (&scene, shows), &mut timeline)?;
     let radiance = save_picture(picture, scene.display, &target)?;
     if let (Some(image), false) = (&radiance, layer_targets.is_empty()) {

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     fn flat(value: f32) -> Radiance {
-        Radiance { width: 4, height: 3, pixels: vec![[value; 3]; 12] }
+        Radiance { pixels: vec![[value; 3]; 12], ..Radiance::new(4, 3) }
     }
 
     #[test]
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn pictures_of_different_sizes_differ_where_one_is_missing() {
-        let small = Radiance { width: 2, height: 3, pixels: vec![[1.0; 3]; 6] };
+        let small = Radiance { pixels: vec![[1.0; 3]; 6], ..Radiance::new(2, 3) };
         assert_eq!(difference_image(&small, &flat(1.0)).get_pixel(3, 2).0, colour::WRONG);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Radiance;
 use crate::scene::Display;
-use image::RgbImage;
+use image::{RgbImage, RgbaImage};
 use rayon::prelude::*;
 
 /// Returns the 8-bit picture: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))` of each channel, evaluated
@@ -19,6 +19,22 @@ pub fn to_rgb8(image: &Radiance, display: Display) -> RgbImage {
         },
     );
     picture
+}
+
+/// Returns the 8-bit picture with an alpha channel, if the image has coverage. Colours are those of the covered
+/// part of a pixel (straight alpha).
+pub fn to_rgba8(image: &Radiance, display: Display) -> Option<RgbaImage> {
+    if image.coverage.is_empty() {
+        return None;
+    }
+    let shown = Shown::new(display);
+    let pixel = |(radiance, coverage): (&[f32; 3], &f32)| {
+        let covered = if *coverage > 0.0 { radiance.map(|channel| channel / coverage) } else { [0.0; 3] };
+        let [red, green, blue] = shown.pixel(covered);
+        [red, green, blue, (255.0 * coverage).round() as u8]
+    };
+    let bytes: Vec<[u8; 4]> = image.pixels.par_iter().zip(&image.coverage).map(pixel).collect();
+    RgbaImage::from_raw(image.width, image.height, bytes.into_flattened())
 }
 
 /// Number of pixels that a thread transforms at a time.
@@ -123,7 +139,7 @@ mod tests {
             (0.01, Display::default(), 107),  // 255 * 0.15^(1/2.2) = 107.6
             (white * 1.001, Display::default(), 255),
         ] {
-            let image = Radiance { width: 1, height: 1, pixels: vec![[radiance; 3]] };
+            let image = Radiance { width: 1, height: 1, pixels: vec![[radiance; 3]], coverage: Vec::new() };
             assert_eq!(to_rgb8(&image, display).into_raw(), [value; 3], "{radiance}");
         }
     }

@@ -1,7 +1,9 @@
 //! Encodes pictures; every format has room for raycl's [mark].
 
-use super::{Radiance, jpeg};
+use super::display::to_rgba8;
+use super::{Radiance, jpeg, to_rgb8};
 use crate::output::mark::{self, Insert};
+use crate::scene::Display;
 use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -18,18 +20,28 @@ const HDR_SIGNATURE: &str = "#?RADIANCE\n";
 
 /// Writes a PNG with fast settings, since saving is part of a render's time: 4 ms for 1920 x 1080 pixels.
 pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
-    png_with(picture, mark::png(), file)
+    png_with((picture, picture.dimensions(), ExtendedColorType::Rgb8), mark::png(), file)
 }
 
-/// Writes a PNG with a key next to the mark.
-pub fn keyed_png(picture: &RgbImage, key: &str, file: &mut File) -> Result<()> {
-    png_with(picture, mark::keyed_png(key), file)
+/// Writes an image as PNG, with an alpha channel if the background is transparent, and with a key next to the
+/// mark if it is one frame of several.
+pub fn shown_png(image: &Radiance, display: Display, key: Option<&str>, file: &mut File) -> Result<()> {
+    let piece = key.map_or_else(mark::png, mark::keyed_png);
+    match to_rgba8(image, display) {
+        Some(picture) => png_with((&picture, picture.dimensions(), ExtendedColorType::Rgba8), piece, file),
+        None => {
+            let picture = to_rgb8(image, display);
+            png_with((&picture, picture.dimensions(), ExtendedColorType::Rgb8), piece, file)
+        }
+    }
 }
 
-fn png_with(picture: &RgbImage, piece: (usize, Vec<u8>), file: &mut File) -> Result<()> {
+type Bytes<'a> = (&'a [u8], (u32, u32), ExtendedColorType);
+
+fn png_with((bytes, size, colour): Bytes<'_>, piece: (usize, Vec<u8>), file: &mut File) -> Result<()> {
     encode(file, piece, |writer| {
         let encoder = PngEncoder::new_with_quality(writer, CompressionType::Fast, FilterType::Adaptive);
-        encoder.write_image(picture, picture.width(), picture.height(), ExtendedColorType::Rgb8)
+        encoder.write_image(bytes, size.0, size.1, colour)
     })
 }
 
@@ -53,16 +65,29 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
     })
 }
 
-/// Writes an EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards.
+/// Writes an EXR, with an alpha channel if the background is transparent; its colours are then multiplied by
+/// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted
+/// afterwards.
 pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let width = image.width as usize;
-    let pixel = |Vec2(x, y)| <(f32, f32, f32)>::from(image.pixels[y * width + x]);
     let size = (width, image.height as usize);
-    let mut exr = Image::from_channels(size, SpecificChannels::rgb(pixel));
-    let mark = Text::from(mark::blank().as_str());
-    exr.layer_data.attributes.comments = Some(mark);
+    let pixel = |Vec2(x, y): Vec2<usize>| <(f32, f32, f32)>::from(image.pixels[y * width + x]);
+    let with_alpha = |Vec2(x, y): Vec2<usize>| {
+        let [red, green, blue] = image.pixels[y * width + x];
+        (red, green, blue, image.coverage[y * width + x])
+    };
+    let mark = Some(Text::from(mark::blank().as_str()));
     let mut writer = BufWriter::new(file);
-    exr.write().to_buffered(&mut writer).map_err(Error::other)?;
+    let written = if image.coverage.is_empty() {
+        let mut exr = Image::from_channels(size, SpecificChannels::rgb(pixel));
+        exr.layer_data.attributes.comments = mark;
+        exr.write().to_buffered(&mut writer)
+    } else {
+        let mut exr = Image::from_channels(size, SpecificChannels::rgba(with_alpha));
+        exr.layer_data.attributes.comments = mark;
+        exr.write().to_buffered(&mut writer)
+    };
+    written.map_err(Error::other)?;
     writer.flush()
 }
 

@@ -1,6 +1,6 @@
 //! Reads and writes picture files; a file is written completely or not at all.
 
-use super::encode::{exr, hdr, jpeg, keyed_png, png};
+use super::encode::{exr, hdr, jpeg, png, shown_png};
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
 use crate::output::{Target, mark};
@@ -38,7 +38,7 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
-        Format::Png => png(&to_rgb8(image, display), file),
+        Format::Png => shown_png(image, display, None, file),
         Format::Jpeg => jpeg(&to_rgb8(image, display), file),
         Format::Exr => exr(image, file),
         Format::Hdr => hdr(image, file),
@@ -57,6 +57,20 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
         return Err(Error::input(message).with_help(format!("name it '{}'", png.display())));
     }
     target.check()
+}
+
+/// Refuses a file whose format has no alpha channel, which a transparent background needs.
+pub fn check_alpha(target: &Target) -> Result<()> {
+    let what = match format_of(target)? {
+        Format::Png | Format::Exr => return Ok(()),
+        Format::Jpeg => "a JPEG",
+        Format::Hdr => "an HDR",
+    };
+    let name = target.path().display();
+    let message =
+        format!("cannot write '{name}': {what} has no alpha channel, which a transparent background needs");
+    let [png, exr] = ["png", "exr"].map(|ending| target.path().with_extension(ending));
+    Err(Error::input(message).with_help(format!("name it '{}' or '{}'", png.display(), exr.display())))
 }
 
 /// Returns the format that a file's extension stands for. Standard output has no extension and gets PNG.
@@ -80,12 +94,13 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     let picture = picture.with_guessed_format().map_err(|error| unreadable(&error))?;
     let picture = picture.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
     let (width, height) = picture.dimensions();
-    Ok(Radiance { width, height, pixels: picture.pixels().map(|pixel| pixel.0).collect() })
+    let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+    Ok(Radiance { width, height, pixels, coverage: Vec::new() })
 }
 
 /// Writes one frame of several as PNG, with a key that identifies the frame.
 pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target) -> Result<()> {
-    target.write(|file| keyed_png(&to_rgb8(image, display), key, file))
+    target.write(|file| shown_png(image, display, Some(key), file))
 }
 
 /// Returns the key of a frame that raycl wrote and that was not changed since; `None` for any other file.
@@ -154,7 +169,7 @@ mod tests {
         let pixel = |i| {
             [(i % width) as f32 / width as f32, (i / width) as f32 / height as f32, 0.01].map(|c| c * 0.06)
         };
-        Radiance { width, height, pixels: (0..width * height).map(pixel).collect() }
+        Radiance { pixels: (0..width * height).map(pixel).collect(), ..Radiance::new(width, height) }
     }
 
     fn saved(name: &str, image: &Radiance) -> (tempfile::TempDir, PathBuf) {

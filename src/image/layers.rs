@@ -57,6 +57,7 @@ fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
     let floats = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let words = |name: &str, values: &[u32]| AnyChannel::new(name, FlatSamples::U32(values.to_vec()));
     let of = |pixels: &[[f32; 3]], channel: usize| pixels.iter().map(|pixel| pixel[channel]).collect();
+    let alpha = (!image.coverage.is_empty()).then(|| floats("A", image.coverage.clone()));
     let channels = [
         floats("R", of(&image.pixels, 0)),
         floats("G", of(&image.pixels, 1)),
@@ -72,7 +73,7 @@ fn exr(image: &Radiance, layers: &Layers, file: &mut File) -> IoResult<()> {
     ];
     let size = layers.size.map(|side| side as usize);
     let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::default() };
-    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let channels = AnyChannels::sort(channels.into_iter().chain(alpha).collect());
     let mut exr = Image::from_encoded_channels((size[0], size[1]), encoding, channels);
     exr.layer_data.attributes.comments = Some(Text::from(mark::blank().as_str()));
     let mut writer = BufWriter::new(file);

@@ -13,7 +13,9 @@ mod movie;
 pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{RELATIVE_LIMIT, dark_floor, difference_image, psnr_db, relative_difference};
 pub use display::{Shown, TOGETHER, to_rgb8};
-pub use file::{check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8, shows_8_bits};
+pub use file::{
+    check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8, shows_8_bits,
+};
 pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
@@ -29,18 +31,23 @@ pub struct Radiance {
     pub height: u32,
     /// Red, green and blue of each pixel; `width * height` of them.
     pub pixels: Vec<[f32; 3]>,
+    /// The share of each pixel that surfaces cover, from 0 to 1, if the background is transparent; else empty.
+    /// The pixels are then multiplied by it.
+    pub coverage: Vec<f32>,
 }
 
 impl Radiance {
     /// Makes a black image.
     pub fn new(width: u32, height: u32) -> Self {
-        Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
+        Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize], coverage: Vec::new() }
     }
 
     /// Adds another image of the same size.
     pub fn add(&mut self, other: &Self) {
         let (sums, values) = (self.pixels.as_flattened_mut(), other.pixels.as_flattened());
         sums.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        self.coverage.resize(other.coverage.len(), 0.0);
+        self.coverage.iter_mut().zip(&other.coverage).for_each(|(sum, value)| *sum += value);
     }
 
     /// Divides the image by a number, which makes the mean of a sum.
@@ -48,6 +55,7 @@ impl Radiance {
     pub fn part(mut self, parts: usize) -> Self {
         let part = 1.0 / parts.max(1) as f32;
         self.pixels.as_flattened_mut().par_iter_mut().for_each(|value| *value *= part);
+        self.coverage.iter_mut().for_each(|value| *value *= part);
         self
     }
 

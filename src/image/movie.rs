@@ -1,5 +1,6 @@
 //! Moving pictures in one file or stream.
 
+use super::display::to_rgba8;
 use super::{Radiance, to_rgb8};
 use crate::error::Result;
 use crate::output::{Target, mark};
@@ -36,6 +37,11 @@ impl Movie {
         Self { target, size, rate, format: Format::Y4m }
     }
 
+    /// Returns whether it is a stream for an encoder.
+    pub fn is_stream(&self) -> bool {
+        matches!(self.format, Format::Y4m)
+    }
+
     /// Returns the name that messages use for the file or stream.
     pub fn name(&self) -> String {
         match self.format {
@@ -46,10 +52,10 @@ impl Movie {
 
     /// Writes frames as they arrive.
     pub fn write(&self, frames: impl Iterator<Item = Radiance>, display: Display) -> Result<()> {
-        let frames = frames.map(|frame| to_rgb8(&frame, display));
         match self.format {
-            Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),
+            Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, display, count)),
             Format::Y4m => {
+                let frames = frames.map(|frame| to_rgb8(&frame, display));
                 let mut out = BufWriter::new(std::io::stdout().lock());
                 match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
                     // The encoder has closed its input because it needs no more frames.
@@ -65,19 +71,26 @@ impl Movie {
     fn write_apng(
         &self,
         file: &mut std::fs::File,
-        frames: impl Iterator<Item = RgbImage>,
+        frames: impl Iterator<Item = Radiance>,
+        display: Display,
         count: u32,
     ) -> IoResult<()> {
+        let mut frames = frames.peekable();
+        let has_alpha = frames.peek().is_some_and(|frame| !frame.coverage.is_empty());
         let mut out = mark::Insert::new(BufWriter::new(file), mark::png());
         let mut encoder = png::Encoder::new(&mut out, self.size[0], self.size[1]);
-        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_color(if has_alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::Fast);
         encoder.set_animated(count, 0).map_err(Error::other)?;
         encoder.set_frame_delay(1, self.rate).map_err(Error::other)?;
         let mut writer = encoder.write_header().map_err(Error::other)?;
         for frame in frames {
-            writer.write_image_data(&frame).map_err(Error::other)?;
+            let bytes = match to_rgba8(&frame, display) {
+                Some(shown) => shown.into_raw(),
+                None => to_rgb8(&frame, display).into_raw(),
+            };
+            writer.write_image_data(&bytes).map_err(Error::other)?;
         }
         writer.finish().map_err(Error::other)?;
         out.flush()

@@ -95,6 +95,8 @@ impl<'a> Argument<'a> {
 
 /// The argument that scenes with textures have in addition.
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
+/// The argument that scenes with cut-outs have in addition.
+pub(super) const MASK_ROWS: &str = "mask_rows";
 /// The argument that scenes with sampled soft lights or a sky have in addition.
 pub(super) const SOFT: &str = "soft";
 /// The argument that frames of pixels with several samples have in addition.
@@ -124,6 +126,8 @@ impl<'a> Arguments<'a> {
             Fact::Textured => has(TEXTURE_ROWS),
             Fact::Soft => has(SOFT),
             Fact::Sampled => has(WANTED),
+            Fact::CutOut => has(MASK_ROWS),
+            Fact::Environment => has(SOFT),
             of_strategy => strategy.holds(of_strategy),
         };
         for parameter in kernel.parameters(holds) {

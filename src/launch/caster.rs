@@ -3,7 +3,7 @@
 use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::{allocate, read_rows};
-use super::frame::FrameTimes;
+use super::frame::{FrameTimes, Phase};
 use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
@@ -31,6 +31,8 @@ pub struct Caster {
     working: Working,
     samples: Option<Samples>,
     size: [u32; 2],
+    /// Whether the background is transparent, so that images have coverage.
+    transparent: bool,
     records_ms: Option<f64>,
     _bytes: FrameBytes,
 }
@@ -59,7 +61,7 @@ impl Caster {
             arguments = arguments.with("prepared", prepared);
         }
         let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
-        let steps = match strategy.passes {
+        let mut steps = match strategy.passes {
             _ if strategy.shares_tiles() => {
                 let nearest = allocate::<i32>(queue, pixels)?;
                 let shared = Shared::allocate(queue, pixels)?;
@@ -71,10 +73,12 @@ impl Caster {
                 parts.cast_separate(&image, &nearest)?
             }
         };
+        steps.extend(parts.show_sky(&image, steps.last().map_or(Phase::Whole, |(phase, _)| *phase))?);
         let mark = samples.as_ref().map(|samples| samples.mark_kernel(&parts, &image)).transpose()?;
         let samples = samples.zip(mark).map(|(samples, kernel)| samples.marked_by(kernel));
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
-        Ok(Self { queue: queue.clone(), steps, image, working, samples, size, records_ms, _bytes: bytes })
+        let (queue, transparent) = (queue.clone(), setup.scene.transparent);
+        Ok(Self { queue, steps, image, working, samples, size, transparent, records_ms, _bytes: bytes })
     }
 
     /// Returns the device time for preparing the records of triangles, if the strategy uses them. It is spent
@@ -166,6 +170,9 @@ impl Caster {
                 .zip(values)
                 .for_each(|(pixel, value)| *pixel = [value[0], value[1], value[2]]);
             hits += values.par_iter().filter(|pixel| pixel[3] > 0.0).count();
+            if self.transparent {
+                image.coverage.extend(values.iter().map(|pixel| pixel[3]));
+            }
         })?;
         Ok((image, hits))
     }

@@ -121,6 +121,25 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
+    /// Shows the picture of the sky behind everything; `None` if it has none, or it is not seen. The kernel is
+    /// that of all rays of a picture, whatever its band is: it is short.
+    pub fn show_sky(
+        &self,
+        image: &'a Buffer<Float4>,
+        phase: Phase,
+    ) -> Result<Option<(Phase, Step)>, LaunchError> {
+        let picture = self.setup.scene.sky.as_ref().and_then(|sky| sky.picture.as_ref());
+        if !picture.is_some_and(|picture| picture.is_seen) {
+            return Ok(None);
+        }
+        let arguments = self.arguments.clone().with("image", image);
+        let mut kernel = self.builder(self.kernel_for(Role::Background)?, &arguments)?;
+        let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
+        let (across, down) = self.setup.strategy.block();
+        kernel.global_work_size([width.div_ceil(across), height.div_ceil(down)]);
+        Ok(Some((phase, Step::Run(kernel.build()?))))
+    }
+
     /// Resets the allocator, before each kernel.
     fn reset_heap(&self, phase: Phase) -> Option<(Phase, Step)> {
         match self.working {

@@ -19,6 +19,8 @@ const MARKED_TOGETHER: usize = 64;
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
     wanted: Buffer<u32>,
+    /// Number of samples of each pixel that hit something, if a picture of the sky is behind everything.
+    hits_before: Option<Buffer<u32>>,
     size: [u32; 2],
     mark: Option<Step>,
 }
@@ -30,14 +32,21 @@ impl Samples {
             return Ok(None);
         }
         let blocks = workload.sampled_blocks().iter().product::<u32>() as usize;
-        let samples = Self { wanted: allocate(queue, blocks)?, size: workload.image_size, mark: None };
+        let pixels = workload.image_size.iter().map(|side| *side as usize).product();
+        let hits_before = (workload.sky_texels > 0).then(|| allocate(queue, pixels)).transpose()?;
+        let samples =
+            Self { wanted: allocate(queue, blocks)?, hits_before, size: workload.image_size, mark: None };
         samples.want_all(queue)?;
         Ok(Some(samples))
     }
 
     /// Adds the arguments of a frame.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
-        arguments.with(WANTED, &self.wanted).with("earlier", 0_u32)
+        let arguments = arguments.with(WANTED, &self.wanted).with("earlier", 0_u32);
+        match &self.hits_before {
+            Some(hits) => arguments.with("hits_before", hits),
+            None => arguments,
+        }
     }
 
     /// Makes the kernel that marks rough blocks of an image.

@@ -5,8 +5,9 @@ use super::buffers::{upload, upload_rows};
 use super::textures::{DeviceTextures, word_count};
 use super::{LaunchError, Queue};
 use crate::manifest::{LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
-use crate::scene::{Light, Mesh, Scene, Sky, Triangle};
+use crate::scene::{Light, Mesh, Scene, Sky, SkyPicture, Triangle};
 use crate::strategy::{Strategy, Task, Workload};
+use glam::Vec3;
 use ocl::Buffer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -99,15 +100,24 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
 }
 
-/// Returns the sky in the layout of `cl/common/soft.cl` (zeros if there is none), then the lights' radii.
+/// Returns the sky in the layout of `cl/common/soft.cl` (zeros if there is none), then the lights' radii; with a
+/// picture in that of `cl/common/environment.cl`, and its texels at the end.
 fn soft_floats(scene: &Scene) -> Vec<f32> {
     let mut floats = vec![0.0; SOFT_HEAD_FLOATS];
-    if let Some(Sky { zenith, horizon, up, reach }) = &scene.sky {
+    let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_deref());
+    if let Some(Sky { zenith, horizon, up, reach, .. }) = &scene.sky {
+        let first = (SOFT_HEAD_FLOATS + scene.lights.len()) as f32;
+        let told = |picture: &SkyPicture| {
+            let [width, height] = picture.size.map(|side| side as f32);
+            [Vec3::new(first, width, height), picture.ahead]
+        };
+        let [first, second] = picture.map_or([*zenith, *horizon], told);
         floats.clear();
-        floats.extend([zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array()));
+        floats.extend([first, second, *up].into_iter().flat_map(|vector| vector.to_array()));
         floats.push(*reach);
     }
     floats.extend(scene.lights.iter().map(|light| light.radius));
+    floats.extend(picture.iter().flat_map(|picture| picture.texels.as_flattened()));
     floats
 }
 
@@ -129,9 +139,11 @@ impl Workload {
             materials: scene.mesh.materials.len(),
             lights: scene.lights.len(),
             texture_words: word_count(&scene.mesh.textures),
+            cut_outs: scene.mesh.textures.have_holes(),
             soft_lights: false,
             sky: scene.sky.is_some(),
             many_samples: false,
+            sky_texels: scene.sky.as_ref().and_then(|sky| sky.picture.as_ref()).map_or(0, |p| p.texels.len()),
             stack_size: 0,
             image_size,
             local_size,

@@ -1,11 +1,12 @@
 //! The inputs of a frame, and the kernel arguments derived from them.
 
-use super::arguments::{Arguments, SOFT, TEXTURE_ROWS};
+use super::arguments::{Arguments, SOFT};
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, Queue};
 use crate::program::BuiltProgram;
 use crate::scene::{Camera, Sample, Scene};
 use crate::strategy::{Strategy, Workload};
+use glam::Vec3;
 use ocl::Buffer;
 use ocl::prm::{Float4, Int2, Uint2};
 
@@ -32,7 +33,11 @@ impl<'a> Setup<'a> {
     /// Returns the arguments that depend on the scene and the camera.
     pub fn arguments(&self) -> Arguments<'a> {
         let [width, height] = self.workload.image_size;
-        let [red, green, blue] = self.scene.background.to_array();
+        // A picture of the sky is added to a black background.
+        let picture = self.scene.sky.as_ref().and_then(|sky| sky.picture.as_ref());
+        let is_behind_all = picture.is_some_and(|picture| picture.is_seen);
+        let background = if is_behind_all { Vec3::ZERO } else { self.scene.background };
+        let [red, green, blue] = background.to_array();
         let arguments = scene_arguments(self.uploaded, self.tree);
         let arguments = soft_arguments(arguments, self.uploaded, self.workload);
         camera_arguments(arguments, &self.scene.camera, [width, height])
@@ -76,7 +81,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("lights", &scene.lights)
         .with("light_count", scene.light_count as i32);
     let arguments = match &scene.textures {
-        Some(textures) => arguments.with(TEXTURE_ROWS, &textures.rows).with("texture_words", &textures.words),
+        Some(textures) => textures.add_to(arguments),
         None => arguments,
     };
     let Some(tree) = tree else { return arguments };

@@ -188,13 +188,14 @@ impl Split<'_> {
             team.ready.into_iter().zip(rows).filter(|(_, [first, end])| first < end).collect();
         let parts = at_once(&pairs, |(ready, rows)| self.cast_rows(ready, *rows))?;
         let [width, height] = self.image_size;
-        let mut image = Radiance { width, height, pixels: Vec::new() };
+        let mut image = Radiance { width, height, pixels: Vec::new(), coverage: Vec::new() };
         let (mut hits, mut shares) = (0, Vec::new());
         for (part, part_hits, share) in parts {
             match image.pixels.is_empty() {
                 true => image.pixels = part.pixels,
                 false => image.pixels.extend(part.pixels),
             }
+            image.coverage.extend(part.coverage);
             hits += part_hits;
             shares.push(share);
         }

@@ -1,7 +1,9 @@
 //! The table of kernel families.
 
-use super::Fact::{self, Always, Indexed, Planes, Sampled, Soft, Soup, Textured, Tiled, Tree};
-use super::Role::{Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade, Shadow};
+use super::Fact::{
+    self, Always, CutOut, Environment, Indexed, Planes, Sampled, Soft, Soup, Textured, Tiled, Tree,
+};
+use super::Role::{Background, Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade, Shadow};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
@@ -85,13 +87,22 @@ pub static TILE_CPU: Family = Family {
     label: "traversal = tile with vectors of rays (width = 16)",
     entry: "tile_cpu/entry.cl",
     kernels: &[
-        kernel("tile_frame", Frame, &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES]),
-        kernel("tile_primary", Primary, &[LIGHTS, TREE, SURFACES, CAMERA, SIZE, SAMPLES, TILE_NEAREST_OUT]),
+        kernel(
+            "tile_frame",
+            Frame,
+            &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES],
+        ),
+        kernel(
+            "tile_primary",
+            Primary,
+            &[LIGHTS, TREE, SURFACES, MASKS, CAMERA, SIZE, SAMPLES, TILE_NEAREST_OUT],
+        ),
         kernel(
             "tile_shade",
             Shade,
-            &[LIGHTS, TREE, SURFACES, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, TILE_NEAREST_IN],
+            &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, TILE_NEAREST_IN],
         ),
+        SHOW_SKY,
         MARK_KERNEL,
     ],
     defines: &[
@@ -135,6 +146,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -148,7 +160,7 @@ pub static TILE_GPU: Family = Family {
         kernel(
             "tile_primary",
             Primary,
-            &[LIGHTS, TREE, SURFACES, PREPARED_ROWS, CAMERA, SIZE, SAMPLES, TILE_NEAREST_OUT],
+            &[LIGHTS, TREE, SURFACES, MASKS, PREPARED_ROWS, CAMERA, SIZE, SAMPLES, TILE_NEAREST_OUT],
         ),
         kernel(
             "tile_shadow",
@@ -157,6 +169,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -174,6 +187,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 PREPARED_ROWS,
                 CAMERA,
                 SIZE,
@@ -191,6 +205,7 @@ pub static TILE_GPU: Family = Family {
                 LIGHTS,
                 TREE,
                 SURFACES,
+                MASKS,
                 TEXTURES,
                 SOFT,
                 PREPARED_ROWS,
@@ -203,6 +218,7 @@ pub static TILE_GPU: Family = Family {
                 SHADED_BY,
             ],
         ),
+        SHOW_SKY,
         MARK_KERNEL,
     ],
     defines: &[
@@ -229,6 +245,14 @@ pub static TILE_GPU: Family = Family {
             "keeps a tile in the registers of the 32 work-items, which hold at most 16x16 pixels",
         ),
     ],
+};
+
+/// The kernel that shows a sky's picture, in every family that supports a sky.
+const SHOW_SKY: Kernel = Kernel {
+    name: "show_sky",
+    role: Background,
+    when: Environment,
+    parameters: &[SOFT, CAMERA, SIZE, IMAGE, SAMPLES, HITS_BEFORE],
 };
 
 /// The kernels for rays that are cast one by one or side by side.
@@ -281,6 +305,7 @@ const CAST_KERNELS: &[Kernel] = &[
         Rays,
         &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, RAYS, NEAREST_OUT, WORKING],
     ),
+    SHOW_SKY,
     MARK_KERNEL,
 ];
 
@@ -303,17 +328,20 @@ const COMMON_DEFINES: Defines = &[
     (Always, "MATERIAL_FLOATS"),
     (Always, "PLANES_OF_ORIGIN"),
     (Always, "TEXTURES"),
+    (Always, "CUTOUTS"),
     (Always, "SOFT"),
     (Always, "SKY"),
     (Always, "SAMPLED"),
     (Sampled, "SAMPLED_BLOCK"),
     (Sampled, "ROUGH_STEPS"),
+    (Always, "ENVIRONMENT"),
 ];
 const TEXTURE_DEFINES: Defines = &[
     (Textured, "TEXTURE_HEAD_WORDS"),
     (Textured, "WRAP_REPEAT"),
     (Textured, "WRAP_CLAMP"),
     (Textured, "WRAP_MIRROR"),
+    (CutOut, "LEAST_ALPHA_UNIT"),
 ];
 const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
 /// Defines for tests that need exact signs.

@@ -47,6 +47,10 @@ pub enum Fact {
     Soft,
     /// Pixels get several samples: a property of the picture.
     Sampled,
+    /// The scene has cut-outs, whose triangles have holes: a property of the scene, too.
+    CutOut,
+    /// The sky is a picture: a property of the scene, too.
+    Environment,
 }
 
 /// The role of a kernel in a frame.
@@ -66,6 +70,8 @@ pub enum Role {
     LeftOver,
     /// Shades nearest hits; if no kernel has the role `Shadow`, it casts shadow rays too.
     Shade,
+    /// Shows the sky where rays have hit nothing.
+    Background,
     /// Casts arbitrary rays; not part of a frame.
     Rays,
     /// Prepares records of triangles once per scene; not part of a frame either.

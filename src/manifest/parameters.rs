@@ -1,7 +1,9 @@
 //! The parameters of kernels, in groups that several kernels use.
 
 use super::Fact;
-use super::Fact::{Always, Heap, Indexed, Planes, Records, Sampled, Scratch, Soft, Soup, Textured, Tree};
+use super::Fact::{
+    Always, CutOut, Heap, Indexed, Planes, Records, Sampled, Scratch, Soft, Soup, Textured, Tree,
+};
 
 /// A parameter of a kernel. The argument of the same name is bound to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,11 +53,16 @@ pub const SURFACES: &[Parameter] =
 /// The triangles' texture coordinates, and all textures.
 pub const TEXTURES: &[Parameter] =
     &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
+/// The same for kernels of tiles that cast rays through the holes of cut-outs.
+pub const MASKS: &[Parameter] =
+    &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// How many samples each block of pixels gets, and how many samples the image already has.
 pub const SAMPLES: &[Parameter] =
     &[p(Sampled, "const __global uint *restrict", "wanted"), p(Sampled, "const uint", "earlier")];
+/// How many of a pixel's earlier samples hit something.
+pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
 /// The image after the first samples, the display's exposure, and how many samples a block gets if nothing in
 /// it is rough, and if something is.
 pub const MARK_ROUGH: &[Parameter] = &[

@@ -38,6 +38,10 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
 /// A scene with soft lights and a sky, and several samples of each pixel.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
+/// A scene with cut-outs.
+const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
+/// A scene whose sky is a picture.
+const ENVIRONMENT: Workload = Workload { sky_texels: 1, ..SOFT };
 
 /// Returns the program of a strategy for another scene.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
@@ -89,7 +93,8 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
         let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
-        let texts: Vec<_> = members.iter().map(spec).chain(with(TEXTURED)).chain(with(SOFT)).collect();
+        let of_scenes = [TEXTURED, CUT_OUT, SOFT, ENVIRONMENT].into_iter().flat_map(with);
+        let texts: Vec<_> = members.iter().map(spec).chain(of_scenes).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
             let given = |spec: &ProgramSpec| spec.options.contains(&option);
@@ -113,8 +118,9 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Used in programs of scenes with textures or soft lights, and of several samples.
-    named.insert("common/textures.cl".to_owned());
+    // Used in programs of scenes with textures, cut-outs or soft lights.
+    named.extend(["common/textures.cl", "common/cutouts.cl"].map(str::to_owned));
+    named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     named.extend(SAMPLE_FILES.map(str::to_owned));
     named.insert("tile_cpu/sky.cl".to_owned());
@@ -138,12 +144,14 @@ fn a_program_holds_no_file_of_another_family() {
     }
 }
 
+/// Files for a sky that is a picture.
+const PICTURE_FILES: [&str; 2] = ["common/environment.cl", "common/show_sky.cl"];
 const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
 const SAMPLE_FILES: [&str; 2] = ["common/samples.cl", "common/mark_rough.cl"];
 
 #[test]
 fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
-    let textures = "common/textures.cl".to_owned();
+    let [textures, cutouts] = ["common/textures.cl", "common/cutouts.cl"].map(str::to_owned);
     let soft =
         |spec: &ProgramSpec| spec.files.iter().filter(|file| SOFT_FILES.contains(&file.as_str())).count();
     for strategy in strategies() {
@@ -152,6 +160,13 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         assert!(!without.files.contains(&textures) && soft(&without) == 0, "{strategy}");
         let taken = [Fact::Textured, Fact::Soft].map(|fact| strategy.family().takes(fact));
         assert_eq!([textured.files.contains(&textures), soft(&lit) == 2], taken, "{strategy}");
+        let cut_out = spec_for(&Sources::Embedded, &strategy, CUT_OUT);
+        let found = [&textured, &cut_out].map(|spec| spec.files.contains(&cutouts));
+        assert_eq!(found, [false, taken[0]], "{strategy}");
+        let pictured = spec_for(&Sources::Embedded, &strategy, ENVIRONMENT);
+        let has_all =
+            |spec: &ProgramSpec| PICTURE_FILES.iter().all(|file| spec.files.iter().any(|own| own == file));
+        assert_eq!([&lit, &pictured].map(has_all), [false, taken[1]], "{strategy}");
     }
     for strategy in strategies() {
         let files = |of| spec_for(&Sources::Embedded, &strategy, of).files;

@@ -6,7 +6,7 @@ use crate::manifest::{
     Fact, GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS,
     SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
 };
-use crate::scene::{Material, Wrap};
+use crate::scene::{LEAST_ALPHA_UNIT, Material, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
 
 /// Returns the value of a define; `None` if the define is unknown.
@@ -58,6 +58,8 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "MATERIALS" => if_staged(workload.materials),
         "STACK_SIZE" => workload.stack_size as u64,
         "TEXTURES" => u64::from(workload.is_textured() && strategy.family().takes(Fact::Textured)),
+        "CUTOUTS" => u64::from(workload.cut_outs && strategy.family().takes(Fact::Textured)),
+        "ENVIRONMENT" => u64::from(workload.sky_texels > 0 && strategy.family().takes(Fact::Soft)),
         "SOFT" => u64::from(workload.is_soft() && strategy.family().takes(Fact::Soft)),
         "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),
         "SAMPLED" => u64::from(workload.many_samples),
@@ -84,6 +86,7 @@ fn constant(name: &str) -> Option<u64> {
         "SOUP_STRIDE" => SOUP_FLOATS as u64,
         "SOFT_HEAD_FLOATS" => SOFT_HEAD_FLOATS as u64,
         "TEXTURE_HEAD_WORDS" => TEXTURE_HEAD_WORDS as u64,
+        "LEAST_ALPHA_UNIT" => u64::from(LEAST_ALPHA_UNIT),
         "WRAP_REPEAT" => Wrap::Repeat as u64,
         "WRAP_CLAMP" => Wrap::Clamp as u64,
         "WRAP_MIRROR" => Wrap::Mirror as u64,

@@ -20,7 +20,7 @@ fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
         Role::Frame => fused,
         Role::Primary | Role::Resolve | Role::LeftOver => !fused,
         Role::Shade => !fused || shades_apart,
-        Role::Rays | Role::Records | Role::Mark => false,
+        Role::Background | Role::Rays | Role::Records | Role::Mark => false,
     }
 }
 

@@ -3,7 +3,7 @@
 //! the reference fast.
 
 use super::ray::Ray;
-use super::tree::Tree;
+use super::tree::{Indexed, Tree};
 use crate::strategy::Culling;
 use glam::DVec3;
 
@@ -71,6 +71,14 @@ impl Beam {
         }
     }
 
+    /// Does the same for a triangle that may have holes: then no beam surely hits it.
+    fn meet_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
+        match self.meet(corners, culling) {
+            BeamHit::All(range) if indexed.has_holes => BeamHit::Some(range),
+            certain => certain,
+        }
+    }
+
     fn side(&self, plane: DVec3) -> Side {
         let height = plane.dot(self.direction);
         if height * height <= self.angle * self.angle * plane.length_squared() {
@@ -95,7 +103,7 @@ impl Beam {
             best.map_or(f64::INFINITY, |(_, range)| range[1] * (1.0 + 2.0 * rival))
         };
         tree.walk(&ray, around, |indexed, far| {
-            match self.meet(&indexed.corners(), tree.culling()) {
+            match self.meet_surface(indexed, &indexed.corners(), tree.culling()) {
                 BeamHit::None => {}
                 BeamHit::Some(range) | BeamHit::All(range) if range[1] < nearest => {}
                 BeamHit::All(range) if range[0] > farthest => match best {
@@ -131,7 +139,7 @@ impl Beam {
             }
             // The rays arrive on the triangle's other side.
             let [a, b, c] = indexed.corners();
-            match self.meet(&[a, c, b], tree.culling()) {
+            match self.meet_surface(indexed, &[a, c, b], tree.culling()) {
                 BeamHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
                 BeamHit::Some(range) | BeamHit::All(range) if range[1] >= may[0] && range[0] <= may[1] => {
                     open = true;

@@ -1,13 +1,14 @@
 //! The ray caster: a primary ray per pixel, the closest hit, then shading once.
 
+use super::cutouts::Solid;
 use super::intersect::Hit;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
 use super::shade::{Reaches, Sight, shade, sights, surface_at};
-use super::soft::Seen;
+use super::soft::{Seen, radiance_of_sky};
 use super::traverse::{Exhaustive, Finder};
 use crate::image::Radiance;
-use crate::scene::{Sample, Scene};
+use crate::scene::{Sample, Scene, Sky};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 
@@ -35,7 +36,7 @@ impl<R: Real> Grazing<R> {
 /// A scene to be cast with one type of numbers, at one image size.
 pub struct Caster<'a, R: Real> {
     scene: &'a Scene,
-    finder: Box<dyn Finder<R> + 'a>,
+    finder: Solid<'a, R>,
     frame: Frame<R>,
 }
 
@@ -43,7 +44,12 @@ impl<'a, R: Real> Caster<'a, R> {
     /// Makes a caster of `scene` at `[width, height]` pixels, which searches for hits with `finder`.
     pub fn new(scene: &'a Scene, [width, height]: [u32; 2], finder: impl Finder<R> + 'a) -> Self {
         let frame = Frame::new(&scene.camera.pixel_frame(width, height));
-        Self { scene, finder: Box::new(finder), frame }
+        Self { scene, finder: Solid::new(finder, &scene.mesh.textures), frame }
+    }
+
+    /// Returns casters for which rounding moved the edges of holes in triangles; none if there are no holes.
+    pub fn leaning(&self) -> impl Iterator<Item = Self> {
+        self.finder.leaning().map(|finder| Self { finder, ..*self })
     }
 
     /// Returns the ray through pixel coordinates (x, y), and the nearest triangle that it hits.
@@ -91,8 +97,22 @@ impl<'a, R: Real> Caster<'a, R> {
     ) -> R::Vector {
         match hit {
             Some(hit) => shade(self.scene, seen, ray, hit, reaches),
+            None => self.background(ray.direction),
+        }
+    }
+
+    /// Returns what a ray sees that hits nothing.
+    pub fn background(&self, direction: R::Vector) -> R::Vector {
+        match self.sky_behind() {
+            Some(sky) => radiance_of_sky::<R>(sky, direction),
             None => R::Vector::of(self.scene.background),
         }
+    }
+
+    /// Returns the sky whose picture is behind everything, if there is one.
+    pub fn sky_behind(&self) -> Option<&'a Sky> {
+        let sky = self.scene.sky.as_ref()?;
+        sky.picture.as_ref().filter(|picture| picture.is_seen).map(|_| sky)
     }
 
     /// Returns whether nothing lies between the light and a point at the distance `bias` from the surface. A

@@ -29,6 +29,8 @@ const OFF_PLANE: f64 = 1e-6;
 /// Up to twice the angle by which rounding may turn the direction in which a pixel sees the sky, since its sines and
 /// its normal are rounded.
 const SKY_NUDGE: f64 = 1e-6;
+/// The same with a picture, whose texels are found by an arc tangent and a product with the picture's size.
+const PICTURE_NUDGE: f64 = 4e-6;
 
 /// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
 pub(super) const AT_LIGHT: f64 = 1e-6;
@@ -70,8 +72,17 @@ impl Asked<'_> {
         if self.seen.sky.is_none() {
             return;
         }
-        for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * SKY_NUDGE, axis * -SKY_NUDGE]) {
+        let has_picture = self.seen.sky.is_some_and(|(sky, _)| sky.picture.is_some());
+        let size = if has_picture { PICTURE_NUDGE } else { SKY_NUDGE };
+        for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * size, axis * -size]) {
             sample.consider(radiance(&self.seen.turned(turn)));
+        }
+    }
+
+    /// Includes the changes of a miss if rounding turns the direction in which the sky's picture is seen.
+    fn turn_background(&self, sample: &mut PixelSample, ray: &Ray<f64>) {
+        for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * PICTURE_NUDGE, axis * -PICTURE_NUDGE]) {
+            sample.consider(self.caster.background((ray.direction + turn).normalize()));
         }
     }
 
@@ -84,19 +95,24 @@ impl Asked<'_> {
 }
 
 /// Casts the pixel. Then it casts it again with its ray nudged in each direction along the image's axes, with half and
-/// twice the shadow bias, with surfaces near lights counted as occluders or not, and with the possible roundings of
-/// grazing light. If two surfaces coincide, either is correct, so those behind are included too.
+/// twice the shadow bias, with surfaces near lights counted as occluders or not, with the edges of holes moved by
+/// rounding, and with the possible roundings of grazing light. If two surfaces coincide, either is correct, so those behind are included too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
     let (ray, hit) = caster.look(x, y);
     let mut sample = PixelSample::of(caster.radiance(seen, &ray, hit.as_ref(), bias), hit.is_some());
-    for (reach, [x, y]) in nudges(frame, [x, y]) {
+    let mut look_again = |caster: &Caster<'_, f64>, reach, [x, y]: [f64; 2]| {
         let (ray, other) = caster.look(x, y);
         if hit.is_some() != other.is_some() {
             sample.turn(reach);
         }
         sample.nudge(reach, caster.radiance(seen, &ray, other.as_ref(), bias));
+    };
+    nudges(frame, [x, y]).for_each(|(reach, place)| look_again(caster, reach, place));
+    caster.leaning().for_each(|leaning| look_again(&leaning, Reach::Near, [x, y]));
+    if hit.is_none() && caster.sky_behind().is_some() {
+        asked.turn_background(&mut sample, &ray);
     }
     if let Some(hit) = &hit {
         for factor in [0.5, 2.0] {
@@ -131,7 +147,14 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let ray = caster.ray(x, y);
     let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
     let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
-        return Some(PixelSample::of(caster.radiance(seen, &ray, None, bias), false));
+        let mut sample = PixelSample::of(caster.radiance(seen, &ray, None, bias), false);
+        if caster.sky_behind().is_some() {
+            for (reach, [x, y]) in nudges(frame, [x, y]) {
+                sample.nudge(reach, caster.background(caster.ray(x, y).direction));
+            }
+            asked.turn_background(&mut sample, &ray);
+        }
+        return Some(sample);
     };
     let mesh = &caster.scene().mesh;
     let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -322,7 +345,8 @@ mod tests {
         let mut twice = fixtures::figure_4();
         twice.mesh.append(fixtures::figure_4().mesh);
         let mut under_sky = fixtures::pyramid_upper();
-        under_sky.sky = Some(Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX });
+        under_sky.sky =
+            Some(Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX, picture: None });
         for scene in [near, light_in_ground, light_in_triangle, twice, under_sky] {
             for culling in [Culling::None, Culling::Back] {
                 quickly(&scene, culling);

@@ -72,6 +72,7 @@ fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
         camera: Camera::PAPER,
         sky: None,
         background: PAPER_BACKGROUND,
+        transparent: false,
         shadow_bias: 1e-4,
         display: Display::default(),
     }

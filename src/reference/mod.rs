@@ -9,6 +9,8 @@ pub mod beam;
 pub mod cast;
 pub mod certainty;
 pub mod cost;
+pub mod cutouts;
+mod environment;
 mod fingerprint;
 pub mod intersect;
 pub mod layers;

@@ -32,6 +32,8 @@ pub trait Real:
     fn max(self, other: Self) -> Self;
     /// The square root.
     fn sqrt(self) -> Self;
+    /// The angle of the point (other, self), from -pi to pi.
+    fn atan2(self, other: Self) -> Self;
     /// Rounds down to a whole number.
     fn floor(self) -> Self;
     /// Rounds towards zero to a 32-bit integer.
@@ -88,6 +90,9 @@ macro_rules! real {
             }
             fn sqrt(self) -> Self {
                 $real::sqrt(self)
+            }
+            fn atan2(self, other: Self) -> Self {
+                $real::atan2(self, other)
             }
             fn floor(self) -> Self {
                 $real::floor(self)

@@ -66,7 +66,8 @@ pub fn shade<R: Real>(
     let lambertian = colour.map_or(own, |colour| own * colour);
     let [point, normal] = surface_at(scene, ray, hit);
     let w_o = -ray.direction;
-    sights::<R>(seen, point, normal).fold(R::Vector::ZERO, |sum, sight| {
+    let mirrored = mirrored_sky::<R>(seen, material, w_o, normal);
+    sights::<R>(seen, point, normal).fold(mirrored, |sum, sight| {
         let Sight { light, w_i, distance, .. } = sight;
         let cosine = w_i.dot(normal);
         if cosine <= R::ZERO || !reaches(&sight) {
@@ -84,6 +85,24 @@ pub fn shade<R: Real>(
             (None, None) => sum,
         }
     })
+}
+
+/// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, whatever is in
+/// between: an estimate by one half vector, whose probability is that of the highlight.
+fn mirrored_sky<R: Real>(
+    seen: &Seen<'_>,
+    material: &Material,
+    w_o: R::Vector,
+    normal: R::Vector,
+) -> R::Vector {
+    let Some((sky, _)) = seen.sky.filter(|(sky, _)| sky.picture.is_some()) else { return R::Vector::ZERO };
+    let w_h = seen.half_vector::<R>(normal, material.shininess);
+    let to_half = w_o.dot(w_h);
+    let w_i = w_h * (R::from(2.0) * to_half) - w_o;
+    let cosines = to_half.max(R::ZERO) * w_i.dot(normal).max(R::ZERO);
+    let s = R::from(material.shininess);
+    let share = cosines * (R::from(8.0) + s) / (R::ONE + s);
+    R::Vector::of(material.glossy) * radiance_of_sky::<R>(sky, w_i) * share
 }
 
 /// Returns the reflectance of a surface with this k_L, from `w_i` to `w_o`, per steradian.

@@ -1,6 +1,7 @@
 //! Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. The
 //! counterpart for devices is `cl/common/soft.cl`; both give the same bits.
 
+use super::environment::radiance_of_picture;
 use super::real::{Real, Vector};
 use crate::scene::{Light, Sample, Scene, Sky, scrambled, sobol};
 use glam::DVec3;
@@ -14,6 +15,10 @@ pub struct Seen<'a> {
     pub lights: Cow<'a, [Light]>,
     /// The sky, and a point of the unit sphere that determines the direction in which it is seen.
     pub sky: Option<(&'a Sky, DVec3)>,
+    /// Two numbers from 0 to 1 that determine which direction of the sky's picture a shiny surface mirrors.
+    pub mirrored: [f64; 2],
+    /// By how much that direction is moved.
+    turn: DVec3,
 }
 
 impl<'a> Seen<'a> {
@@ -23,22 +28,46 @@ impl<'a> Seen<'a> {
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
         let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };
         let source = scene.lights.len() as u32;
-        Self { lights, sky: scene.sky.as_ref().map(|sky| (sky, on_sphere(numbers(source, sample, pixel)))) }
+        let sky = scene.sky.as_ref().map(|sky| (sky, on_sphere(numbers(source, sample, pixel))));
+        let [first, second, _] = numbers(source + 1, sample, pixel);
+        Self { lights, sky, mirrored: [first, second], turn: DVec3::ZERO }
     }
 
     /// Returns the same with the point of the sphere moved.
     pub fn turned(&self, by: DVec3) -> Self {
-        Self { lights: self.lights.clone(), sky: self.sky.map(|(sky, point)| (sky, point + by)) }
+        let sky = self.sky.map(|(sky, point)| (sky, point + by));
+        Self { lights: self.lights.clone(), sky, mirrored: self.mirrored, turn: self.turn + by }
+    }
+
+    /// Returns a half vector around a normal, with a probability proportional to the cosine to the power of
+    /// `shininess`.
+    pub fn half_vector<R: Real>(&self, normal: R::Vector, shininess: f32) -> R::Vector {
+        let [a, b] = self.mirrored;
+        let squared_sine = -(2.0 / (f64::from(shininess) + 1.0) * a.ln()).exp_m1();
+        let (sine, turn) = (squared_sine.sqrt(), TAU * b);
+        let [across, down, axis] = AXES.map(DVec3::from_array);
+        let own = sine * (turn.sin() * across + turn.cos() * down) + (1.0 - squared_sine).sqrt() * axis;
+        let (own, axis) = (R::Vector::round(own + self.turn), R::Vector::round(axis));
+        // The axis is turned to the normal on the shortest way.
+        let both = axis + normal;
+        let part = both.dot(own) / (R::ONE + axis.dot(normal)).max(R::from(1e-6));
+        own - both * part + normal * (R::from(2.0) * axis.dot(own))
     }
 }
+
+/// The axes around which half vectors are given; the last is turned to the normal.
+const AXES: [[f64; 3]; 3] = [[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]];
 
 /// Returns a unit vector around a normal, with a probability proportional to its cosine.
 pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }
 
-/// Returns the sky's radiance in a direction; below the horizon it is the horizon's.
+/// Returns the sky's radiance in a direction: that of its picture; else, below the horizon, the horizon's.
 pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
+    if let Some(picture) = &sky.picture {
+        return radiance_of_picture::<R>(sky, picture, way);
+    }
     let height = way.dot(R::Vector::of(sky.up)).max(R::ZERO);
     R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
 }
@@ -103,7 +132,7 @@ mod tests {
             Light { position: Vec3::new(5.0, 6.0, 7.0), power: Vec3::ONE, radius: RADIUS },
             Light { position: Vec3::ONE, power: Vec3::ONE, radius: 0.0 },
         ];
-        let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX };
+        let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX, picture: None };
         scene.sky = Some(sky);
         scene
     }

@@ -1,8 +1,9 @@
 //! Colours of triangles from textures; the counterpart for devices is `cl/common/textures.cl`.
 
 use super::real::{Real, Vector};
-use crate::scene::{Mesh, Texture, Wrap, linear_values};
+use crate::scene::{Mapped, Mesh, Texture, Wrap, linear_values};
 use glam::Vec3;
+use std::ops::{Add, Mul};
 use std::sync::LazyLock;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
@@ -12,18 +13,38 @@ static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 pub fn texture_colour<R: Real>(mesh: &Mesh, triangle: u32, weights: [R; 3]) -> Option<R::Vector> {
     let row = mesh.textures.mapped.get(triangle as usize)?;
     let texture = &mesh.textures.list[row.texture? as usize];
-    let place = |axis: usize| {
-        let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
-        let place = weights[0] * a + weights[1] * b + weights[2] * c;
-        // Centres of texels lie at half-integers, like those of pixels.
-        within(place, texture.wrap[axis]) * R::of(texture.size[axis].into()) - R::from(0.5)
-    };
-    let (x, y) = (place(0), place(1));
-    let (left, top) = (x.floor(), y.floor());
-    let at = |column: i32, row: i32| texel::<R>(texture, left.to_i32() + column, top.to_i32() + row);
-    let mix = |a: R::Vector, b: R::Vector, part: R| a * (R::ONE - part) + b * part;
-    let (upper, lower) = (mix(at(0, 0), at(1, 0), x - left), mix(at(0, 1), at(1, 1), x - left));
-    Some(mix(upper, lower, y - top))
+    Some(Texels::at(texture, row, weights).mix(linear_colour::<R>))
+}
+
+/// The four texels around a point of a texture: two in the row above it, two in the row below.
+pub struct Texels<R> {
+    texels: [u32; 4],
+    /// The shares of the right column and of the lower row.
+    shares: [R; 2],
+}
+
+impl<R: Real> Texels<R> {
+    /// Returns the texels at the point of a triangle with these weights.
+    pub fn at(texture: &Texture, row: &Mapped, weights: [R; 3]) -> Self {
+        let place = |axis: usize| {
+            let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
+            let place = weights[0] * a + weights[1] * b + weights[2] * c;
+            // Centres of texels lie at half-integers, like those of pixels.
+            within(place, texture.wrap[axis]) * R::of(texture.size[axis].into()) - R::from(0.5)
+        };
+        let (x, y) = (place(0), place(1));
+        let (left, top) = (x.floor(), y.floor());
+        let at = |column: i32, row: i32| texel(texture, left.to_i32() + column, top.to_i32() + row);
+        Self { texels: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)], shares: [x - left, y - top] }
+    }
+
+    /// Returns the mean of the texels' values, weighted by their shares.
+    pub fn mix<T: Copy + Add<Output = T> + Mul<R, Output = T>>(&self, value: impl Fn(u32) -> T) -> T {
+        let mix = |a: T, b: T, part: R| a * (R::ONE - part) + b * part;
+        let [a, b, c, d] = self.texels.map(value);
+        let [right, lower] = self.shares;
+        mix(mix(a, b, right), mix(c, d, right), lower)
+    }
 }
 
 /// Returns a texture coordinate wrapped to the range 0 to 1.
@@ -43,7 +64,7 @@ fn least<R: Real>(a: R, b: R) -> R {
     if a < b { a } else { b }
 }
 
-fn texel<R: Real>(texture: &Texture, column: i32, row: i32) -> R::Vector {
+fn texel(texture: &Texture, column: i32, row: i32) -> u32 {
     let [width, height] = texture.size;
     let [x, y] = [(column, 0), (row, 1)].map(|(number, axis)| {
         let size = texture.size[axis] as i32;
@@ -54,7 +75,10 @@ fn texel<R: Real>(texture: &Texture, column: i32, row: i32) -> R::Vector {
         number.clamp(0, size - 1) as u32
     });
     debug_assert!(x < width && y < height);
-    let texel = texture.texels[y as usize * width as usize + x as usize];
+    texture.texels[y as usize * width as usize + x as usize]
+}
+
+fn linear_colour<R: Real>(texel: u32) -> R::Vector {
     let [red, green, blue, _] = texel.to_le_bytes().map(|value| LINEAR[usize::from(value)]);
     R::Vector::of(Vec3::new(red, green, blue))
 }
@@ -67,8 +91,9 @@ mod tests {
 
     /// Returns the colour at `u` of a texture with two texels, black and white.
     fn colour_at(u: f32, wrap: Wrap) -> f64 {
-        let texture = Texture { size: [2, 1], wrap: [wrap; 2], texels: vec![0, 0xff_ffff].into() };
-        let mapped = vec![Mapped { corners: [[u, 0.3]; 3], texture: Some(0) }];
+        let texture =
+            Texture { size: [2, 1], wrap: [wrap; 2], least_alpha: 0, texels: vec![0, 0xff_ffff].into() };
+        let mapped = vec![Mapped { corners: [[u, 0.3]; 3], texture: Some(0), mask: None }];
         let mesh = Mesh { textures: Textures { list: vec![texture], mapped }, ..Mesh::default() };
         let colour = texture_colour::<f64>(&mesh, 0, [0.25, 0.25, 0.5]).unwrap_or(DVec3::NAN);
         assert!(colour.x == colour.y && colour.y == colour.z);

@@ -35,6 +35,12 @@ pub trait Finder<R: Real>: Send + Sync {
     }
 }
 
+impl<R: Real, F: Finder<R>> Finder<R> for &F {
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        (**self).visit(ray, visitor);
+    }
+}
+
 impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         (**self).visit(ray, visitor);

@@ -54,6 +54,8 @@ pub struct Indexed {
     corners: [Vec3; 3],
     /// Its index in `Mesh::triangles`.
     pub triangle: u32,
+    /// Whether it has a mask, and so may have holes.
+    pub has_holes: bool,
 }
 
 impl Indexed {
@@ -66,7 +68,9 @@ impl Indexed {
 impl Tree {
     /// Builds a tree over the mesh's triangles.
     pub fn new(mesh: &Mesh, culling: Culling) -> Self {
-        let indexed = |(i, t)| Indexed { corners: mesh.corners(t), triangle: i as u32 };
+        let has_holes = |i: usize| mesh.textures.mapped.get(i).is_some_and(|row| row.mask.is_some());
+        let indexed =
+            |(i, t)| Indexed { corners: mesh.corners(t), triangle: i as u32, has_holes: has_holes(i) };
         let mut triangles: Vec<_> = mesh.triangles.iter().enumerate().map(indexed).collect();
         let mut nodes = build(&mut triangles, 0, 0);
         let scale = nodes.first().map_or(0.0, |root| root.low.abs().max(root.high.abs()).max_element());

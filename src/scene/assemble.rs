@@ -1,15 +1,14 @@
 //! Makes a [`Scene`] of the wire types, with the checks that TOML types cannot make.
 
 mod objects;
+mod sky;
 
 use super::document::Document;
 use super::files::{self, FileLight};
 use super::studio::Studio;
 use super::validate::{Brightness, check_camera, check_light, check_positions};
-use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire, SkyWire};
-use super::{
-    Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Sky, Textures, framing, normals,
-};
+use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire};
+use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, Textures, framing, normals};
 use crate::error::{Error, Result};
 use framing::{Ball, View};
 use glam::{DVec3, Vec3};
@@ -66,7 +65,9 @@ pub(super) fn assemble(
         Some(studio) => studio.lights.clone(),
         None => lights(document, &wire, &seen, &camera, ball, notes),
     };
-    let sky = wire.sky.as_ref().map(|sky| of_wire(sky, wire.camera.upright()));
+    let is_seen = wire.background.is_none();
+    let sky =
+        wire.sky.as_ref().map(|sky| sky::build(document, sky, wire.camera.upright(), is_seen)).transpose()?;
     // A picture with a given background is probably to be combined with something else, so no ground is
     // added.
     if let Some(ground) =
@@ -82,9 +83,10 @@ pub(super) fn assemble(
         shadow_bias,
         mesh,
         lights,
-        sky: sky.or(studio.as_ref().map(|studio| studio.sky)),
+        sky: sky.or(studio.as_ref().map(|studio| studio.sky.clone())),
         camera,
         background: background(&wire, studio.as_ref(), display),
+        transparent: matches!(wire.background, Some(BackgroundWire::Transparent)),
         display,
     };
     Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
@@ -103,6 +105,8 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
         Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
+        // What is added to the surfaces' radiance, which is multiplied by the share that they cover.
+        Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }
 
@@ -184,12 +188,6 @@ fn check_lights(
 }
 
 /// Returns the sky that a file describes.
-fn of_wire(sky: &SkyWire, up: DVec3) -> Sky {
-    let zenith = Vec3::from_array(sky.zenith.0);
-    let horizon = sky.horizon.map_or(zenith, |horizon| Vec3::from_array(horizon.0));
-    Sky { zenith, horizon, up: up.as_vec3(), reach: sky.reach.map_or(f32::MAX, |reach| reach.0) }
-}
-
 fn default_bias(mesh: &Mesh) -> f32 {
     mesh.bounds().map_or(0.0, |(low, high)| RELATIVE_SHADOW_BIAS * high.distance(low))
 }

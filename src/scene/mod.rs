@@ -21,6 +21,7 @@ mod overrides;
 mod samples;
 mod schema;
 mod shapes;
+mod sky;
 mod studio;
 mod texture;
 mod transform;
@@ -34,7 +35,8 @@ pub use mesh::{Mesh, Triangle};
 pub use orbit::Orbit;
 pub use samples::{Sample, SampleCounts, Sampling, pixel_samples, scrambled, sobol};
 pub use shapes::{Shape, generate};
-pub use texture::{Mapped, Texture, Textures, Wrap, linear_values};
+pub use sky::{Sky, SkyPicture};
+pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};
 pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
@@ -53,19 +55,6 @@ pub struct Light {
     pub power: Vec3,
     /// The ball's radius, in the scene's units; 0 for a point light.
     pub radius: f32,
-}
-
-/// A sky: light from all directions, unless something occludes it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sky {
-    /// The radiance from directly above.
-    pub zenith: Vec3,
-    /// The radiance from the horizon and from below it.
-    pub horizon: Vec3,
-    /// The direction of the zenith, of unit length.
-    pub up: Vec3,
-    /// Surfaces farther away than this, in the scene's units, do not occlude the sky.
-    pub reach: f32,
 }
 
 /// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
@@ -114,6 +103,9 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
+    /// Whether pictures have an alpha channel: the share of a pixel that surfaces cover. The background is then
+    /// black.
+    pub transparent: bool,
     /// The distance from its surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
     /// The display transform.
@@ -155,11 +147,21 @@ impl Scene {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
             hash_words(&mut hasher, texture.texels.iter().copied());
+            hash_words(&mut hasher, Some(texture.least_alpha.into()).filter(|least| *least > 0).into_iter());
+        }
+        if self.transparent {
+            hash_words(&mut hasher, [u32::MAX].into_iter());
         }
         if self.lights.iter().any(|light| light.radius > 0.0) {
             hash_words(&mut hasher, self.lights.iter().map(|light| light.radius.to_bits()));
         }
-        if let Some(Sky { zenith, horizon, up, reach }) = &self.sky {
+        if let Some(picture) = self.sky.as_ref().and_then(|sky| sky.picture.as_ref()) {
+            hash_words(&mut hasher, picture.size.into_iter().chain([picture.is_seen.into()]));
+            let numbers =
+                picture.ahead.to_array().into_iter().chain(picture.texels.iter().flatten().copied());
+            hash_words(&mut hasher, numbers.map(f32::to_bits));
+        }
+        if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
             // A word of its own before: no radii of lights read as a sky.
             hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());

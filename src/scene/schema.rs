@@ -54,7 +54,7 @@ fn three(one: Value) -> Schema {
 }
 
 fn background() -> Schema {
-    let colour = "^(#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})|black|white)$";
+    let colour = "^(#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})|black|white|transparent)$";
     let radiance = number::<NonNegative>();
     json_schema!({ "anyOf": [{ "type": "string", "pattern": colour }, radiance, three(radiance.clone().to_value())] })
 }

@@ -53,7 +53,8 @@ impl Studio {
             key.radius = (KEY_RADII * radius) as f32;
         }
         let reach = if ball.is_open() { REACH_RADII_INSIDE } else { REACH_RADII };
-        let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach: (reach * radius) as f32 };
+        let reach = (reach * radius) as f32;
+        let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach, picture: None };
         let ground = (!ball.is_open()).then(|| ground(mesh, ball, camera, up)).flatten();
         // A horizontal surface receives the mean of the sky, weighted by the cosine. The radiance grows with
         // the sine of the height.

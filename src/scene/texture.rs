@@ -15,6 +15,9 @@ pub enum Wrap {
     Mirror = 2,
 }
 
+/// Parts of [`Texture::least_alpha`] per step of an 8-bit channel.
+pub const LEAST_ALPHA_UNIT: u16 = u16::MAX / 255;
+
 /// A picture with 8 bits per channel, as displayed (sRGB), row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
@@ -22,8 +25,24 @@ pub struct Texture {
     pub size: [u32; 2],
     /// How it continues across and down.
     pub wrap: [Wrap; 2],
+    /// As a mask: the least alpha, in 65535ths, of a point where the surface is. 0 for a colour.
+    pub least_alpha: u16,
     /// Red in the lowest 8 bits, then green, blue and alpha.
     pub texels: Arc<[u32]>,
+}
+
+impl Texture {
+    /// Returns the least alpha of a point where the surface is, in steps of an 8-bit channel. It is less by a
+    /// small part of a step, so that rounding makes no holes where the alpha is the least one everywhere.
+    pub fn least_step(&self) -> f64 {
+        (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
+    }
+
+    /// Returns whether a texel is transparent enough for a hole.
+    fn has_holes(&self) -> bool {
+        let least = self.least_step();
+        self.texels.iter().any(|texel| f64::from(texel >> 24) < least)
+    }
 }
 
 /// A triangle's texture coordinates: (0, 0) is the texture's upper left corner, (1, 1) the lower right one.
@@ -33,17 +52,19 @@ pub struct Mapped {
     pub corners: [[f32; 2]; 3],
     /// The texture's number in [`Textures::list`]; `None` if the triangle only has its material's colour.
     pub texture: Option<u32>,
+    /// The number of the mask, outside of which the triangle has holes; `None` if it has none.
+    pub mask: Option<u32>,
 }
 
 impl Mapped {
     /// Number of floats on a device.
     pub const FLOATS: usize = 8;
     /// A triangle without a texture.
-    pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None };
+    pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
 
-    /// Returns a triangle's coordinates in a texture with these wrap modes, shifted close to the beginning,
+    /// Returns a triangle's coordinates in textures with these wrap modes, shifted close to the beginning,
     /// where single precision is finest.
-    pub fn new(corners: [[f32; 2]; 3], texture: u32, wrap: [Wrap; 2]) -> Self {
+    pub fn new(corners: [[f32; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
         let mut corners = corners;
         for (axis, wrap) in wrap.into_iter().enumerate() {
             let least = corners.iter().map(|corner| corner[axis]).fold(f32::INFINITY, f32::min);
@@ -54,13 +75,14 @@ impl Mapped {
             };
             corners.iter_mut().for_each(|corner| corner[axis] -= whole);
         }
-        Self { corners, texture: Some(texture) }
+        Self { corners, texture, mask }
     }
 
-    /// Returns the words for a device: u and v of the corners, the texture's number or -1, an unused word.
+    /// Returns the words for a device: u and v of the corners, the texture's number or -1, and 0 or one more
+    /// than the mask's number.
     pub fn to_words(self) -> [u32; Self::FLOATS] {
         let [[a, b], [c, d], [e, f]] = self.corners.map(|corner| corner.map(f32::to_bits));
-        [a, b, c, d, e, f, self.texture.unwrap_or(u32::MAX), 0]
+        [a, b, c, d, e, f, self.texture.unwrap_or(u32::MAX), self.mask.map_or(0, |mask| mask + 1)]
     }
 }
 
@@ -74,9 +96,20 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Makes textures with the mapping of each triangle; empty if no triangle has a texture.
-    pub fn of(list: Vec<Texture>, mapped: Vec<Mapped>) -> Self {
-        if mapped.iter().all(|row| row.texture.is_none()) { Self::default() } else { Self { list, mapped } }
+    /// Makes textures with the mapping of each triangle; empty if no triangle has a texture. Masks without
+    /// holes are left out.
+    pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>) -> Self {
+        let have_holes: Vec<bool> = list.iter().map(Texture::has_holes).collect();
+        for row in &mut mapped {
+            row.mask = row.mask.filter(|mask| have_holes[*mask as usize]);
+        }
+        let is_bare = |row: &Mapped| row.texture.is_none() && row.mask.is_none();
+        if mapped.iter().all(is_bare) { Self::default() } else { Self { list, mapped } }
+    }
+
+    /// Returns whether any triangle has a mask.
+    pub fn have_holes(&self) -> bool {
+        self.mapped.iter().any(|row| row.mask.is_some())
     }
 
     /// Adds the textures of a mesh whose triangles follow this one's.
@@ -86,7 +119,11 @@ impl Textures {
         }
         let first = self.list.len() as u32;
         self.mapped.resize(own_triangles, Mapped::NONE);
-        let shifted = |row: Mapped| Mapped { texture: row.texture.map(|number| number + first), ..row };
+        let shifted = |row: Mapped| Mapped {
+            texture: row.texture.map(|number| number + first),
+            mask: row.mask.map(|number| number + first),
+            ..row
+        };
         self.mapped.extend(other.mapped.into_iter().map(shifted));
         self.mapped.resize(own_triangles + other_triangles, Mapped::NONE);
         self.list.extend(other.list);
@@ -108,13 +145,13 @@ mod tests {
     use super::*;
 
     fn texture() -> Texture {
-        Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], texels: Arc::from([0]) }
+        Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels: Arc::from([0]) }
     }
 
     #[test]
     fn coordinates_move_by_whole_textures_only() {
         let corners = [[7.25, -3.5], [7.5, -3.25], [9.0, -1.0]];
-        let of = |wrap| Mapped::new(corners, 0, [wrap; 2]).corners;
+        let of = |wrap| Mapped::new(corners, Some(0), None, [wrap; 2]).corners;
         assert_eq!(of(Wrap::Repeat), [[0.25, 0.5], [0.5, 0.75], [2.0, 3.0]]);
         assert_eq!(of(Wrap::Mirror), [[1.25, 0.5], [1.5, 0.75], [3.0, 3.0]]);
         assert_eq!(of(Wrap::Clamp), corners);
@@ -122,7 +159,7 @@ mod tests {
 
     #[test]
     fn meshes_with_and_without_textures_are_joined() {
-        let mapped = Mapped::new([[0.0; 2]; 3], 0, [Wrap::Repeat; 2]);
+        let mapped = Mapped::new([[0.0; 2]; 3], Some(0), None, [Wrap::Repeat; 2]);
         let one = Textures::of(vec![texture()], vec![mapped]);
         let mut all = Textures::default();
         all.append(2, Textures::default(), 3);
@@ -132,5 +169,21 @@ mod tests {
         let numbers: Vec<_> = all.mapped.iter().map(|row| row.texture).collect();
         assert_eq!(numbers, [None, None, None, None, None, Some(0), Some(1), None]);
         assert_eq!(Textures::of(vec![texture()], vec![Mapped::NONE]), Textures::default());
+    }
+
+    #[test]
+    fn masks_that_hide_nothing_are_left_out() {
+        let mask = |alpha: u32, least_alpha| Texture {
+            least_alpha,
+            texels: Arc::from([0xff00_0000, alpha << 24]),
+            size: [2, 1],
+            ..texture()
+        };
+        let row = |number| Mapped { mask: Some(number), ..Mapped::NONE };
+        let list = vec![mask(128, 128 * 257), mask(127, 128 * 257), mask(0, 0), mask(255, u16::MAX)];
+        let made = Textures::of(list, (0..4).map(row).collect());
+        let masks: Vec<_> = made.mapped.iter().map(|row| row.mask).collect();
+        assert_eq!(masks, [None, Some(1), None, None]);
+        assert!(made.have_holes());
     }
 }

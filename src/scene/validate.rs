@@ -92,7 +92,7 @@ pub(super) fn check_light(light: &Light) -> Result<()> {
 }
 
 fn check_sky(sky: &Sky) -> Result<()> {
-    let Sky { zenith, horizon, up, reach } = sky;
+    let Sky { zenith, horizon, up, reach, .. } = sky;
     let valid = |radiance: &Vec3| radiance.is_finite() && radiance.min_element() >= 0.0;
     let most = zenith.max(*horizon).max_element();
     require(valid(zenith) && valid(horizon) && most <= MAX_POWER, || {
@@ -189,7 +189,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     })?;
     let valid = |row: &Mapped| {
         row.corners.as_flattened().iter().all(|value| value.is_finite())
-            && row.texture.is_none_or(|number| (number as usize) < list.len())
+            && [row.texture, row.mask].into_iter().flatten().all(|number| (number as usize) < list.len())
     };
     require(mapped.iter().all(valid), || {
         "a triangle's texture does not exist, or its coordinates are not finite".to_owned()

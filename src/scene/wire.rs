@@ -28,8 +28,9 @@ pub(super) struct SceneWire {
     /// Point lights [default: none, so that everything hit is black].
     pub light: Option<Vec<LightWire>>,
     /// Light from all directions, unless something occludes it [default: none].
-    pub sky: Option<SkyWire>,
-    /// Radiance of a ray that hits nothing, one number or three, or a display colour such as "#204060".
+    #[schemars(with = "Option<SkyWire>")]
+    pub sky: Option<Spanned<SkyWire>>,
+    /// Radiance of a ray that hits nothing, one number or three, a display colour such as "#204060", or "transparent".
     pub background: Option<BackgroundWire>,
     /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
     /// [default: false].
@@ -157,10 +158,18 @@ pub(super) struct LightWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SkyWire {
-    /// Radiance from directly above: one number is white, three are red, green and blue.
-    pub zenith: Triple<Power>,
+    /// Radiance from directly above: one number is white, three are red, green and blue [needed without a picture].
+    pub zenith: Option<Triple<Power>>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
+    /// A picture of all directions, instead of zenith and horizon: a Radiance HDR or an OpenEXR, relative to this
+    /// file.
+    #[schemars(with = "Option<String>")]
+    pub picture: Option<Spanned<String>>,
+    /// The factor of the picture's radiance [default: 1].
+    pub strength: Option<Number<NonNegative>>,
+    /// Degrees by which the picture is turned around the zenith, counter-clockwise from above [default: 0].
+    pub turn_degrees: Option<Number<Finite>>,
     /// Surfaces farther away than this do not occlude the sky [default: all occlude it].
     pub reach: Option<Number<Positive>>,
 }
@@ -236,6 +245,8 @@ pub(super) enum BackgroundWire {
     Radiance([f32; 3]),
     /// Red, green and blue from 0 to 255.
     Displayed([u8; 3]),
+    /// None: pictures have an alpha channel.
+    Transparent,
 }
 
 impl<'de> Deserialize<'de> for BackgroundWire {
@@ -251,12 +262,17 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     type Value = BackgroundWire;
 
     fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str("a display colour such as \"#203040\", or radiance: ")?;
+        out.write_str("a display colour such as \"#203040\", \"transparent\", or radiance: ")?;
         self.0.expecting(out)
     }
 
     fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<BackgroundWire, E> {
-        let wrong = || E::custom(format!("{text:?} is not a display colour such as \"#203040\""));
+        if text == "transparent" {
+            return Ok(BackgroundWire::Transparent);
+        }
+        let wrong = || {
+            E::custom(format!("{text:?} is neither a display colour such as \"#203040\" nor \"transparent\""))
+        };
         displayed(text).map(BackgroundWire::Displayed).ok_or_else(wrong)
     }
 

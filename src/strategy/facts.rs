@@ -145,7 +145,7 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
-            Fact::Textured | Fact::Soft | Fact::Sampled => false,
+            Fact::Textured | Fact::Soft | Fact::Sampled | Fact::CutOut | Fact::Environment => false,
         }
     }
 
@@ -153,6 +153,8 @@ impl Strategy {
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         match fact {
             Fact::Textured => workload.is_textured(),
+            Fact::CutOut => workload.cut_outs,
+            Fact::Environment => workload.sky_texels > 0 && self.family().takes(Fact::Soft),
             Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
             Fact::Sampled => workload.many_samples,
             of_strategy => self.holds(of_strategy),

@@ -41,6 +41,9 @@ impl HostNeeds {
                 &[(Mapped::FLOATS as u64 * 4, " B"), (w.triangles as u64, " triangles")],
             );
         }
+        if w.sky_texels > 0 {
+            kept.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
+        }
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
@@ -108,9 +111,11 @@ mod tests {
             materials: 1,
             lights: 1,
             texture_words: 0,
+            cut_outs: false,
             soft_lights: false,
             sky: false,
             many_samples: false,
+            sky_texels: 0,
             stack_size: 0,
             image_size: [side, side],
             local_size: [1, 1],

@@ -229,6 +229,9 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
         sum.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
         sum.add("places in textures", &[(TEXTURE_ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
+    if w.sky_texels > 0 {
+        sum.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
+    }
     sum
 }
 

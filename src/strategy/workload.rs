@@ -18,12 +18,16 @@ pub struct Workload {
     pub lights: usize,
     /// Number of words of all textures; 0 without textures.
     pub texture_words: usize,
+    /// True if textures make holes in triangles.
+    pub cut_outs: bool,
     /// True if lights with a radius are sampled.
     pub soft_lights: bool,
     /// True if there is a sky.
     pub sky: bool,
-    /// Whether pixels get several samples.
+    /// True if pixels get several samples.
     pub many_samples: bool,
+    /// Number of texels of the sky's picture; 0 without one.
+    pub sky_texels: usize,
     /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
     pub stack_size: usize,
     /// Image size in pixels: across, down.
@@ -42,9 +46,11 @@ impl Workload {
         materials: 1,
         lights: 1,
         texture_words: 0,
+        cut_outs: false,
         soft_lights: false,
         sky: false,
         many_samples: false,
+        sky_texels: 0,
         stack_size: 32,
         image_size: [64, 64],
         local_size: [8, 8],

@@ -1,6 +1,7 @@
 //! Finds the triangle at the pointer, with a ray of the reference through the pixel, in double precision.
 
 use super::Live;
+use crate::reference::cutouts::Solid;
 use crate::reference::layers::{normal_at, object_of};
 use crate::reference::ray::Frame;
 use crate::reference::traverse::Finder as _;
@@ -41,7 +42,8 @@ pub fn pick(
     object_starts: &[u32],
 ) -> Option<Picked> {
     let frame = Frame::<f64>::new(&camera.pixel_frame(width, height));
-    let hit = tree.closest(&frame.primary(f64::from(x) + 0.5, f64::from(y) + 0.5))?;
+    let surfaces = Solid::new(tree, &scene.mesh.textures);
+    let hit = surfaces.closest(&frame.primary(f64::from(x) + 0.5, f64::from(y) + 0.5))?;
     Some(Picked {
         triangle: hit.triangle,
         object: object_of(object_starts, hit.triangle),

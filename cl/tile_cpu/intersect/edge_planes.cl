@@ -140,7 +140,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const varying inside = min(min(u, v), w);
         const varying seen =
             min(a - edge_on, min(inv_t - bundle->inv_t[vector], bundle->too_near - inv_t));
-        const Mask hits = min(inside, seen) >= 0.0f;
+        const Mask hits = SOLID_IN_TILE(bundle, vector, place, min(inside, seen) >= 0.0f);
         if (any) {
             if (!ANY(hits)) continue;
             bundle->inv_t[vector] = SELECT(hits, (varying)(FAR), bundle->inv_t[vector]);

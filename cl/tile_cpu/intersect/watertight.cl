@@ -98,9 +98,10 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         varying inv_t;
-        const Mask hits = bundle->shears.axis[vector] == NO_AXIS
-                              ? meet_single(bundle, vector, prepared->corners, &inv_t)
-                              : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
+        const Mask met = bundle->shears.axis[vector] == NO_AXIS
+                             ? meet_single(bundle, vector, prepared->corners, &inv_t)
+                             : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
+        const Mask hits = SOLID_IN_TILE(bundle, vector, place, met);
         if (!ANY(hits)) continue;
         bundle->inv_t[vector] = SELECT(hits, any ? (varying)(FAR) : inv_t, bundle->inv_t[vector]);
         if (!any) bundle->place[vector] = SELECT(hits, (varying_int)(place), bundle->place[vector]);

@@ -30,11 +30,14 @@ struct Remembered {
     #[serde(default)]
     texture_words: usize,
     #[serde(default)]
+    cut_outs: bool,
+    #[serde(default)]
     soft_lights: bool,
     #[serde(default)]
     sky: bool,
     #[serde(default)]
     many_samples: bool,
+    sky_texels: usize,
 }
 
 /// Returns the cache, unless kernels are being edited.
@@ -59,8 +62,28 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let Workload { local_size, stack_size, texture_words, soft_lights, sky, many_samples, .. } = *workload;
-    let now = Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky, many_samples };
+    let Workload {
+        local_size,
+        stack_size,
+        texture_words,
+        cut_outs,
+        soft_lights,
+        sky,
+        sky_texels,
+        many_samples,
+        ..
+    } = *workload;
+    let now = Remembered {
+        axes,
+        local_size,
+        stack_size,
+        texture_words,
+        cut_outs,
+        soft_lights,
+        sky,
+        sky_texels,
+        many_samples,
+    };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -73,16 +96,27 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
 }
 
 fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    let Remembered { axes, local_size, stack_size, texture_words, soft_lights, sky, many_samples } =
-        remembered(cache, args, device)?;
+    let Remembered {
+        axes,
+        local_size,
+        stack_size,
+        texture_words,
+        cut_outs,
+        soft_lights,
+        sky,
+        sky_texels,
+        many_samples,
+    } = remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
     let known = Workload {
         local_size,
         stack_size,
         texture_words,
+        cut_outs,
         soft_lights,
         sky,
+        sky_texels,
         many_samples,
         ..Workload::default()
     };

@@ -106,6 +106,9 @@ pub fn run(args: &Args) -> Result<()> {
     let Opened { loaded, device, queue, .. } = open(args, &sources)?;
     let sampling = super::sampling(args, loaded.dressed);
     let Loaded { scene, orbit, notes, .. } = loaded;
+    if scene.transparent {
+        sink.check_alpha()?;
+    }
     let scene = Arc::new(scene);
     let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
     let missing = match &sink {
@@ -186,6 +189,16 @@ impl Sink {
             Self::Numbered(numbered) => numbered.name(),
             Self::Movie(movie) => movie.name(),
         }
+    }
+
+    /// Refuses a stream, which has no alpha channel.
+    fn check_alpha(&self) -> Result<()> {
+        if !matches!(self, Self::Movie(movie) if movie.is_stream()) {
+            return Ok(());
+        }
+        let message = "a y4m stream has no alpha channel, which a transparent background needs";
+        Err(Error::input(message)
+            .with_help("NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture"))
     }
 }
 

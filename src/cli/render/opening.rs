@@ -5,6 +5,7 @@ use super::{Args, guess, load, may_be_shown, target, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
+use crate::image::check_alpha;
 use crate::launch::{HostTree, Queue, ShowProgram};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use crate::scene::{Loaded, Scene};
@@ -66,6 +67,10 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         let show = opened.as_ref().ok().and_then(|(device, queue)| show(args, sources, device, queue));
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
+        // Moving pictures have their own formats.
+        if loaded.scene.transparent && !args.motion.turns() {
+            check_alpha(&target(args))?;
+        }
         Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree, show })
     })
 }

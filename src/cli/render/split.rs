@@ -7,7 +7,7 @@ use super::{Args, load, ms_since, target};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
-use crate::image::{check_target, save};
+use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::{Loaded, Sampling};
@@ -94,6 +94,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let target = target(args);
     check_target(&target, args.subject.size())?;
     let Loaded { scene, notes, .. } = load(args)?;
+    if scene.transparent {
+        check_alpha(&target)?;
+    }
     let scene = Arc::new(scene);
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     let found = discover(&sources)?;

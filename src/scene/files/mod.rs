@@ -20,7 +20,7 @@ use std::path::Path;
 pub(in crate::scene) use colours::{linear, note as colours_note, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::origin_of;
-pub(in crate::scene) use pictures::Pictures;
+pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. It contains the bytes, the points and the
 /// triangles, the last two twice for a short time. (Measured for OBJ: 3.2 with dragons of 202,520 and 810,080

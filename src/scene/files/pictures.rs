@@ -25,20 +25,40 @@ type Parsed<T> = std::result::Result<T, String>;
 /// A picture's texels.
 type Decoded = ([u32; 2], Arc<[u32]>);
 
+/// What a picture is used as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::scene) struct Usage {
+    pub wrap: [Wrap; 2],
+    /// As in [`Texture`].
+    pub least_alpha: u16,
+}
+
+impl Usage {
+    /// Returns the use as a colour.
+    pub fn colour(wrap: [Wrap; 2]) -> Self {
+        Self { wrap, least_alpha: 0 }
+    }
+
+    /// Returns the use as a mask: the surface is where alpha is at least this much, from 0 to 1.
+    pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
+        Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
+    }
+}
+
 /// The textures of a mesh; each picture is decoded once.
 #[derive(Default)]
 pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
     files: HashMap<PathBuf, Parsed<Decoded>>,
-    known: HashMap<(PathBuf, [Wrap; 2]), u32>,
+    known: HashMap<(PathBuf, Usage), u32>,
     texels: usize,
 }
 
 impl Pictures {
     /// Returns the number of the texture from a file.
-    pub fn file(&mut self, reach: Reach<'_>, name: &str, wrap: [Wrap; 2]) -> Parsed<u32> {
+    pub fn file(&mut self, reach: Reach<'_>, name: &str, usage: Usage) -> Parsed<u32> {
         let path = reach.locate(name)?;
-        if let Some(number) = self.known.get(&(path.clone(), wrap)) {
+        if let Some(number) = self.known.get(&(path.clone(), usage)) {
             return Ok(*number);
         }
         let read = || -> Parsed<Decoded> {
@@ -47,33 +67,47 @@ impl Pictures {
             decoded(&bytes, ImageFormat::from_path(&path).ok())
         };
         let picture = self.files.entry(path.clone()).or_insert_with(read).clone()?;
-        let number = self.add(picture, wrap)?;
-        self.known.insert((path, wrap), number);
+        let number = self.add(picture, usage)?;
+        self.known.insert((path, usage), number);
         Ok(number)
     }
 
     /// Returns the number of the texture from a picture's bytes; `key` identifies the picture within the mesh
     /// file.
-    pub fn bytes(&mut self, key: &str, bytes: &[u8], wrap: [Wrap; 2]) -> Parsed<u32> {
+    pub fn bytes(&mut self, key: &str, bytes: &[u8], usage: Usage) -> Parsed<u32> {
         // Resolved paths are never relative, so they cannot equal this key.
-        let key = (Path::new("in the file").join(key), wrap);
+        let key = (Path::new("in the file").join(key), usage);
         if let Some(number) = self.known.get(&key) {
             return Ok(*number);
         }
-        let number = self.add(decoded(bytes, None)?, wrap)?;
+        let number = self.add(decoded(bytes, None)?, usage)?;
         self.known.insert(key, number);
         Ok(number)
     }
 
-    fn add(&mut self, (size, texels): Decoded, wrap: [Wrap; 2]) -> Parsed<u32> {
+    fn add(&mut self, (size, texels): Decoded, Usage { wrap, least_alpha }: Usage) -> Parsed<u32> {
         self.texels += texels.len();
         if self.texels > MOST_TEXELS {
             self.texels -= texels.len();
             return Err(format!("is too much: all textures have at most {MOST_TEXELS} texels"));
         }
-        self.list.push(Texture { size, wrap, texels });
+        self.list.push(Texture { size, wrap, least_alpha, texels });
         Ok(self.list.len() as u32 - 1)
     }
+}
+
+/// Gives a picture without transparent texels an alpha channel: its brightness.
+pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
+    if texture.texels.iter().any(|texel| texel >> 24 < 255) {
+        return;
+    }
+    let with_alpha = |texel: &u32| {
+        let [red, green, blue, _] = texel.to_le_bytes();
+        // The luma of Rec. 709, in 256ths.
+        let luma = (54 * u32::from(red) + 183 * u32::from(green) + 19 * u32::from(blue)) >> 8;
+        texel & 0x00ff_ffff | luma << 24
+    };
+    texture.texels = texture.texels.iter().map(with_alpha).collect();
 }
 
 /// Decodes a picture.
@@ -128,13 +162,33 @@ mod tests {
         std::fs::write(folder.path().join("a.png"), png(3, 2)).unwrap();
         let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
         let mut pictures = Pictures::default();
-        let [repeat, clamp] = [Wrap::Repeat, Wrap::Clamp].map(|wrap| [wrap; 2]);
+        let [repeat, clamp] = [Wrap::Repeat, Wrap::Clamp].map(|wrap| Usage::colour([wrap; 2]));
         assert_eq!(pictures.file(reach, "a.png", repeat), Ok(0));
         assert_eq!(pictures.file(reach, "./a.png", repeat), Ok(0));
         assert_eq!(pictures.file(reach, "a.png", clamp), Ok(1));
         assert_eq!(pictures.list[0].size, [3, 2]);
         assert_eq!(pictures.list[0].texels[4], 0xff07_0101);
         assert!(Arc::ptr_eq(&pictures.list[0].texels, &pictures.list[1].texels));
+        let mask = Usage::mask(repeat.wrap, 0.5);
+        assert_eq!((pictures.file(reach, "a.png", mask), pictures.list[2].least_alpha), (Ok(2), 0x8000));
+    }
+
+    #[test]
+    fn an_opaque_mask_is_where_it_is_bright() {
+        let texture = |texels: [u32; 2]| Texture {
+            size: [2, 1],
+            wrap: [Wrap::Repeat; 2],
+            least_alpha: 0x8000,
+            texels: Arc::from(texels),
+        };
+        let masked = |texels| {
+            let mut texture = texture(texels);
+            brightness_to_alpha(&mut texture);
+            [texture.texels[0], texture.texels[1]]
+        };
+        assert_eq!(masked([0xffff_ffff, 0xff00_0000]), [0xffff_ffff, 0]);
+        assert_eq!(masked([0xff80_8080, 0xff00_00ff]), [0x8080_8080, 0x3500_00ff]);
+        assert_eq!(masked([0xffff_ffff, 0x7f00_0000]), [0xffff_ffff, 0x7f00_0000]);
     }
 
     #[test]

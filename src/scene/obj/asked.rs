@@ -17,6 +17,7 @@ pub(in crate::scene) enum Wish {
     Texture,
     TextureOption,
     Transparency,
+    Blending,
     Emission,
     Reflection,
     Refraction,
@@ -43,6 +44,9 @@ impl Wish {
             Self::Texture => ("textures", "only a material's colour may have one"),
             Self::TextureOption => ("options of textures", "they are ignored"),
             Self::Transparency => ("transparency", "every surface is opaque"),
+            Self::Blending => {
+                ("blended transparency", "what is half opaque or more is seen, the rest is a hole")
+            }
             Self::Emission => ("emitted light", "only lights of the scene shine"),
             Self::Reflection => ("mirror reflections", "surfaces show lights only"),
             Self::Refraction => ("refraction", "every surface is opaque"),

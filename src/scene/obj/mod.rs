@@ -27,7 +27,7 @@ use glam::{DVec3, Vec3};
 use points::PointChunk;
 use rayon::prelude::*;
 use text::{Chunk, Mistake, Source};
-use textures::Places;
+use textures::{Maps, Places};
 
 pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
@@ -56,7 +56,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
 
-    let coordinates = match materials.maps.iter().any(Option::is_some) {
+    let coordinates = match materials.maps.iter().any(Maps::has_any) {
         true => read_coordinates(&source, &chunks)?,
         false => Vec::new(),
     };

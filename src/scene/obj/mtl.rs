@@ -3,7 +3,7 @@
 use super::Permitted;
 use super::asked::Asked;
 use super::text::{Mistake, Source, keyword, number, quoted, tokens, words};
-use super::textures::ColourMap;
+use super::textures::{Map, Maps};
 use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
@@ -18,8 +18,8 @@ pub(super) struct Materials {
     pub list: Vec<Material>,
     /// The unsupported features of each material.
     pub asked: Vec<Asked>,
-    /// The texture of each material.
-    pub maps: Vec<Option<ColourMap>>,
+    /// The textures of each material.
+    pub maps: Vec<Maps>,
     pub by_name: HashMap<String, u32>,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn load_all<'a>(
     let mut materials = Materials {
         list: vec![Material::default()],
         asked: vec![Asked::default()],
-        maps: vec![None],
+        maps: vec![Maps::default()],
         by_name: HashMap::new(),
     };
     for library in libraries {
@@ -111,11 +111,12 @@ impl Materials {
         let checked = check(&text).map_err(|mistake| source.error(mistake))?;
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
-        for (material, Extras { mut asked, model, map }) in list.iter().zip(checked.extras) {
+        for (material, Extras { mut asked, model, colour, mask }) in list.iter().zip(checked.extras) {
             self.by_name.insert(material.name.clone(), self.list.len() as u32);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
             let at = |offset| format!("{name}:{}", source.line(offset));
-            self.maps.push(map.map(|(offset, map)| map.told(at(offset), alone)));
+            let told = |map: Option<(usize, Map)>| map.map(|(offset, map)| map.told(at(offset), alone));
+            self.maps.push(Maps::new(told(colour), told(mask), &mut asked));
             let material = convert(material);
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
@@ -141,7 +142,9 @@ struct Extras {
     /// The value of `illum`.
     model: Option<Vec<u8>>,
     /// The value of `map_Kd`, and its position.
-    map: Option<(usize, ColourMap)>,
+    colour: Option<(usize, Map)>,
+    /// The value of `map_d`, and its position.
+    mask: Option<(usize, Map)>,
 }
 
 impl Extras {
@@ -149,7 +152,10 @@ impl Extras {
         match keyword {
             b"illum" => self.model = tokens(rest).next().map(<[u8]>::to_vec),
             _ if keyword.eq_ignore_ascii_case(b"map_Kd") => {
-                self.map = ColourMap::of_line(rest, &mut self.asked).map(|map| (offset, map));
+                self.colour = Map::of_line("map_Kd", rest, &mut self.asked).map(|map| (offset, map));
+            }
+            _ if keyword.eq_ignore_ascii_case(b"map_d") => {
+                self.mask = Map::of_line("map_d", rest, &mut self.asked).map(|map| (offset, map));
             }
             _ => wishes::of_material(&mut self.asked, keyword, rest),
         }

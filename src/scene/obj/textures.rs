@@ -1,9 +1,9 @@
-//! Textures of OBJ meshes: the `map_Kd` of materials, and the triangles' texture coordinates.
+//! Textures of OBJ meshes: the `map_Kd` and `map_d` of materials, and the triangles' texture coordinates.
 
 use super::asked::{Asked, Wish};
 use super::mtl::Reach;
 use super::text::{number, quoted, tokens, words};
-use crate::scene::files::Pictures;
+use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
 use crate::words::counted;
@@ -13,9 +13,71 @@ use glam::Vec3;
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
-/// The texture of a material's `map_Kd`.
+/// The alpha, or brightness, from which on a surface is where its `map_d` is.
+const LEAST_ALPHA: f32 = 0.5;
+
+/// The textures of a material.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Maps {
+    /// Of `map_Kd`.
+    colour: Option<Map>,
+    /// Of `map_d`.
+    mask: Option<Map>,
+}
+
+impl Maps {
+    /// Makes a material's textures. Both have one place on a triangle, that of the colour.
+    pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
+        let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
+        if let [Some(colour), Some(mask)] = places
+            && colour != mask
+        {
+            asked.add(Wish::TextureOption, b"map_d -s, -o or -clamp");
+        }
+        Self { colour, mask }
+    }
+
+    /// Returns whether there is a texture.
+    pub fn has_any(&self) -> bool {
+        self.place().is_some()
+    }
+
+    /// Returns the map that says where the textures are on a triangle.
+    fn place(&self) -> Option<&Map> {
+        self.colour.as_ref().or(self.mask.as_ref())
+    }
+
+    /// Returns the numbers of the colour and of the mask; notes list what could not be read.
+    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, notes: &mut Vec<String>) -> Loaded<'_> {
+        let place = self.place()?;
+        let wrap = [place.wrap; 2];
+        let mut load = |map: &Option<Map>, usage, [what, instead]: [&str; 2]| {
+            let map = map.as_ref()?;
+            map.load(reach, pictures, usage)
+                .map_err(|why| {
+                    let name = match reach.permitted.quotes {
+                        true => format!(" {}", quoted(map.name.as_bytes())),
+                        false => String::new(),
+                    };
+                    let note = format!("{}: {what}{name} {why}: {instead}", map.at);
+                    notes.extend((!notes.contains(&note)).then_some(note));
+                })
+                .ok()
+        };
+        let colour =
+            load(&self.colour, Usage::colour(wrap), ["texture", "its material's own colour is used"]);
+        let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
+        mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
+        (colour.is_some() || mask.is_some()).then_some((place, colour, mask))
+    }
+}
+
+/// The place of a material's textures, and the numbers of the colour and of the mask.
+type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
+
+/// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct ColourMap {
+pub(super) struct Map {
     /// The picture's file.
     pub name: String,
     /// The location of the line that names it, for messages.
@@ -27,9 +89,9 @@ pub(super) struct ColourMap {
     wrap: Wrap,
 }
 
-impl ColourMap {
+impl Map {
     /// Parses a line without its keyword; `None` if it names no file. Unsupported options are counted.
-    pub fn of_line(rest: &[u8], asked: &mut Asked) -> Option<Self> {
+    pub fn of_line(keyword: &str, rest: &[u8], asked: &mut Asked) -> Option<Self> {
         let mut map = Self {
             name: String::new(),
             at: String::new(),
@@ -48,7 +110,7 @@ impl ColourMap {
                 b"-o" => map.offset = pair(&numbers, 0.0),
                 b"-clamp" if all.get(at) == Some(&&b"on"[..]) => map.wrap = Wrap::Clamp,
                 b"-clamp" => {}
-                other => asked.add(Wish::TextureOption, &[b"map_Kd ", other].concat()),
+                other => asked.add(Wish::TextureOption, &[keyword.as_bytes(), b" ", other].concat()),
             }
             at += match *option {
                 b"-s" | b"-o" | b"-t" => numbers.len(),
@@ -70,14 +132,18 @@ impl ColourMap {
         Self { at, alone, ..self }
     }
 
+    /// Returns what decides where the picture is on a triangle.
+    fn placing(&self) -> ([f32; 2], [f32; 2], Wrap) {
+        (self.scale, self.offset, self.wrap)
+    }
+
     /// Returns the number of its texture. If the file does not exist, a file of that name in the mesh's
     /// folder is tried, since many files contain paths of their authors' disks.
-    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures) -> Result<u32, String> {
-        let wrap = [self.wrap; 2];
-        pictures.file(reach, &self.name, wrap).or_else(|why| {
+    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
+        pictures.file(reach, &self.name, usage).or_else(|why| {
             let beside = self.name.rsplit(['/', '\\']).next().unwrap_or_default();
             let elsewhere = beside != self.name && reach.locate(beside).is_ok();
-            if elsewhere { pictures.file(reach, beside, wrap) } else { Err(why) }
+            if elsewhere { pictures.file(reach, beside, usage) } else { Err(why) }
         })
     }
 
@@ -104,7 +170,7 @@ pub(super) struct Places {
 /// Gives the triangles of a mesh their textures; only materials that a triangle uses are considered.
 pub(super) fn apply(
     mesh: &mut Mesh,
-    maps: &[Option<ColourMap>],
+    maps: &[Maps],
     places: &Places,
     reach: Reach<'_>,
     notes: &mut Vec<String>,
@@ -112,36 +178,22 @@ pub(super) fn apply(
     let mut used = vec![false; maps.len()];
     mesh.triangles.iter().for_each(|triangle| used[triangle.material as usize] = true);
     let mut pictures = Pictures::default();
-    let mut numbers = vec![None; maps.len()];
-    for (material, map) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
-        let Some(map) = map else { continue };
-        match map.load(reach, &mut pictures) {
-            Ok(number) => {
-                numbers[material] = Some((map, number));
-                if map.alone {
-                    mesh.materials[material].lambertian = Vec3::ONE;
-                }
-            }
-            Err(why) => {
-                let name = if reach.permitted.quotes {
-                    format!(" {}", quoted(map.name.as_bytes()))
-                } else {
-                    String::new()
-                };
-                let note = format!("{}: texture{name} {why}: its material's own colour is used", map.at);
-                notes.extend((!notes.contains(&note)).then_some(note));
-            }
+    let mut loaded = vec![None; maps.len()];
+    for (material, maps) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
+        loaded[material] = maps.load(reach, &mut pictures, notes);
+        if let Some((Map { alone: true, .. }, Some(_), _)) = loaded[material] {
+            mesh.materials[material].lambertian = Vec3::ONE;
         }
     }
     let mut without = 0;
     let rows = mesh.triangles.iter().zip(&places.corners).map(|(triangle, corners)| {
-        let Some((map, number)) = numbers[triangle.material as usize] else { return Mapped::NONE };
+        let Some((map, colour, mask)) = loaded[triangle.material as usize] else { return Mapped::NONE };
         if corners.contains(&MISSING) {
             without += 1;
             return Mapped::NONE;
         }
         let corners = corners.map(|corner| map.place(places.coordinates[corner as usize]));
-        Mapped::new(corners, number, [map.wrap; 2])
+        Mapped::new(corners, colour, mask, [map.wrap; 2])
     });
     let rows = rows.collect();
     mesh.textures = Textures::of(pictures.list, rows);
@@ -165,7 +217,7 @@ mod tests {
     use super::*;
 
     fn map(rest: &str) -> Option<(String, [f32; 2], [f32; 2], Wrap)> {
-        let map = ColourMap::of_line(rest.as_bytes(), &mut Asked::default())?;
+        let map = Map::of_line("map_Kd", rest.as_bytes(), &mut Asked::default())?;
         Some((map.name, map.scale, map.offset, map.wrap))
     }
 
@@ -181,14 +233,14 @@ mod tests {
         assert_eq!(map(" # none"), None);
         assert_eq!(map(" -s 1 1 1"), None);
         let mut asked = Asked::default();
-        ColourMap::of_line(b" -bm 2 -clamp off a.png", &mut asked).unwrap();
+        Map::of_line("map_Kd", b" -bm 2 -clamp off a.png", &mut asked).unwrap();
         let notes: Vec<_> = asked.notes("material", true).collect();
         assert!(notes[0].contains("options of textures (map_Kd -bm)"), "{notes:?}");
     }
 
     #[test]
     fn rows_are_counted_from_the_top() {
-        let map = ColourMap::of_line(b" -s 2 2 -o 0 0.25 a.png", &mut Asked::default()).unwrap();
+        let map = Map::of_line("map_Kd", b" -s 2 2 -o 0 0.25 a.png", &mut Asked::default()).unwrap();
         assert_eq!(map.place([0.5, 0.125]), [1.0, 0.5]);
     }
 }

@@ -1,5 +1,6 @@
 //! glTF materials: the base colour of each, and their unsupported features.
 
+use super::textures::colour_texture;
 use crate::scene::material::Material;
 use crate::scene::obj::{Asked, Wish};
 use glam::Vec3;
@@ -21,6 +22,34 @@ pub(super) fn read(root: &Root) -> Materials {
         materials.asked.push(asked(wire));
     }
     materials
+}
+
+/// The alpha from which on a surface is seen that would be blended with what is behind it.
+const BLENDED: f32 = 0.5;
+
+/// Returns the least alpha of a texel where the surface is, from 0 to 1; 0 if all of it is there.
+pub(super) fn least_alpha(wire: &Wire) -> f32 {
+    match wire.alpha_mode {
+        Checked::Valid(AlphaMode::Mask) if !is_hidden(wire) => cutoff(wire) / factor(wire),
+        Checked::Valid(AlphaMode::Blend) => BLENDED,
+        _ => 0.0,
+    }
+}
+
+fn cutoff(wire: &Wire) -> f32 {
+    wire.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0.max(0.0))
+}
+
+/// Returns the factor of the texture's alpha.
+fn factor(wire: &Wire) -> f32 {
+    let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
+    let of = |older: &serde_json::Value| older["diffuseFactor"][3].as_f64().unwrap_or(1.0) as f32;
+    older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
+}
+
+/// Returns whether a mask hides all of the surface, whatever the texture is.
+fn is_hidden(wire: &Wire) -> bool {
+    !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
 
 /// Returns the colour in linear light; older files have it as `diffuseFactor`.
@@ -54,12 +83,14 @@ fn asked(wire: &Wire) -> Asked {
         ("emissiveTexture", wire.emissive_texture.is_some()),
     ];
     textures.iter().filter(|(_, has)| *has).for_each(|(name, _)| asked.add(Wish::Texture, name.as_bytes()));
-    let alpha = match wire.alpha_mode {
-        Checked::Valid(AlphaMode::Mask) => Some("alphaMode MASK"),
-        Checked::Valid(AlphaMode::Blend) => Some("alphaMode BLEND"),
-        _ => None,
-    };
-    alpha.iter().for_each(|mode| asked.add(Wish::Transparency, mode.as_bytes()));
+    match (wire.alpha_mode, colour_texture(wire)) {
+        (Checked::Valid(AlphaMode::Mask), _) if is_hidden(wire) => {
+            asked.add(Wish::Transparency, b"alphaMode MASK");
+        }
+        (Checked::Valid(AlphaMode::Blend), Some(_)) => asked.add(Wish::Blending, b"alphaMode BLEND"),
+        (Checked::Valid(AlphaMode::Blend), None) => asked.add(Wish::Transparency, b"alphaMode BLEND"),
+        _ => {}
+    }
     if wire.emissive_factor.0 != [0.0; 3] {
         asked.add(Wish::Emission, b"emissiveFactor");
     }

@@ -2,7 +2,8 @@
 
 use super::Parsed;
 use super::buffers::{decoded, unescaped};
-use crate::scene::files::Pictures;
+use super::materials::{extension, least_alpha};
+use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted};
 use crate::scene::{Mapped, Wrap};
 use glam::{Affine2, Vec2};
@@ -17,7 +18,7 @@ use std::borrow::Cow;
 pub(super) struct ColourMap {
     /// The texture's number.
     texture: u32,
-    wrap: [Wrap; 2],
+    usage: Usage,
     /// The number of the texture coordinates in a primitive.
     pub set: u32,
     /// The transform of the coordinates.
@@ -28,7 +29,8 @@ impl ColourMap {
     /// Returns the texture coordinates of a triangle with this material.
     pub fn place(&self, corners: [[f32; 2]; 3]) -> Mapped {
         let placed = |corner| self.transform.transform_point2(Vec2::from_array(corner)).to_array();
-        Mapped::new(corners.map(placed), self.texture, self.wrap)
+        let mask = (self.usage.least_alpha > 0).then_some(self.texture);
+        Mapped::new(corners.map(placed), Some(self.texture), mask, self.usage.wrap)
     }
 }
 
@@ -47,7 +49,7 @@ impl Files<'_> {
         let map = |wire: &Wire| {
             let info = colour_texture(wire)?;
             let number = info.index.value();
-            self.map(&info, pictures)
+            self.map(&info, least_alpha(wire), pictures)
                 .map_err(|why| {
                     // The reason may quote the file.
                     let why = if self.reach.permitted.quotes {
@@ -63,17 +65,17 @@ impl Files<'_> {
         self.root.materials.iter().map(map).collect()
     }
 
-    fn map(self, info: &Info, pictures: &mut Pictures) -> Parsed<ColourMap> {
+    fn map(self, info: &Info, least_alpha: f32, pictures: &mut Pictures) -> Parsed<ColourMap> {
         let texture = self.root.get(info.index).ok_or("does not exist")?;
-        let wrap = self.wrap(texture);
+        let usage = Usage::mask(self.wrap(texture), least_alpha);
         let image = self.root.get(texture.source);
         let image = image.ok_or("has no picture of a format that raycl reads")?;
         let (transform, set) = transform(info);
         if !transform.is_finite() {
             return Err("has a transform that is not finite".to_owned());
         }
-        let number = self.picture(texture.source, image, wrap, pictures)?;
-        Ok(ColourMap { texture: number, wrap, set: set.unwrap_or(info.tex_coord), transform })
+        let number = self.picture(texture.source, image, usage, pictures)?;
+        Ok(ColourMap { texture: number, usage, set: set.unwrap_or(info.tex_coord), transform })
     }
 
     fn wrap(self, texture: &Texture) -> [Wrap; 2] {
@@ -90,19 +92,19 @@ impl Files<'_> {
         self,
         index: Index<Image>,
         image: &Image,
-        wrap: [Wrap; 2],
+        usage: Usage,
         pictures: &mut Pictures,
     ) -> Parsed<u32> {
         let key = index.value().to_string();
         match (&image.uri, image.buffer_view) {
-            (Some(uri), _) if uri.starts_with("data:") => pictures.bytes(&key, &decoded(uri)?, wrap),
+            (Some(uri), _) if uri.starts_with("data:") => pictures.bytes(&key, &decoded(uri)?, usage),
             (Some(uri), _) if uri.contains("://") => {
                 Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())))
             }
             (Some(uri), _) => {
                 let name = unescaped(uri);
                 pictures
-                    .file(self.reach, &name, wrap)
+                    .file(self.reach, &name, usage)
                     .map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
             }
             (None, Some(view)) => {
@@ -112,7 +114,7 @@ impl Files<'_> {
                 let start = view.byte_offset.unwrap_or_default().0;
                 let end = start.saturating_add(view.byte_length.0).min(buffer.len() as u64);
                 let bytes = &buffer[start.min(end) as usize..end as usize];
-                pictures.bytes(&key, bytes, wrap)
+                pictures.bytes(&key, bytes, usage)
             }
             (None, None) => Err("has neither a file nor bytes".to_owned()),
         }
@@ -120,8 +122,8 @@ impl Files<'_> {
 }
 
 /// Returns the texture of a material's colour; older files have it as `diffuseTexture`.
-fn colour_texture(wire: &Wire) -> Option<Info> {
-    let older = super::materials::extension(wire, "KHR_materials_pbrSpecularGlossiness");
+pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
+    let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {
         Some(older) => serde_json::from_value(older.get("diffuseTexture")?.clone()).ok(),
         None => wire.pbr_metallic_roughness.base_color_texture.clone(),

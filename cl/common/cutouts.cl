@@ -1,0 +1,50 @@
+// Cut-outs: triangles with a mask, a texture whose alpha channel says where the surface is. Elsewhere is a hole, through
+// which rays go on. src/reference/cutouts.rs has the same in f64.
+
+#ifndef LEAST_ALPHA_UNIT
+#error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"
+#endif
+
+// The word of a head that has the wrap modes also has, from bit 16 on, the least alpha of a point of the surface:
+//
+//     31 ........ 16 | 15 .. 8 | 7 ... 0
+//     least alpha    | wrap v  | wrap u
+//
+// It counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 stands for an alpha of 1.
+
+// Returns whether a point of a triangle, with these weights, is on its surface and not in a hole.
+int is_solid(const Textures *textures, int triangle, float w1, float w2) {
+    const float4 c = textures->rows[2 * (size_t)triangle + 1];
+    const int mask = as_int(c.w); // 0 for none, else one more than its number
+    if (!mask) return 1;
+    const __global uint *head = texture_head(textures, mask - 1), *words = textures->words;
+    const Texels at = texels_at(head, textures->rows[2 * (size_t)triangle], c, w1, w2);
+    const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
+                        at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
+    // Less one step, so that rounding makes no holes where the alpha is the least one everywhere.
+    return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
+}
+
+// Returns those lanes of `hits` that hit the surface of a triangle, at these weights.
+Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2, Mask hits) {
+    if (!ANY(hits) || !as_int(textures->rows[2 * (size_t)triangle + 1].w)) return hits;
+    IntLanes solid;
+    Lanes second, third;
+    solid.all = hits;
+    second.all = w1, third.all = w2;
+    for (int lane = 0; lane < WIDTH; lane++)
+        if (solid.each[lane] && !is_solid(textures, triangle, second.each[lane], third.each[lane])) solid.each[lane] = 0;
+    return solid.all;
+}
+
+// Does the same for rays whose weights are not known yet.
+Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 way, Mask hits) {
+    if (!ANY(hits) || !as_int(textures->rows[2 * (size_t)triangle + 1].w)) return hits;
+    const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));
+    const Hit hit = meet_plane(splat(corners.a), e1, e2, from, way);
+    return solid_lanes(textures, triangle, hit.w1, hit.w2, hits);
+}
+
+#define SOLID(textures, triangle, hit) solid_lanes(textures, triangle, hit.w1, hit.w2, hit.lanes)
+#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) \
+    solid_on_rays(textures, triangle, corners, from, way, hits)

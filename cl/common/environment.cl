@@ -1,0 +1,79 @@
+// A sky that is a picture of all directions (equirectangular). src/reference/environment.rs has the same in f64.
+
+// The numbers of such a sky take the places of zenith and horizon; its texels follow the lights' radii:
+//
+//     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
+//
+// Columns are angles around the zenith, from left to right; rows are angles from the zenith, from above.
+
+#if WIDTH == 1
+#define TO_INT(a) convert_int(a)
+#else
+#define TO_INT(a) PASTE(convert_int, WIDTH)(a)
+#endif
+
+Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
+    const __global float *texels = soft->numbers + (int)soft->numbers[0];
+    const int width = (int)soft->numbers[1];
+    IntLanes x, y;
+    Lanes red, green, blue;
+    x.all = column, y.all = row;
+    // Lanes look in different directions, so each loads its own texel.
+    for (int lane = 0; lane < WIDTH; lane++) {
+        const __global float *texel = texels + 3 * ((size_t)y.each[lane] * width + x.each[lane]);
+        red.each[lane] = texel[0], green.each[lane] = texel[1], blue.each[lane] = texel[2];
+    }
+    return vec3(red.all, green.all, blue.all);
+}
+
+// Returns the sky's radiance in a direction: four texels, mixed.
+Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
+    const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
+    const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
+    const varying ahead = dot3(way, splat(middle)), right = dot3(way, splat(uniform_cross(middle, up)));
+    // Both angles by atan2, which loses no digits near the zenith, where a cosine would.
+    const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
+    const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(way, splat(up)));
+    // Centres of texels lie at half-integers. The left edge is the right one.
+    const varying x = around * (float)width - 0.5f;
+    const varying y = clamp(below * (float)height - 0.5f, (varying)(0.0f), (varying)((float)(height - 1)));
+    const varying left = floor(x), top = floor(y), to_right = x - left, to_bottom = y - top;
+    const varying_int x0 = TO_INT(left), y0 = TO_INT(top);
+    const varying_int first = SELECT(x0 < 0, (varying_int)(width - 1), min(x0, width - 1));
+    const varying_int second = SELECT(first + 1 < width, first + 1, (varying_int)(0));
+    const varying_int upper = clamp(y0, 0, height - 1), lower = clamp(y0 + 1, 0, height - 1);
+    const Vec3 a = texel_of_sky(soft, first, upper), b = texel_of_sky(soft, second, upper);
+    const Vec3 c = texel_of_sky(soft, first, lower), d = texel_of_sky(soft, second, lower);
+    const Vec3 above = along(scale(a, 1.0f - to_right), to_right, b);
+    const Vec3 underneath = along(scale(c, 1.0f - to_right), to_right, d);
+    return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
+}
+
+// Returns a vector around a normal: what becomes of `vector`, which is given around the axis (0.36, 0.48, 0.8), when
+// that axis is turned to the normal on the shortest way. Only for the opposite normal there is none; a common axis
+// would have common opposites.
+Vec3 turned_to(Vec3 normal, Vec3 vector) {
+    const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
+    const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
+    const Vec3 own = along(along(scale(across, vector.x), vector.y, down), vector.z, axis);
+    const Vec3 both = add(axis, normal);
+    const varying part = dot3(both, own) / max(1.0f + dot3(axis, normal), (varying)(1e-6f));
+    return along(along(own, -part, both), 2.0f * vector.z, normal);
+}
+
+// Returns the picture's light that a surface with a highlight reflects to the eye, whatever is in between. A half vector
+// is chosen with a probability proportional to (n . h)^s, so that k_G times the radiance from the mirrored direction,
+// and a few cosines, is the estimate.
+Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
+                  Vec3 to_eye) {
+    const Vec3 u = numbers_of(soft, source, x, y);
+    // cos^2 = u^(2 / (s + 1)); its difference to 1 keeps its digits where a power would lose them.
+    const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
+    const varying sine = sqrt(squared_sine);
+    const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));
+    const varying to_half = dot3(to_eye, half_way);
+    const Vec3 way = along(negate(to_eye), 2.0f * to_half, half_way);
+    const varying cosines = max(to_half, (varying)(0.0f)) * max(dot3(way, normal), (varying)(0.0f));
+    const varying share = cosines * (surface->shininess + 8.0f) / (surface->shininess + 1.0f);
+    return scale(multiply(surface->glossy, radiance_of_sky(soft, way)), share);
+}

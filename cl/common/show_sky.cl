@@ -1,0 +1,31 @@
+// Shows the picture of the sky where rays from the eye have hit nothing.
+
+// With several samples, the mean that the image holds does not say whether the last one hit something. Its fourth component
+// times the number of samples is the number of hits so far: if it has not grown, that sample missed, and added nothing to
+// the mean, since the background is black where the sky is seen.
+__kernel void show_sky(SHOW_SKY_PARAMETERS) {
+    const Pixels pixels = own_pixels(image_size);
+    Soft sky;
+    sky.numbers = soft;
+    sky.sample = sample;
+    const Vec3 seen = radiance_of_sky(&sky, camera_ray(eye, corner, step_x, step_y, pixels).direction);
+    Lanes red, green, blue;
+    IntLanes x, y, inside;
+    red.all = seen.x, green.all = seen.y, blue.all = seen.z;
+    x.all = pixels.x, y.all = pixels.y, inside.all = pixels.inside;
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (!inside.each[lane]) continue;
+        const size_t at = (size_t)y.each[lane] * image_size.x + x.each[lane];
+        const float4 shown = (float4)(red.each[lane], green.each[lane], blue.each[lane], 0.0f);
+#if SAMPLED
+        if (!is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) continue;
+        const float count = (float)(earlier + 1);
+        const uint hits = convert_uint_rte(image[at].w * count);
+        if (hits == (earlier ? hits_before[at] : 0)) image[at] += shown / count;
+        hits_before[at] = hits;
+#else
+        // The fourth component says whether the ray hit something.
+        if (image[at].w == 0.0f) image[at] = shown;
+#endif
+    }
+}

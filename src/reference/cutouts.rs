@@ -1,0 +1,80 @@
+//! Cut-outs: triangles whose masks have holes, through which rays go on; the counterpart for devices is
+//! `cl/common/cutouts.cl`.
+
+use super::intersect::Hit;
+use super::ray::Ray;
+use super::real::Real;
+use super::texture::Texels;
+use super::traverse::Finder;
+use crate::scene::{Mapped, Texture, Textures};
+use std::sync::Arc;
+
+/// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice what weights,
+/// products and sums in single precision can do, eight roundings.
+const ROUNDING: f64 = 1e-6;
+
+/// Finds the hits of another finder that lie on surfaces and in no holes.
+pub struct Solid<'a, R: Real> {
+    finder: Arc<dyn Finder<R> + 'a>,
+    textures: Option<&'a Textures>,
+    /// Whether the edges of holes are moved by as much as rounding may: 1 makes holes smaller, -1 larger.
+    lean: f64,
+}
+
+impl<'a, R: Real> Solid<'a, R> {
+    /// Makes a finder for a mesh's textures.
+    pub fn new(finder: impl Finder<R> + 'a, textures: &'a Textures) -> Self {
+        let textures = textures.have_holes().then_some(textures);
+        Self { finder: Arc::new(finder), textures, lean: 0.0 }
+    }
+
+    /// Returns the same with holes that rounding made smaller, and larger; none if there are no holes.
+    pub fn leaning(&self) -> impl Iterator<Item = Self> {
+        let leans = self.textures.map_or(&[][..], |_| &[1.0, -1.0]);
+        leans.iter().map(|lean| Self { finder: Arc::clone(&self.finder), lean: *lean, ..*self })
+    }
+
+    fn has(&self, textures: &Textures, hit: &Hit<R>) -> bool {
+        let Some(row) = textures.mapped.get(hit.triangle as usize) else { return true };
+        let Some(mask) = row.mask.map(|number| &textures.list[number as usize]) else { return true };
+        let texels = Texels::at(mask, row, hit.weights);
+        let alpha = texels.mix(|texel| R::from((texel >> 24) as f32));
+        alpha >= R::of(mask.least_step() - self.lean * ROUNDING * steepness(mask, row))
+    }
+}
+
+/// Returns an upper bound of the change of a mask's alpha, in steps of an 8-bit channel, for a change of both
+/// coordinates by their largest value: from texel to texel it changes by 255 at most.
+fn steepness(mask: &Texture, row: &Mapped) -> f64 {
+    let along = |axis: usize| {
+        let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);
+        f64::from(mask.size[axis]) * largest
+    };
+    255.0 * (along(0) + along(1))
+}
+
+impl<R: Real> Finder<R> for Solid<'_, R> {
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        let Some(textures) = self.textures else { return self.finder.visit(ray, visitor) };
+        let mut far = ray.far;
+        self.finder.visit(ray, &mut |hit| {
+            if self.has(textures, &hit) {
+                far = visitor(hit);
+            }
+            far
+        });
+    }
+
+    /// Without holes, the finder may know a faster way.
+    fn any(&self, ray: &Ray<R>) -> bool {
+        if self.textures.is_none() {
+            return self.finder.any(ray);
+        }
+        let mut found = false;
+        self.visit(ray, &mut |_| {
+            found = true;
+            ray.near
+        });
+        found
+    }
+}

@@ -1,0 +1,54 @@
+//! Builds the `[sky]`.
+
+use crate::error::{Result, nearest_file};
+use crate::reader::lies_in;
+use crate::scene::document::Document;
+use crate::scene::validate::MAX_POWER;
+use crate::scene::wire::SkyWire;
+use crate::scene::{Sky, SkyPicture};
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+use toml::Spanned;
+
+/// Returns the sky of a document. `is_seen` says whether rays that hit nothing see its picture.
+pub(super) fn build(document: &Document, sky: &Spanned<SkyWire>, up: DVec3, is_seen: bool) -> Result<Sky> {
+    let wire = sky.get_ref();
+    let refused = |message: &str, label: &str| Err(document.error(sky.span(), message, label));
+    let picture = match (&wire.picture, wire.zenith) {
+        (Some(_), _) if wire.zenith.is_some() || wire.horizon.is_some() => {
+            return refused("a sky is a picture, or has a zenith and a horizon", "both of them here");
+        }
+        (Some(file), _) => Some(Arc::new(picture(document, wire, file, up, is_seen)?)),
+        (None, _) if wire.strength.is_some() || wire.turn_degrees.is_some() => {
+            return refused("strength and turn_degrees are those of a picture", "no picture here");
+        }
+        (None, None) => return refused("a sky has a zenith or a picture", "neither of them here"),
+        (None, Some(_)) => None,
+    };
+    let zenith = wire.zenith.map_or(Vec3::ZERO, |zenith| Vec3::from_array(zenith.0));
+    let horizon = wire.horizon.map_or(zenith, |horizon| Vec3::from_array(horizon.0));
+    let reach = wire.reach.map_or(f32::MAX, |reach| reach.0);
+    Ok(Sky { zenith, horizon, up: up.as_vec3(), reach, picture })
+}
+
+fn picture(
+    document: &Document,
+    wire: &SkyWire,
+    file: &Spanned<String>,
+    up: DVec3,
+    is_seen: bool,
+) -> Result<SkyPicture> {
+    let path = document.folder.join(file.get_ref());
+    let strength = wire.strength.map_or(1.0, |strength| strength.0);
+    let (size, texels) = SkyPicture::read(&path, strength, MAX_POWER).map_err(|why| {
+        let quotes = document.quotes || lies_in(&path, &document.folder);
+        let why = if quotes { why } else { "cannot be used".to_owned() };
+        let message = format!("the sky's picture `{}` {why}", path.display());
+        let meant = nearest_file(&path).filter(|_| !path.is_file());
+        let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();
+        let help = format!("{meant}the path is relative to the scene file's folder");
+        document.error(file.span(), message, "here").with_help(help)
+    })?;
+    let turn_degrees = wire.turn_degrees.map_or(0.0, |degrees| f64::from(degrees.0));
+    Ok(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen })
+}

@@ -1,0 +1,90 @@
+//! The sky: light from all directions, the same around the zenith or of a picture.
+
+use crate::filetype::FileType;
+use crate::reader::{self, Kind};
+use glam::{DQuat, DVec3, Vec3};
+use image::{ImageFormat, ImageReader};
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Largest width and height of a sky's picture in texels.
+const MOST_ACROSS: u32 = 1 << 13;
+/// Largest memory for decoding a picture: four floats per texel, twice.
+const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
+
+/// A sky: light from all directions, unless something occludes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sky {
+    /// The radiance from directly above; 0 with a picture.
+    pub zenith: Vec3,
+    /// The radiance from the horizon and from below it; 0 with a picture.
+    pub horizon: Vec3,
+    /// The direction of the zenith, of unit length.
+    pub up: Vec3,
+    /// Surfaces farther away than this, in the scene's units, do not occlude the sky.
+    pub reach: f32,
+    /// The radiance from each direction, if it is a picture.
+    pub picture: Option<Arc<SkyPicture>>,
+}
+
+/// A picture of all directions (equirectangular): columns are angles around the zenith, rows angles from it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyPicture {
+    /// Number of texels across and down.
+    pub size: [u32; 2],
+    /// The radiance of each texel, row by row from the zenith.
+    pub texels: Vec<[f32; 3]>,
+    /// The direction of the picture's middle, of unit length and perpendicular to the zenith.
+    pub ahead: Vec3,
+    /// Whether rays that hit nothing see it, instead of the background.
+    pub is_seen: bool,
+}
+
+impl SkyPicture {
+    /// Reads a picture (Radiance HDR or OpenEXR), whose values are multiplied by `strength`. Errors follow the
+    /// file's name.
+    pub fn read(path: &Path, strength: f32, most: f32) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
+        let unreadable = |error: &dyn std::fmt::Display| format!("cannot be read ({error})");
+        let bytes = reader::bytes(path, Kind::Texture).map_err(|error| unreadable(&error))?;
+        let format = image::guess_format(&bytes).ok();
+        let Some(format @ (ImageFormat::Hdr | ImageFormat::OpenExr)) = format else {
+            return Err(match FileType::of(&bytes, bytes.len() as u64) {
+                FileType::Foreign(foreign) => {
+                    format!("is {}; expected a Radiance HDR or an OpenEXR", foreign.name)
+                }
+                _ => "is neither a Radiance HDR nor an OpenEXR".to_owned(),
+            });
+        };
+        let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
+        let size =
+            ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions().map_err(damaged)?;
+        if size.0 == 0 || size.1 == 0 || size.0.max(size.1) > MOST_ACROSS {
+            return Err(format!("has {} x {} texels; expected 1 to {MOST_ACROSS} each way", size.0, size.1));
+        }
+        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
+        let mut limits = image::Limits::no_limits();
+        limits.max_alloc = Some(DECODING_BYTES);
+        reader.limits(limits);
+        let picture = reader.decode().map_err(damaged)?.into_rgb32f();
+        // Filters of other programs can leave values slightly below zero.
+        let texels: Vec<[f32; 3]> =
+            picture.pixels().map(|texel| texel.0.map(|value| value.max(0.0) * strength)).collect();
+        let valid = |texel: &[f32; 3]| texel.iter().all(|value| *value <= most);
+        match texels.iter().position(|texel| !valid(texel)) {
+            None => Ok(([size.0, size.1], texels)),
+            Some(at) => {
+                let [x, y] = [at as u32 % size.0, at as u32 / size.0];
+                Err(format!("has a value of {:?} at ({x}, {y}); expected at most {most:e}", texels[at]))
+            }
+        }
+    }
+
+    /// Returns the direction of the picture's middle: that of a camera without a `look_at` or, where that is up
+    /// or down, the y axis; turned counter-clockwise as seen from the zenith.
+    pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
+        let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
+        let level = (forward - up * forward.dot(up)).normalize_or_zero();
+        (DQuat::from_axis_angle(up, turn_degrees.to_radians()) * level).as_vec3()
+    }
+}

@@ -1,0 +1,231 @@
+//! Cut-outs: surfaces with holes, in every family that casts them.
+
+use crate::binary::{Place, device, has};
+use crate::textures::gltf;
+use image::{Rgb, RgbImage, Rgba, RgbaImage};
+
+/// A sheet before a wall and over a floor: light falls through its holes.
+const ROOM: &str = "mtllib room.mtl
+v -1 -1 -2
+v 1 -1 -2
+v 1 1 -2
+v -1 1 -2
+v -3 -1 -4
+v 3 -1 -4
+v 3 3 -4
+v -3 3 -4
+v -3 -1 0
+v 3 -1 0
+vt 0 0
+vt 2 0
+vt 2 2
+vt 0 2
+usemtl sheet
+f 1/1 2/2 3/3 4/4
+usemtl wall
+f 5 6 7 8
+f 9 10 6 5
+";
+const SCENE: &str = "[camera]
+position = [0.3, 0.5, 0.5]
+look_at = [0, 0, -2]
+[[light]]
+position = [0.5, 1.5, 0]
+power = 30
+[[light]]
+position = [-1, 2.5, -1]
+power = [8, 4, 2]
+[[object]]
+mesh = \"room.obj\"
+[display]
+exposure = 4
+";
+const MTL: &str = "newmtl sheet
+Kd 0.9 0.8 0.7
+Ks 0.3 0.3 0.3
+Ns 40
+map_Kd leaf.png
+map_d leaf.png
+newmtl wall
+Kd 0.5 0.6 0.7
+";
+
+/// A disc of smooth alpha in a square of eight by eight texels.
+fn leaf() -> RgbaImage {
+    RgbaImage::from_fn(8, 8, |x, y| {
+        let [x, y] = [x, y].map(|at| at as f32 - 3.5);
+        let alpha = 255.0 * (1.9 - x.hypot(y) / 2.5).clamp(0.0, 1.0);
+        Rgba([(40.0 + 10.0 * (x + 4.0)) as u8, 200, (60.0 + 10.0 * (y + 4.0)) as u8, alpha as u8])
+    })
+}
+
+fn room(mtl: &str) -> Place {
+    let place = Place::with(&[("room.obj", ROOM), ("room.mtl", mtl), ("scene.toml", SCENE)]);
+    leaf().save(place.path("leaf.png")).expect("a picture");
+    place
+}
+
+fn render(place: &Place, options: &[&str]) -> (RgbImage, String) {
+    let device = device();
+    let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
+    let said = place.output(&[&usual, &["-o", "out.png", "--force"][..], options].concat());
+    (image::open(place.path("out.png")).expect("a picture").to_rgb8(), said)
+}
+
+/// How many pixels differ in some channel by more than a rounding.
+fn apart(a: &RgbImage, b: &RgbImage) -> usize {
+    let apart = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1);
+    a.pixels().zip(b.pixels()).filter(apart).count()
+}
+
+const STRATEGIES: [&str; 12] = [
+    "naive",
+    "deferred,layout=indexed16,passes=separate",
+    "tiled-common-origin",
+    "wide-common-origin",
+    "wide-common-origin,intersector=pixel-linear",
+    "bvh",
+    "bvh-packet,passes=separate",
+    "bvh,intersector=watertight",
+    "tile",
+    "tile-watertight,passes=separate",
+    "tile-group",
+    "tile-group-watertight",
+];
+
+#[test]
+fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
+    let place = room(MTL);
+    let (expected, said) = render(&place, &["--verify"]);
+    assert!(!said.contains("map_d"), "{said}");
+    // Holes show the wall, and let light through to it.
+    let whole = MTL.replace("map_d leaf.png\n", "");
+    let opaque = render(&room(&whole), &["--verify"]).0;
+    assert!(apart(&expected, &opaque) > 300, "{}", apart(&expected, &opaque));
+    for strategy in STRATEGIES {
+        let (found, _) = render(&place, &["--verify", "--strategy", strategy]);
+        assert!(apart(&found, &expected) <= 8, "{strategy}: {}", apart(&found, &expected));
+    }
+}
+
+/// Soft lights and a sky cast rays without a common origin.
+#[test]
+fn soft_light_falls_through_holes() {
+    let place = room(MTL);
+    let sky = "[sky]\nzenith = 0.2\nhorizon = [0.1, 0.1, 0.2]\n";
+    let soft = SCENE.replace("power = 30", "power = 30\nradius = 0.2") + sky;
+    std::fs::write(place.path("scene.toml"), soft).expect("a file");
+    for strategy in ["deferred", "wide-common-origin", "bvh-packet", "tile", "tile-group"] {
+        render(&place, &["--verify", "--samples", "4", "--strategy", strategy]);
+    }
+}
+
+#[test]
+fn a_family_without_cut_outs_says_so_and_a_scene_can_leave_them_out() {
+    let place = room(MTL);
+    let device = device();
+    let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
+    has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
+    render(&place, &["--set", "textures=false", "--strategy", "raster", "--verify"]);
+}
+
+#[test]
+fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
+    let place = room(&MTL.replace("map_Kd leaf.png\nmap_d leaf.png", "map_d mask.png"));
+    let bright = image::DynamicImage::from(leaf()).to_rgba8();
+    let bright = RgbImage::from_fn(8, 8, |x, y| Rgb([bright[(x, y)].0[3]; 3]));
+    bright.save(place.path("mask.png")).expect("a picture");
+    let (found, _) = render(&place, &["--verify"]);
+    let plain = render(&place, &["--set", "textures=false"]).0;
+    assert!(apart(&found, &plain) > 300, "{}", apart(&found, &plain));
+    // The holes are those of the same alpha.
+    let coloured = render(&room(MTL), &[]).0;
+    let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
+    let holes =
+        |picture: &RgbImage| (0..45).map(|y| (0..72).filter(|x| wall(picture, *x, y)).count()).sum::<usize>();
+    assert!(holes(&found) > 300 && holes(&coloured) > holes(&found));
+}
+
+#[test]
+fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
+    let place = room(&MTL.replace("map_d leaf.png", "map_d none.png"));
+    let (found, said) = render(&place, &["--verify"]);
+    has(&said, &["room.mtl:6: mask `none.png` cannot be read", "its surface has no holes"]);
+    let whole = room(&MTL.replace("map_d leaf.png\n", ""));
+    assert_eq!(found, render(&whole, &[]).0);
+    let place = room(&MTL.replace("map_d leaf.png", "map_d -s 2 2 leaf.png"));
+    has(&render(&place, &[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
+}
+
+/// No holes, the wrong channel, the wrong texel, holes for the eye alone.
+#[test]
+fn a_broken_cut_out_is_a_wrong_picture() {
+    let place = room(MTL);
+    let device = device();
+    for (file, from, to, strategy) in [
+        ("common/cutouts.cl", "if (!mask) return 1;", "return 1;", "deferred"),
+        ("common/cutouts.cl", "(float)(words[at.d] >> 24)", "(float)(words[at.d] >> 8 & 255)", "bvh"),
+        (
+            "common/cutouts.cl",
+            "at.ke * (float)(words[at.e] >> 24)",
+            "at.ke * (float)(words[at.a] >> 24)",
+            "tile",
+        ),
+        ("common/cutouts.cl", "(float)(head[3] >> 16) - 1.0f", "(float)(head[3] >> 17)", "bvh"),
+        (
+            "cast/exhaustive.cl",
+            "open &= !SOLID(&scene->textures, first + k, hit);",
+            "open &= !hit.lanes;",
+            "deferred",
+        ),
+        (
+            "cast/bvh.cl",
+            "SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);\n                if",
+            "hit.lanes;\n                if",
+            "bvh",
+        ),
+        (
+            "tile_cpu/leaf.cl",
+            "splat(bundle->origin), way, hits);",
+            "splat(bundle->origin), negate(way), hits);",
+            "tile",
+        ),
+        ("tile_gpu/walk.cl", "vec3(x, y, 1.0f), 1);", "vec3(y, x, 1.0f), 1);", "tile-group"),
+    ] {
+        let folder = place.kernels(file, from, to);
+        let cast = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+        let ends = ["--verify", "-o", "wrong.png", "--force", "--strategy", strategy, "--cl-dir", &folder];
+        has(&place.mistake(&[&cast[..], &ends].concat(), 1), &["the picture is wrong: "]);
+    }
+}
+
+/// A quad of a glTF with the leaf, before the wall.
+#[test]
+fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
+    let place = room(MTL);
+    let whole = gltf("{}", "");
+    let (before, after) = whole.split_once("\"uri\": \"data:image").expect("a picture in the file");
+    let after = after.split_once('"').expect("its end").1;
+    let whole = format!("{before}\"uri\": \"leaf.png\"{after}");
+    std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
+    let of = |mode: &str, factor: &str| {
+        let text = whole.replace("\"materials\": [{", &format!("\"materials\": [{{{mode} "));
+        let text = text.replace("0.7, 1]", &format!("0.7, {factor}]"));
+        std::fs::write(place.path("quad.gltf"), text).expect("a file");
+        render(&place, &["--verify"])
+    };
+    let (opaque, said) = of("", "1");
+    assert!(!said.contains("asks for"), "{said}");
+    let (half, said) = of("\"alphaMode\": \"MASK\",", "1");
+    assert!(!said.contains("asks for"), "{said}");
+    let quarter = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.25,", "1").0;
+    let factor = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.125,", "0.5").0;
+    assert!(apart(&half, &opaque) > apart(&quarter, &opaque) && quarter != opaque);
+    assert_eq!(factor, quarter);
+    let (blended, said) = of("\"alphaMode\": \"BLEND\",", "0.9");
+    has(&said, &["asks for blended transparency (alphaMode BLEND)", "what is half opaque or more is seen"]);
+    assert_eq!(blended, half);
+    let (hidden, said) = of("\"alphaMode\": \"MASK\",", "0.25");
+    has(&said, &["asks for transparency (alphaMode MASK)", "every surface is opaque"]);
+    assert_eq!(hidden, opaque);
+}

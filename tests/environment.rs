@@ -1,0 +1,154 @@
+//! Skies that are pictures of all directions, in every family that has a sky.
+
+use crate::binary::{Place, device, has};
+use image::{Rgb, Rgb32FImage};
+
+/// A ground and a shiny block, seen from above.
+const SCENE: &str = "[camera]
+position = [0, 1, 3]
+look_at = [0, 0.6, 0]
+[sky]
+picture = \"sky.hdr\"
+strength = 0.5
+turn_degrees = 30
+[[light]]
+position = [2, 3, 2]
+power = 2
+[[object]]
+shape = \"gourd\"
+triangles = 648
+scale = 0.4
+translation = [0, 0, 0]
+material = { k_l = 0.6, k_g = 0.3, shininess = 60 }
+[[object]]
+vertices = [[-2, -0.5, 2], [2, -0.5, 2], [2, -0.5, -2], [-2, -0.5, -2]]
+faces = [[0, 1, 2, 3]]
+";
+
+/// Sixteen by eight texels: brighter above, blue to the left of the middle and red to the right.
+fn sky() -> Rgb32FImage {
+    Rgb32FImage::from_fn(16, 8, |x, y| {
+        let height = (8 - y) as f32 / 64.0;
+        let side = (x as f32 - 7.5) / 160.0;
+        Rgb([height + side.max(0.0), height, height + (-side).max(0.0)])
+    })
+}
+
+fn place(scene: &str) -> Place {
+    let place = Place::with(&[("scene.toml", scene)]);
+    sky().save(place.path("sky.hdr")).expect("a picture");
+    sky().save(place.path("sky.exr")).expect("a picture");
+    place
+}
+
+fn render(place: &Place, options: &[&str]) -> Rgb32FImage {
+    let device = device();
+    let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+    place.output(&[&usual, &["-o", "out.exr", "--force"][..], options].concat());
+    image::open(place.path("out.exr")).expect("a picture").to_rgb32f()
+}
+
+const FAMILIES: [&str; 6] = ["deferred", "wide-common-origin", "bvh", "bvh-packet", "tile", "tile-group"];
+
+#[test]
+fn every_family_with_a_sky_agrees_with_the_reference_under_a_picture() {
+    let place = place(SCENE);
+    for strategy in FAMILIES {
+        for samples in ["1", "4"] {
+            render(&place, &["--verify=300", "--strategy", strategy, "--samples", samples]);
+        }
+    }
+}
+
+/// The middle is ahead of a camera without a look_at, and columns go to the right.
+#[test]
+fn directions_are_where_they_belong() {
+    let empty = "[camera]\nposition = [0, 0, 0]\nfov_x_degrees = 90\n[sky]\npicture = \"sky.exr\"\n[[object]]\n\
+                 vertices = [[0, -9, 0], [1, -9, 0], [0, -9, 1]]\nfaces = [[0, 1, 2]]\n";
+    let place = place(empty);
+    let ahead = render(&place, &["--verify"]);
+    let [left, middle, right] = [0, 30, 60].map(|x| ahead[(x, 21)].0);
+    assert!(left[2] > left[0] + 0.005 && right[0] > right[2] + 0.005, "{left:?} {right:?}");
+    assert!((middle[0] - middle[2]).abs() < 0.002, "{middle:?}");
+    assert!(ahead[(30, 0)].0[1] > ahead[(30, 42)].0[1] + 0.01, "brighter above");
+    // Turned by a quarter counter-clockwise as seen from above, what was to the left is behind, and the middle to the left.
+    let turned = render(&place, &["--set", "sky.turn_degrees=90", "--verify"]);
+    assert!(turned[(30, 21)].0[0] > middle[0] + 0.005, "{:?}", turned[(30, 21)]);
+    let stronger = render(&place, &["--set", "sky.strength=3"]);
+    assert!((stronger[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 3.0).abs() < 1e-3);
+    // HDR has 8 bits per channel and a common exponent.
+    let hdr = render(&place, &["--set", "sky.picture='sky.hdr'"]);
+    assert!((hdr[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 1.0).abs() < 0.02);
+    // A background of its own hides the picture.
+    let hidden = render(&place, &["--background", "black", "--verify"]);
+    assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
+}
+
+#[test]
+fn what_is_wrong_with_a_sky_is_told() {
+    let device = device();
+    let refused = |place: &Place| place.mistake(&["render", "scene.toml", "--device", &device], 2);
+    let with = |from: &str, to: &str| place(&SCENE.replace(from, to));
+    has(&refused(&with("sky.hdr", "skies.hdr")), &["scene.toml:5", "did you mean `sky.hdr`?"]);
+    has(&refused(&with("\"sky.hdr\"", "\"scene.toml\"")), &["is neither a Radiance HDR nor an OpenEXR"]);
+    has(&refused(&with("strength = 0.5", "zenith = 1")), &["a sky is a picture, or has a zenith"]);
+    has(&refused(&with("picture = \"sky.hdr\"", "zenith = 1")), &["are those of a picture"]);
+    has(
+        &refused(&with("picture = \"sky.hdr\"\nstrength = 0.5\nturn_degrees = 30", "reach = 1")),
+        &["a sky has a zenith or a picture"],
+    );
+    let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
+    has(&place(SCENE).mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
+}
+
+/// Another channel, another row, half a texel aside, the sky shown before surfaces.
+#[test]
+fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
+    let place = place(SCENE);
+    let device = device();
+    for (file, from, to, strategy, samples) in [
+        ("common/environment.cl", "blue.each[lane] = texel[2]", "blue.each[lane] = texel[1]", "bvh", "1"),
+        ("common/environment.cl", "clamp(y0 + 1, 0, height - 1)", "clamp(y0, 0, height - 1)", "tile", "1"),
+        ("common/environment.cl", "around * (float)width - 0.5f", "around * (float)width", "bvh", "1"),
+        ("common/environment.cl", "(surface->shininess + 8.0f)", "(surface->shininess + 1.0f)", "bvh", "1"),
+        ("common/show_sky.cl", "image[at].w == 0.0f", "image[at].w != 0.0f", "tile-group", "1"),
+        ("common/show_sky.cl", "earlier ? hits_before[at] : 0", "0", "tile", "4"),
+        ("common/show_sky.cl", "shown / count", "shown", "tile-group", "4"),
+    ] {
+        let folder = place.kernels(file, from, to);
+        let cast = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+        let ends = [
+            "--verify",
+            "-o",
+            "wrong.png",
+            "--force",
+            "--strategy",
+            strategy,
+            "--samples",
+            samples,
+            "--cl-dir",
+            &folder,
+        ];
+        has(&place.mistake(&[&cast[..], &ends].concat(), 1), &["the picture is wrong: "]);
+    }
+}
+
+/// Under a uniform picture, a highlight seen from straight above reflects the integral of its lobe.
+#[test]
+fn a_shiny_surface_mirrors_what_its_highlight_says_on_average() {
+    let scene = "[camera]\nposition = [0, 0, 5]\nfov_x_degrees = 1\n[sky]\npicture = \"sky.exr\"\n[[object]]\n\
+                 vertices = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]\nfaces = [[0, 1, 2, 3]]\n\
+                 material = { k_l = 0, k_g = 0.5, shininess = 20 }\n";
+    let place = Place::with(&[("scene.toml", scene)]);
+    let radiance = 0.05;
+    Rgb32FImage::from_pixel(4, 2, Rgb([radiance; 3])).save(place.path("sky.exr")).expect("a picture");
+    let found = render(&place, &["--samples", "64"]);
+    let mean = found.pixels().map(|pixel| pixel.0[1]).sum::<f32>() / (61.0 * 43.0);
+    // The integral over half vectors with the cosine c: their density, c, and the mirrored direction's cosine 2 c^2 - 1.
+    let steps = 100_000;
+    let density = |c: f32| (20.0 + 8.0) * c.powf(20.0) * c * (2.0 * c * c - 1.0).max(0.0);
+    let integral =
+        (0..steps).map(|i| density((i as f32 + 0.5) / steps as f32) as f64).sum::<f64>() / f64::from(steps);
+    let expected = 0.5 * radiance * integral as f32;
+    assert!((mean / expected - 1.0).abs() < 0.005, "{mean}, expected {expected}");
+}

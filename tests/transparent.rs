@@ -1,0 +1,106 @@
+//! Pictures with a transparent background: their alpha channel is the share of a pixel that surfaces cover.
+
+use crate::binary::{Place, device, has, repository};
+use image::{Rgb32FImage, Rgba32FImage};
+
+const STRATEGIES: [&str; 5] = ["deferred", "wide-common-origin", "bvh", "tile", "tile-group"];
+
+fn render(place: &Place, options: &[&str]) -> String {
+    let (scene, device) = (scene(), device());
+    let usual = ["render", &scene, "--width", "61", "--height", "43", "--device", &device, "--force"];
+    place.output(&[&usual[..], options].concat())
+}
+
+fn scene() -> String {
+    repository("scenes/still-life.toml").display().to_string()
+}
+
+fn opaque(place: &Place, background: &str, strategy: &str) -> Rgb32FImage {
+    let set = format!("background={background}");
+    render(place, &["--set", &set, "--samples", "4", "--strategy", strategy, "-o", "out.exr"]);
+    image::open(place.path("out.exr")).expect("a picture").to_rgb32f()
+}
+
+fn transparent(place: &Place, options: &[&str], name: &str) -> Rgba32FImage {
+    render(place, &[&["--background", "transparent", "-o", name][..], options].concat());
+    let picture = image::open(place.path(name)).expect("a picture");
+    assert!(picture.color().has_alpha(), "{name}");
+    picture.to_rgba32f()
+}
+
+/// Before a background of radiance b, a pixel is its own radiance plus b times the share that nothing covers.
+#[test]
+fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
+    let place = Place::new();
+    for strategy in STRATEGIES {
+        let found =
+            transparent(&place, &["--samples", "4", "--strategy", strategy, "--verify=300"], "out.exr");
+        let [white, black] = ["0.5", "0"].map(|background| opaque(&place, background, strategy));
+        let mut partly = 0;
+        for (x, y, pixel) in found.enumerate_pixels() {
+            let [red, green, blue, alpha] = pixel.0;
+            assert_eq!([red, green, blue], black[(x, y)].0, "{strategy}: ({x}, {y})");
+            let through = (white[(x, y)].0[1] - black[(x, y)].0[1]) / 0.5;
+            assert!((1.0 - alpha - through).abs() < 1e-5, "{strategy}: ({x}, {y}) {alpha} {through}");
+            partly += usize::from(alpha > 0.0 && alpha < 1.0);
+        }
+        assert!(partly > 50, "{strategy}: {partly}");
+    }
+}
+
+#[test]
+fn a_png_has_the_colour_of_the_covered_part() {
+    let place = Place::new();
+    let exr = transparent(&place, &["--samples", "4"], "out.exr");
+    let png = transparent(&place, &["--samples", "4"], "out.png");
+    // The display transform of the scene.
+    let shown = |radiance: f32, alpha: f32| (15.0 * radiance / alpha).clamp(0.0, 1.0).powf(1.0 / 2.2);
+    for (x, y, pixel) in exr.enumerate_pixels() {
+        let [red, .., alpha] = pixel.0;
+        let [shown_red, .., shown_alpha] = png[(x, y)].0;
+        assert!((alpha - shown_alpha).abs() <= 0.5 / 255.0 + 1e-6, "({x}, {y})");
+        let expected = if alpha > 0.0 { shown(red, alpha) } else { 0.0 };
+        assert!((expected - shown_red).abs() <= 1.1 / 255.0, "({x}, {y}): {expected}, {shown_red}");
+    }
+    // One sample, which a device may show itself.
+    let whole = transparent(&place, &[], "out.png");
+    assert!(whole.pixels().all(|pixel| pixel.0[3] == 0.0 || pixel.0[3] == 1.0));
+}
+
+#[test]
+fn formats_without_alpha_are_refused_by_name() {
+    let place = Place::new();
+    let (scene, device) = (scene(), device());
+    let refused = |options: &[&str]| {
+        let usual = ["render", &scene, "--device", &device, "--background", "transparent"];
+        place.mistake(&[&usual[..], options].concat(), 2)
+    };
+    has(&refused(&["-o", "out.jpg"]), &["'out.jpg': a JPEG has no alpha channel", "'out.png' or 'out.exr'"]);
+    has(&refused(&["-o", "out.hdr"]), &["'out.hdr': an HDR has no alpha channel"]);
+    has(&refused(&["--turntable", "4", "-o", "-"]), &["a y4m stream has no alpha channel", "NAME.apng"]);
+    let devices = ["render", &scene, "--devices", &device, "--background", "transparent", "-o", "out.jpg"];
+    has(&place.mistake(&devices, 2), &["'out.jpg': a JPEG has no alpha channel"]);
+    let unknown = ["render", &scene, "--device", &device, "--background", "none"];
+    has(&place.mistake(&unknown, 2), &["neither a display colour such as", "nor \"transparent\""]);
+}
+
+#[test]
+fn frames_bands_and_layers_have_alpha_too() {
+    let place = Place::new();
+    let (scene, device) = (scene(), device());
+    let cast = |options: &[&str]| {
+        let usual = ["render", &scene, "--width", "61", "--height", "43", "--background", "transparent"];
+        place.output(&[&usual[..], options].concat());
+    };
+    cast(&["--device", &device, "--turntable", "2", "-o", "turn.png"]);
+    cast(&["--device", &device, "--turntable", "2", "-o", "turn.apng"]);
+    cast(&["--devices", &device, "-o", "bands.png"]);
+    cast(&["--device", &device, "-o", "one.png", "--layers", "layers.exr"]);
+    for name in ["turn-0001.png", "turn-0002.png", "turn.apng", "bands.png", "one.png", "layers.exr"] {
+        let bytes = std::fs::read(place.path(name)).expect("a file");
+        let picture = image::load_from_memory(&bytes).expect("a picture");
+        assert!(picture.color().has_alpha(), "{name}");
+        let clear = picture.to_rgba32f().pixels().filter(|pixel| pixel.0[3] == 0.0).count();
+        assert!(clear > 100 && clear < 61 * 43 - 100, "{name}: {clear}");
+    }
+}
