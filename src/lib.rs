@@ -23,25 +23,24 @@
 //!
 //! # The inside
 //!
-//! All modules are internal: public for raycl's own tests, hidden in these pages, and changed without notice.
-//! In the order in which an experiment uses them: [`config`] reads a TOML experiment; [`scene`] loads the
+//! All modules are internal and change without notice. Those that raycl's own binary and tests use are public, but
+//! hidden in these pages; the others are private. In the order in which an experiment uses them: [`config`] reads a TOML experiment; [`scene`] loads the
 //! scenes that it names; [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
-//! [`program`] assembles and builds kernels from `cl/` as the [`manifest`] says ([`sources`] has their
+//! [`program`] assembles and builds kernels from `cl/` as the `manifest` says (`sources` has their
 //! files); [`launch`] runs them; [`verify`] compares their image with the [`reference`](mod@reference);
-//! [`measure`] times them, the [`anchor`] beside them; [`printer`] keeps control characters from terminals;
-//! [`reader`] opens the files that users name, [`filetype`] recognises files of other formats; [`memory`]
-//! measures the host's free memory, [`load`] the processor time that other processes take; [`record`] stores
-//! the results. [`image`] turns radiance into pictures; [`output`] writes files for the user and never
+//! [`measure`] times them, the `anchor` beside them; [`printer`] keeps control characters from terminals;
+//! `reader` opens the files that users name, `filetype` recognises files of other formats; `memory`
+//! measures the host's free memory, `load` the processor time that other processes take; [`record`] stores
+//! the results. [`image`] turns radiance into pictures; `output` writes files for the user and never
 //! replaces a file that raycl did not make. [`shard`] splits an experiment among machines and merges their
 //! results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's
-//! documents from its stored records. [`cache`] stores data between runs that raycl can compute again.
+//! documents from its stored records. `cache` stores data between runs that raycl can compute again.
 
 #[doc(hidden)]
 pub mod accel;
-#[doc(hidden)]
-pub mod anchor;
-#[doc(hidden)]
-pub mod cache;
+mod anchor;
+mod cache;
+mod child;
 #[doc(hidden)]
 pub mod cli;
 #[doc(hidden)]
@@ -52,61 +51,50 @@ pub mod device;
 pub mod device_lock;
 #[doc(hidden)]
 pub mod documents;
-#[doc(hidden)]
-pub mod error;
+mod error;
 #[doc(hidden)]
 pub mod experiment;
-#[doc(hidden)]
-pub mod filetype;
+mod filetype;
 #[doc(hidden)]
 pub mod image;
 #[doc(hidden)]
 pub mod launch;
 mod library;
-#[doc(hidden)]
-pub mod load;
-#[doc(hidden)]
-pub mod manifest;
+mod load;
+mod manifest;
 #[doc(hidden)]
 pub mod measure;
-#[doc(hidden)]
-pub mod memory;
-#[doc(hidden)]
-pub mod output;
-#[doc(hidden)]
-pub mod peak;
+mod memory;
+mod microscope;
+mod output;
+mod own_program;
+mod peak;
 #[doc(hidden)]
 pub mod printer;
 #[doc(hidden)]
 pub mod program;
-#[doc(hidden)]
-pub mod reader;
+mod reader;
 #[doc(hidden)]
 pub mod record;
 #[doc(hidden)]
 pub mod reference;
-#[doc(hidden)]
-pub mod report;
+mod report;
 #[doc(hidden)]
 pub mod rule;
 pub mod scene;
 mod schema;
-#[doc(hidden)]
-pub mod sensor;
+mod sensor;
 mod settings;
 #[doc(hidden)]
 pub mod shard;
-#[doc(hidden)]
-pub mod sources;
+mod sources;
 #[doc(hidden)]
 pub mod strategy;
 mod toml_error;
 #[doc(hidden)]
 pub mod verify;
-#[doc(hidden)]
-pub mod view;
-#[doc(hidden)]
-pub mod words;
+mod view;
+mod words;
 mod xdg;
 
 pub use error::{Error, Result};

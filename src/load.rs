@@ -1,6 +1,9 @@
 //! Measures how much processor time other processes take while raycl measures. The figures come from `/proc`,
 //! so only Linux has them.
 
+#[cfg(target_os = "linux")]
+mod core_to_core;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -30,6 +33,8 @@ pub struct Load {
     pub processors: usize,
     /// Mean number of processes that ran or waited to run in the last minute.
     pub load_1m: Option<f64>,
+    /// Time that a cache line took from one processor to another at the end of the interval, in nanoseconds.
+    pub core_to_core_ns: Option<f64>,
 }
 
 /// Measures what others take between one reading and the next.
@@ -56,7 +61,7 @@ impl Watch {
         }
         let (before, now) = (self.before?, ticks()?);
         *self = Self { since: Instant::now(), before: Some(now) };
-        between(before, now, ms)
+        between(before, now, ms).map(|load| Load { core_to_core_ns: core_to_core_ns(), ..load })
     }
 }
 
@@ -73,7 +78,18 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
         stolen: part(now.stolen - before.stolen),
         processors,
         load_1m: text("/proc/loadavg").and_then(|line| line.split(' ').next()?.parse().ok()),
+        core_to_core_ns: None,
     })
+}
+
+#[cfg(target_os = "linux")]
+fn core_to_core_ns() -> Option<f64> {
+    core_to_core::core_to_core_ns()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn core_to_core_ns() -> Option<f64> {
+    None
 }
 
 fn text(path: impl AsRef<Path>) -> Option<String> {

@@ -6,6 +6,7 @@
 mod binary;
 mod common;
 
+mod animation;
 mod bad_input;
 mod book;
 mod commands;
@@ -33,6 +34,7 @@ mod kernels;
 mod launches;
 mod layers;
 mod meshes;
+mod microscope;
 mod motion;
 mod mutants;
 mod near;

@@ -1,6 +1,6 @@
 //! Cut-outs: surfaces with holes, in every family that casts them.
 
-use crate::binary::{Place, device, has};
+use crate::binary::{Place, apart, device, has};
 use crate::textures::gltf;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 
@@ -65,19 +65,6 @@ fn room(mtl: &str) -> Place {
     place
 }
 
-fn render(place: &Place, options: &[&str]) -> (RgbImage, String) {
-    let device = device();
-    let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
-    let said = place.output(&[&usual, &["-o", "out.png", "--force"][..], options].concat());
-    (image::open(place.path("out.png")).expect("a picture").to_rgb8(), said)
-}
-
-/// How many pixels differ in some channel by more than a rounding.
-fn apart(a: &RgbImage, b: &RgbImage) -> usize {
-    let apart = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1);
-    a.pixels().zip(b.pixels()).filter(apart).count()
-}
-
 const STRATEGIES: [&str; 12] = [
     "naive",
     "deferred,layout=indexed16,passes=separate",
@@ -96,14 +83,14 @@ const STRATEGIES: [&str; 12] = [
 #[test]
 fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
     let place = room(MTL);
-    let (expected, said) = render(&place, &["--verify"]);
+    let (expected, said) = place.picture(&["--verify"]);
     assert!(!said.contains("map_d"), "{said}");
     // Holes show the wall, and let light through to it.
     let whole = MTL.replace("map_d leaf.png\n", "");
-    let opaque = render(&room(&whole), &["--verify"]).0;
+    let opaque = room(&whole).picture(&["--verify"]).0;
     assert!(apart(&expected, &opaque) > 300, "{}", apart(&expected, &opaque));
     for strategy in STRATEGIES {
-        let (found, _) = render(&place, &["--verify", "--strategy", strategy]);
+        let (found, _) = place.picture(&["--verify", "--strategy", strategy]);
         assert!(apart(&found, &expected) <= 8, "{strategy}: {}", apart(&found, &expected));
     }
 }
@@ -116,7 +103,7 @@ fn soft_light_falls_through_holes() {
     let soft = SCENE.replace("power = 30", "power = 30\nradius = 0.2") + sky;
     std::fs::write(place.path("scene.toml"), soft).expect("a file");
     for strategy in ["deferred", "wide-common-origin", "bvh-packet", "tile", "tile-group"] {
-        render(&place, &["--verify", "--samples", "4", "--strategy", strategy]);
+        place.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
     }
 }
 
@@ -126,7 +113,7 @@ fn a_family_without_cut_outs_says_so_and_a_scene_can_leave_them_out() {
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
     has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
-    render(&place, &["--set", "textures=false", "--strategy", "raster", "--verify"]);
+    place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
 }
 
 #[test]
@@ -135,11 +122,11 @@ fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
     let bright = image::DynamicImage::from(leaf()).to_rgba8();
     let bright = RgbImage::from_fn(8, 8, |x, y| Rgb([bright[(x, y)].0[3]; 3]));
     bright.save(place.path("mask.png")).expect("a picture");
-    let (found, _) = render(&place, &["--verify"]);
-    let plain = render(&place, &["--set", "textures=false"]).0;
+    let (found, _) = place.picture(&["--verify"]);
+    let plain = place.picture(&["--set", "textures=false"]).0;
     assert!(apart(&found, &plain) > 300, "{}", apart(&found, &plain));
     // The holes are those of the same alpha.
-    let coloured = render(&room(MTL), &[]).0;
+    let coloured = room(MTL).picture(&[]).0;
     let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
     let holes =
         |picture: &RgbImage| (0..45).map(|y| (0..72).filter(|x| wall(picture, *x, y)).count()).sum::<usize>();
@@ -149,19 +136,18 @@ fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
 #[test]
 fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     let place = room(&MTL.replace("map_d leaf.png", "map_d none.png"));
-    let (found, said) = render(&place, &["--verify"]);
+    let (found, said) = place.picture(&["--verify"]);
     has(&said, &["room.mtl:6: mask `none.png` cannot be read", "its surface has no holes"]);
     let whole = room(&MTL.replace("map_d leaf.png\n", ""));
-    assert_eq!(found, render(&whole, &[]).0);
+    assert_eq!(found, whole.picture(&[]).0);
     let place = room(&MTL.replace("map_d leaf.png", "map_d -s 2 2 leaf.png"));
-    has(&render(&place, &[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
+    has(&place.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
 /// No holes, the wrong channel, the wrong texel, holes for the eye alone.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let place = room(MTL);
-    let device = device();
     for (file, from, to, strategy) in [
         ("common/cutouts.cl", "if (!mask) return 1;", "return 1;", "deferred"),
         ("common/cutouts.cl", "(float)(words[at.d] >> 24)", "(float)(words[at.d] >> 8 & 255)", "bvh"),
@@ -186,16 +172,13 @@ fn a_broken_cut_out_is_a_wrong_picture() {
         ),
         (
             "tile_cpu/leaf.cl",
-            "splat(bundle->origin), way, hits);",
-            "splat(bundle->origin), negate(way), hits);",
+            "vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector])",
+            "vec3(bundle->y[vector], bundle->x[vector], bundle->z[vector])",
             "tile",
         ),
         ("tile_gpu/walk.cl", "vec3(x, y, 1.0f), 1);", "vec3(y, x, 1.0f), 1);", "tile-group"),
     ] {
-        let folder = place.kernels(file, from, to);
-        let cast = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
-        let ends = ["--verify", "-o", "wrong.png", "--force", "--strategy", strategy, "--cl-dir", &folder];
-        has(&place.mistake(&[&cast[..], &ends].concat(), 1), &["the picture is wrong: "]);
+        place.notices((file, from, to), strategy, &["--verify"]);
     }
 }
 
@@ -212,7 +195,7 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
         let text = whole.replace("\"materials\": [{", &format!("\"materials\": [{{{mode} "));
         let text = text.replace("0.7, 1]", &format!("0.7, {factor}]"));
         std::fs::write(place.path("quad.gltf"), text).expect("a file");
-        render(&place, &["--verify"])
+        place.picture(&["--verify"])
     };
     let (opaque, said) = of("", "1");
     assert!(!said.contains("asks for"), "{said}");
@@ -222,6 +205,14 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let factor = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.125,", "0.5").0;
     assert!(apart(&half, &opaque) > apart(&quarter, &opaque) && quarter != opaque);
     assert_eq!(factor, quarter);
+    // Where alphas are the cutoff, rounding makes no holes; only one texel is a hole.
+    let hole = |x, y| Rgba([90, 200, 60, if (x, y) == (0, 0) { 0 } else { 51 }]);
+    RgbaImage::from_fn(8, 8, hole).save(place.path("leaf.png")).expect("a picture");
+    let solid = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.2,", "1").0;
+    let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
+    let holes = place.picture(&["--cl-dir", &kernels]).0;
+    assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
+    leaf().save(place.path("leaf.png")).expect("a picture");
     let (blended, said) = of("\"alphaMode\": \"BLEND\",", "0.9");
     has(&said, &["asks for blended transparency (alphaMode BLEND)", "what is half opaque or more is seen"]);
     assert_eq!(blended, half);

@@ -294,6 +294,23 @@ fn a_second_run_into_the_same_folder_is_refused() {
 }
 
 #[test]
+fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
+    let ground = Ground::new(3);
+    let file = ground.folder.path().join("raycl");
+    std::fs::copy(env!("CARGO_BIN_EXE_raycl"), &file).expect("a copy of the program");
+    let command = ground.command(&[]);
+    let mut copy = Command::new(&file);
+    copy.args(command.get_args()).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    copy.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    // A program that has started has been read: its devices are listed, and its points measured, by others.
+    let started = copy.spawn().expect("it starts");
+    std::fs::remove_file(&file).expect("a file to remove");
+    let output = finish(started);
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(ground.count(Outcome::Measured), POINTS);
+}
+
+#[test]
 fn a_driver_that_is_gone_ends_the_run_and_loses_no_point() {
     // The loader of Debian reads the folder that this names.
     let vendors = tempfile::tempdir().expect("a folder");

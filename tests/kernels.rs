@@ -6,7 +6,7 @@ use crate::common::cover::pairwise_cover;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, is_long, scene};
 use raycl::device::Builtins;
 use raycl::program::Sources;
-use raycl::strategy::{PRESETS, Strategy, Traversal, Vectors, Width, preset};
+use raycl::strategy::{Layout, PRESETS, Strategy, Traversal, Vectors, Width, preset};
 
 /// The paper's local sizes and some that divide nothing.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
@@ -127,6 +127,17 @@ fn a_pairwise_cover_of_all_axes() {
     // The other half is verified under Oclgrind.
     let half = points.enumerate().filter(|(row, _)| is_long() || row % 2 == 0).map(|(_, point)| point);
     let points = half.filter(|(strategy, _)| compiles_soon(strategy));
+    all_agree(&mut stand, points, none);
+}
+
+/// Elsewhere faces are flat: each corner has the same normal.
+#[test]
+fn each_layout_brings_every_corner_its_own_normal() {
+    apart!();
+    let mut stand = Stand::new(scene("gourd.toml"), SIZE);
+    let deferred = preset("deferred").expect("a preset").strategy;
+    let layouts = [Layout::SOUP, Layout::INDEXED_16, Layout::INDEXED_32];
+    let points = layouts.map(|layout| (Strategy { layout, ..deferred }, [4, 4]));
     all_agree(&mut stand, points, none);
 }
 

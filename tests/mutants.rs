@@ -19,7 +19,7 @@ const USUAL: [&str; 5] = ["deferred", "bvh", "raster", "tile", "tile-group"];
 const STEP: usize = 10;
 
 /// Not a multiple of a tile or of a block of rays.
-const SIZE: [&str; 4] = ["--width", "61", "--height", "43"];
+const SIZE: [u32; 2] = [61, 43];
 
 /// What the test device's compiler has.
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
@@ -57,6 +57,7 @@ struct Mutant {
     with: String,
     bases: Option<Vec<String>>,
     scene: Option<String>,
+    width: Option<u32>,
     lanes: Option<Vec<LaneOperations>>,
     command: Option<String>,
     reason: Option<String>,
@@ -124,8 +125,10 @@ impl Mutant {
         let device = device();
         let cast = ["render", scene, "--device", &device, "--local-size", local_size, "--strategy", name];
         let folder = self.folder(&place);
+        let width = self.width.unwrap_or(SIZE[0]).to_string();
+        let size = ["--width", &width, "--height", &SIZE[1].to_string()];
         let ends = ["--verify", "-o", "wrong.png", "--cl-dir", &folder];
-        let message = place.mistake(&[&cast[..], &SIZE, &ends].concat(), 1);
+        let message = place.mistake(&[&cast[..], &size, &ends].concat(), 1);
         has(&message, &["the picture is wrong: "]);
     }
 

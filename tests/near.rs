@@ -55,6 +55,11 @@ fn shadow_rays_end_at_lights_and_meet_all_before() {
 }
 
 #[test]
+fn surfaces_whose_boxes_overlap_are_told_apart() {
+    is_right_in_all("layers.toml");
+}
+
+#[test]
 fn a_near_plane_elsewhere_is_another_picture() {
     let right = reference(&scene("near.toml"), SIZE, Culling::None);
     for z_near in [1e-3, 0.8, 1.4] {

@@ -1,13 +1,15 @@
 //! Numbers that bring other casters down: very small and very large scenes, lights on surfaces, cameras inside and on
 //! triangles, normals of no length.
 
+use crate::binary::Place;
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::Vec3;
 use raycl::image::Radiance;
+use raycl::program::Sources;
 use raycl::reference::reference;
-use raycl::scene::{Camera, Scene, load_scene};
-use raycl::strategy::{Epsilons, PRESETS, Strategy};
+use raycl::scene::{Camera, Scene, Triangle, load_scene};
+use raycl::strategy::{Epsilons, Intersector, PRESETS, Strategy, preset};
 use raycl::verify::verify;
 
 const SIZE: [u32; 2] = [30, 20];
@@ -16,7 +18,7 @@ const LOCAL: [u32; 2] = COMMON_LOCAL_SIZE;
 /// The same scene in other units: lengths times `factor`, powers times its square.
 fn scaled(scene: &Scene, factor: f32) -> Scene {
     let mut scene = scene.clone();
-    scene.mesh.positions.iter_mut().for_each(|position| *position *= factor);
+    scene.mesh_mut().positions.iter_mut().for_each(|position| *position *= factor);
     for light in &mut scene.lights {
         light.position *= factor;
         light.power *= factor * factor;
@@ -135,7 +137,7 @@ fn normals_that_cancel_out_between_corners() {
     let mut scene = scene("triangle.toml");
     // Half way between two opposite normals the interpolated one has no length.
     let normal = scene.mesh.normals[0];
-    for (at, other) in scene.mesh.normals.iter_mut().enumerate() {
+    for (at, other) in scene.mesh_mut().normals.iter_mut().enumerate() {
         *other = if at % 2 == 0 { normal } else { -normal };
     }
     finite_everywhere("opposite normals", scene);
@@ -161,11 +163,53 @@ fn triangles_of_no_area_and_needles() {
     let count = scene.mesh.positions.len() as u32;
     let first = scene.mesh.triangles[0];
     let needle = [Vec3::new(-0.5, 0.0, -2.0), Vec3::new(0.5, 1e-7, -2.0), Vec3::new(0.5, 0.0, -2.0)];
-    scene.mesh.positions.extend(needle);
+    scene.mesh_mut().positions.extend(needle);
     for positions in [[0, 0, 0], [0, 1, 1], [count, count + 1, count + 2]] {
         let mut flat = first;
         flat.positions = positions;
-        scene.mesh.triangles.push(flat);
+        scene.mesh_mut().triangles.push(flat);
     }
     finite_everywhere("triangles of no area", scene);
+}
+
+/// Triangles as narrow as a rounding, each along a row of pixels, with a darker normal at their points.
+fn needles(at_points: Vec3) -> Scene {
+    let mut scene = scene("triangle.toml");
+    let corners = (0..64).flat_map(|row| {
+        let (slope, width) = ((row as f32 - 31.5) / 32.0, 1e-7 * (1 << (row % 8)) as f32);
+        let (near, far) = (1.5 + 0.01 * row as f32, 2.5 - 0.013 * row as f32);
+        [[-1.2, slope * near, -near], [1.2, slope * far + width, -far], [1.2, slope * far, -far]]
+    });
+    let material = scene.mesh.triangles[0].material;
+    let mesh = scene.mesh_mut();
+    mesh.materials.iter_mut().for_each(|material| material.glossy = Vec3::ZERO); // a highlight follows the half vector
+    mesh.positions = corners.map(Vec3::from_array).collect();
+    mesh.normals = vec![at_points, Vec3::Z];
+    let all = (0..64).map(|number| [3 * number, 3 * number + 1, 3 * number + 2]);
+    mesh.triangles = all.map(|positions| Triangle { positions, normals: [0, 1, 1], material }).collect();
+    scene.camera = Camera { z_near: 0.0, ..Camera::PAPER };
+    scene.lights[0].position = Vec3::new(0.0, 3.0, 1.0);
+    scene
+}
+
+/// Whether rounding, which gives needles any weights, leaves each normal between those of the corners.
+fn are_no_brighter_than_their_brightest_corner(sources: &Sources) -> bool {
+    let deferred = preset("deferred").expect("a preset").strategy;
+    let strategy = Strategy { intersector: Intersector::WATERTIGHT, ..deferred };
+    let of = |normal| {
+        let stand = Stand::of(sources, needles(normal), [64, 64], |builtins| builtins);
+        stand.cast(&strategy, LOCAL).expect("it fits")
+    };
+    let (mixed, bright) = (of(Vec3::new(0.0, -0.8, 0.6)), of(Vec3::Z));
+    assert!(bright.pixels.iter().filter(|pixel| pixel[0] > 0.0).count() > 100);
+    mixed.pixels.iter().zip(&bright.pixels).all(|(mixed, bright)| mixed[0] <= bright[0] * 1.0001)
+}
+
+#[test]
+fn weights_of_needles_are_clamped_to_the_triangle() {
+    apart!();
+    assert!(are_no_brighter_than_their_brightest_corner(&Sources::Embedded));
+    let place = Place::new();
+    let folder = place.kernels("common/meet_plane.cl", "zero), one - hit.w1);", "zero), one);");
+    assert!(!are_no_brighter_than_their_brightest_corner(&Sources::Folder(place.path(&folder))));
 }

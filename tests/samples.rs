@@ -1,6 +1,6 @@
 //! Several samples of each pixel.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, device};
 use image::RgbImage;
 use std::collections::BTreeSet;
 
@@ -62,18 +62,11 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    let device = device();
     for (file, from, to, strategy) in [
         ("common/samples.cl", "(float)((earlier) + 1)", "(float)((earlier) + 2)", "bvh"),
         ("common/samples.cl", "x / SAMPLED_BLOCK] > earlier", "x / SAMPLED_BLOCK] > earlier + 1", "tile"),
         ("common/mark_rough.cl", "? most : first;", "? most : most + 1;", "bvh"),
     ] {
-        let folder = place.kernels(file, from, to);
-        let cast =
-            ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--verify"];
-        let ends = ["--samples", "4", "--adaptive", "-o", "wrong.png", "--force", "--strategy", strategy];
-        let said = place.mistake(&[&cast[..], &ends, &["--cl-dir", &folder]].concat(), 1);
-        has(&said, &["the picture is wrong: "]);
-        std::fs::remove_dir_all(place.path(&folder)).expect("the folder of kernels");
+        place.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
     }
 }

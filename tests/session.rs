@@ -2,9 +2,12 @@
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, device, scene};
+use glam::Vec3;
 use raycl::device::DeviceLimits;
+use raycl::image::Radiance;
 use raycl::launch::{Prepared, Refused, Session};
 use raycl::program::Sources;
+use raycl::scene::{Light, Sampling, Scene, Sky};
 use raycl::strategy::{Strategy, preset};
 use std::sync::Arc;
 
@@ -54,4 +57,56 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
         Err(refused) => panic!("{refused:?}"),
         Ok(_) => panic!("it was built"),
     }
+}
+
+/// The image of a scene, by a caster of its own, or by that of another scene which is shown this one.
+fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
+    let strategy = preset(strategy).expect("it works").strategy;
+    let sampling = Sampling { first: 2, most: 6 };
+    let session = Session::open(&device(), &Sources::Embedded, Arc::clone(scenes[0])).expect("it works");
+    let mut session = session.sampling(sampling);
+    let mut prepared =
+        session.prepare(&strategy, SIZE, COMMON_LOCAL_SIZE).map_err(|no| no.reason()).expect("it works");
+    let caster = prepared.caster().map_err(|no| no.reason()).expect("it works");
+    caster.cast_samples(&scenes[0].camera, &sampling).expect("it works");
+    let mut shown = true;
+    for scene in &scenes[1..] {
+        shown = prepared.show(scene, &caster).expect("it works");
+        caster.cast_samples(&scene.camera, &sampling).expect("it works");
+    }
+    (caster.read().expect("it works").0, shown)
+}
+
+#[test]
+fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
+    apart!();
+    let mut before = scene("pyramid-lower.toml");
+    before.sky = Some(Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None });
+    before.lights[0].radius = 0.2;
+    let mut after = before.clone();
+    after.lights =
+        vec![Light { position: Vec3::new(-1.0, 2.0, 0.5), power: Vec3::new(3.0, 9.0, 5.0), radius: 0.4 }];
+    after.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::ONE, up: Vec3::Y, reach: 3.0, picture: None });
+    after.background = Vec3::new(0.01, 0.02, 0.04);
+    after.shadow_bias = 0.3;
+    // It decides which pixels get all samples.
+    after.display.exposure *= 8.0;
+    after.camera.position += Vec3::new(0.2, 0.1, 0.0);
+    let [before, after] = [before, after].map(Arc::new);
+    for strategy in ["naive", "deferred", "wide-common-origin", "bvh", "bvh-packet", "tile"] {
+        let (one, _) = image_of(strategy, &[&after]);
+        let (other, shown) = image_of(strategy, &[&before, &after]);
+        assert!(shown && one == other, "{strategy}: another image");
+        assert!(image_of(strategy, &[&before]).0 != other, "{strategy}: the same view");
+    }
+    // Another mesh, another number of lights, no sky, no background: buffers or kernels are others.
+    let change = |change: fn(&mut Scene)| {
+        let mut scene = Scene::clone(&after);
+        change(&mut scene);
+        image_of("bvh", &[&after, &Arc::new(scene)]).1
+    };
+    assert!(!change(|scene| scene.mesh_mut().positions[0].x += 0.5));
+    assert!(!change(|scene| scene.lights.push(scene.lights[0])));
+    assert!(!change(|scene| scene.sky = None));
+    assert!(!change(|scene| scene.transparent = true));
 }

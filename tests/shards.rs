@@ -132,6 +132,15 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
         assert!(table.lines().skip(1).all(|row| row.contains(&format!(",{host},"))), "{table}");
     }
     has(&ground.place.text("out/report.html"), &[&format!("measured on {host}")]);
+    let summary = ground.place.text("out/summary.csv");
+    for record in &records {
+        let [low, high] = record.interval_ms.expect("an interval");
+        let row = summary.lines().find(|row| row.starts_with(&record.key)).expect("a row");
+        assert!(
+            row.contains(&format!(",{low},{high},")),
+            "{low} to {high} is another interval than in {row}"
+        );
+    }
     let before = files(&ground.place.path("out"));
     ground.merge();
     assert!(before == files(&ground.place.path("out")), "the second merge changed something");

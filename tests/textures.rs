@@ -1,6 +1,6 @@
 //! Colours from pictures, on every family that takes them.
 
-use crate::binary::{Place, device, has};
+use crate::binary::{Place, apart, device, has};
 use image::{ImageFormat, Rgb, RgbImage};
 
 /// Two quads of one material: a wall that the picture is on once, a floor that it is on nine times and turned.
@@ -61,23 +61,15 @@ Kd 0 0 0
 map_Kd -s 1 1 1 -o 0.1 0.2 C:\\pictures\\a picture.png
 ";
 
-fn render(place: &Place, options: &[&str]) -> (RgbImage, String) {
-    let device = device();
-    let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
-    let said = place.output(&[&usual, &["-o", "out.png", "--force"][..], options].concat());
-    (image::open(place.path("out.png")).expect("a picture").to_rgb8(), said)
-}
-
 /// Whether more pixels than edges may decide differ in some channel by more than a rounding.
 fn differ(a: &RgbImage, b: &RgbImage) -> bool {
-    let apart = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1);
-    a.pixels().zip(b.pixels()).filter(apart).count() > 8
+    apart(a, b) > 8
 }
 
 #[test]
 fn every_family_that_takes_textures_agrees_with_the_reference() {
     let place = room(MTL);
-    let (expected, said) = render(&place, &[]);
+    let (expected, said) = place.picture(&[]);
     assert!(!said.contains("texture"), "{said}");
     let shown = expected.pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
     assert!(shown > 300, "{shown} colours");
@@ -92,10 +84,10 @@ fn every_family_that_takes_textures_agrees_with_the_reference() {
         "tile",
         "tile,passes=separate,intersector=watertight",
     ] {
-        let (found, _) = render(&place, &["--verify", "--strategy", strategy]);
+        let (found, _) = place.picture(&["--verify", "--strategy", strategy]);
         assert!(!differ(&found, &expected), "{strategy}");
     }
-    render(&place, &["--verify", "--samples", "4", "--strategy", "tile"]);
+    place.picture(&["--verify", "--samples", "4", "--strategy", "tile"]);
 }
 
 #[test]
@@ -104,20 +96,20 @@ fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
     has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
-    let (plain, _) = render(&place, &["--set", "textures=false", "--strategy", "raster", "--verify"]);
-    assert!(!differ(&plain, &render(&place, &["--set", "textures=false"]).0));
+    let (plain, _) = place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
+    assert!(!differ(&plain, &place.picture(&["--set", "textures=false"]).0));
     // The floor's own colour is black, which counts as white where a texture is to be multiplied with it: it has no hue without it.
     let hue = |picture: &RgbImage| {
         let [least, most] = [picture[(36, 40)].0.into_iter().min(), picture[(36, 40)].0.into_iter().max()];
         most.unwrap_or_default() - least.unwrap_or_default()
     };
-    assert!(hue(&plain) < 12 && hue(&render(&place, &[]).0) >= 12);
+    assert!(hue(&plain) < 12 && hue(&place.picture(&[]).0) >= 12);
 }
 
 #[test]
 fn rows_of_a_picture_are_where_they_belong() {
     let place = room(MTL);
-    let (found, _) = render(&place, &[]);
+    let (found, _) = place.picture(&[]);
     // The wall spans x from 22 to 50 and y from 8 to 37: the picture's first row is at its top.
     let channel = |x: u32, y: u32, channel: usize| i32::from(found[(x, y)].0[channel]);
     assert!(channel(26, 11, 0) > channel(26, 11, 1) + 60, "{:?}", found[(26, 11)]);
@@ -128,18 +120,18 @@ fn rows_of_a_picture_are_where_they_belong() {
 fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its_colour() {
     let mtl = "newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd none.png\nmap_Ks shine.png\nnewmtl tiles\nKd 0.5 0.5 0.5\nmap_Kd ../up.png\n";
     let place = room(mtl);
-    let (found, said) = render(&place, &["--verify"]);
+    let (found, said) = place.picture(&["--verify"]);
     has(&said, &["room.mtl:3: texture `none.png` cannot be read", "own colour is used"]);
     has(&said, &["room.mtl:7: texture `../up.png`"]);
     has(&said, &["1 material asks for textures (map_Ks), which raycl does not support"]);
-    assert_eq!(found, render(&place, &["--set", "textures=false"]).0);
+    assert_eq!(found, place.picture(&["--set", "textures=false"]).0);
     std::fs::write(place.path("none.png"), "no picture").expect("a file");
-    has(&render(&place, &[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
+    has(&place.picture(&[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
     // A face without texture coordinates, and one whose coordinate the file lacks.
     std::fs::write(place.path("room.mtl"), MTL).expect("a file");
     std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
         .expect("a file");
-    has(&render(&place, &["--verify"]).1, &["2 triangles have a texture and no texture coordinates"]);
+    has(&place.picture(&["--verify"]).1, &["2 triangles have a texture and no texture coordinates"]);
     std::fs::write(place.path("room.obj"), ROOM.replace("vt 1 0", "vt 1 nan")).expect("a file");
     has(&place.mistake(&["render", "scene.toml"], 2), &["room.obj:9", "`nan` in a texture coordinate"]);
 }
@@ -148,20 +140,16 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
     let place = room(MTL);
-    let device = device();
     for (from, to) in [
         ("as_float(words[texel >> 8 & 255])", "as_float(words[texel >> 16 & 255])"),
         ("down) * (float)height - 0.5f", "down) * (float)height"),
         ("ke = to_right * to_bottom", "ke = to_right"),
         ("w2 * c.x", "w2 * c.y"),
         ("return place - floor(place);", "return clamp(place, 0.0f, 1.0f);"),
+        ("texel >= size ? -size : 0", "texel > size ? -size : 0"),
     ] {
-        let folder = place.kernels("common/textures.cl", from, to);
         for strategy in ["deferred", "tile"] {
-            let cast = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
-            let ends =
-                ["--verify", "-o", "wrong.png", "--force", "--strategy", strategy, "--cl-dir", &folder];
-            has(&place.mistake(&[&cast[..], &ends].concat(), 1), &["the picture is wrong: "]);
+            place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
         }
     }
 }
@@ -206,7 +194,7 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.gltf")).expect("a file");
     let of = |sampler: &str, transform: &str| {
         std::fs::write(place.path("quad.gltf"), gltf(sampler, transform)).expect("a file");
-        let (found, said) = render(&place, &["--verify"]);
+        let (found, said) = place.picture(&["--verify"]);
         assert!(!said.contains("texture"), "{said}");
         found
     };
@@ -226,5 +214,5 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     let mtl = "newmtl picture\nKd 0.9 0.8 0.7\nmap_Kd a picture.png\n";
     std::fs::write(place.path("quad.mtl"), mtl).expect("a file");
     std::fs::write(place.path("scene.toml"), SCENE.replace("room.obj", "quad.obj")).expect("a file");
-    assert!(!differ(&render(&place, &[]).0, &repeat));
+    assert!(!differ(&place.picture(&[]).0, &repeat));
 }

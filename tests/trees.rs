@@ -72,7 +72,7 @@ fn rounds_of_lights_of_every_tile() {
 
 /// A scene in another unit of length: the same picture.
 fn scaled(mut scene: Scene, scale: f32) -> Scene {
-    scene.mesh.positions.iter_mut().for_each(|point| *point *= scale);
+    scene.mesh_mut().positions.iter_mut().for_each(|point| *point *= scale);
     scene.camera.position *= scale;
     scene.camera.z_near *= scale;
     scene.shadow_bias *= scale;
@@ -106,7 +106,8 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
     agrees(with_triangles(|scene| {
         // Each twelve times, so that no plane tells the copies apart and leaves overflow.
         let all = scene.mesh.triangles.clone();
-        scene.mesh.triangles = all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
+        scene.mesh_mut().triangles =
+            all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
     }));
     agrees(with_triangles(|scene| {
         // A point and a line beside each triangle, and a thousand points in one place.
@@ -114,17 +115,17 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
         let flat = |positions: [u32; 3], triangle: &Triangle| Triangle { positions, ..*triangle };
         for triangle in &all {
             let [a, b, _] = triangle.positions;
-            scene.mesh.triangles.push(flat([a, a, a], triangle));
-            scene.mesh.triangles.push(flat([a, b, a], triangle));
+            scene.mesh_mut().triangles.push(flat([a, a, a], triangle));
+            scene.mesh_mut().triangles.push(flat([a, b, a], triangle));
         }
-        scene.mesh.triangles.extend(std::iter::repeat_n(flat([0, 0, 0], &all[0]), 1000));
+        scene.mesh_mut().triangles.extend(std::iter::repeat_n(flat([0, 0, 0], &all[0]), 1000));
     }));
 }
 
 #[test]
 fn no_triangle_is_all_background() {
     apart!();
-    let scene = with_triangles(|scene| scene.mesh.triangles.clear());
+    let scene = with_triangles(|scene| scene.mesh_mut().triangles.clear());
     let background = scene.background.to_array();
     let stand = Stand::new(scene, SIZE);
     for (strategy, local_size) in with_trees() {

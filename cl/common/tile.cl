@@ -9,24 +9,7 @@
 #ifndef WATERTIGHT
 #error "WATERTIGHT: 0 or 1: whether intersector = watertight"
 #endif
-#ifndef TEXTURES
-#error "TEXTURES: 0 or 1: whether triangles have textures"
-#endif
-#ifndef CUTOUTS
-#error "CUTOUTS: 0 or 1: whether triangles have masks, and so holes"
-#endif
-#if !defined(SOFT) || !defined(SKY)
-#error "SOFT, SKY: 0 or 1: whether lights with a radius or a sky are sampled, and whether there is a sky"
-#endif
-#ifndef SAMPLED
-#error "SAMPLED: 0 or 1: whether a pixel gets several samples"
-#endif
-#ifndef ENVIRONMENT
-#error "ENVIRONMENT: 0 or 1: whether the sky is a picture"
-#endif
-#if !defined(LIGHT_FLOATS) || !defined(MATERIAL_FLOATS)
-#error "LIGHT_FLOATS, MATERIAL_FLOATS: floats of a light, and of a material"
-#endif
+#include "common/scene_defines.cl"
 
 #include "common/work_group.cl"
 #include "common/width.cl"

@@ -12,15 +12,7 @@
 #endif
 #include "common/tree.cl"
 #include "common/meet_plane.cl"
-#if CUTOUTS
-#include "common/cutouts.cl"
-#define BIND_MASKS(tree)          \
-    tree.masks.rows = mask_rows;  \
-    tree.masks.words = mask_words;
-#else
-#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
-#define BIND_MASKS(tree)
-#endif
+#include "common/tile_masks.cl"
 #include "common/reflectance.cl"
 #include "common/store_radiance.cl"
 
@@ -36,7 +28,7 @@
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
-// Lanes of a float16 are the rays of a vector, or 16 of a tile's vectors.
+// A float16 has 16 lanes. Each lane holds one ray of a vector, or a value of one vector of the tile.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 

@@ -12,15 +12,7 @@
 #endif
 #include "common/tree.cl"
 #include "common/meet_plane.cl"
-#if CUTOUTS
-#include "common/cutouts.cl"
-#define BIND_MASKS(tree)          \
-    tree.masks.rows = mask_rows;  \
-    tree.masks.words = mask_words;
-#else
-#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
-#define BIND_MASKS(tree)
-#endif
+#include "common/tile_masks.cl"
 #include "common/reflectance.cl"
 #include "common/lanes.cl"
 

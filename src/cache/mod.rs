@@ -219,6 +219,15 @@ mod tests {
         assert!(!cache.put("program", "e", &[0; 2_000]), "larger than all");
     }
 
+    #[test]
+    fn entries_that_fill_the_limit_stay() {
+        let (_place, large) = cache(10_000);
+        assert!(large.put("program", "a", &[0; 200]));
+        let (_place, full) = cache(2 * large.entries()[0].bytes);
+        assert!(["a", "b"].iter().all(|key| full.put("program", key, &[0; 200])));
+        assert_eq!(full.entries().len(), 2);
+    }
+
     #[cfg(unix)]
     #[test]
     fn what_others_may_write_is_not_trusted() {

@@ -4,9 +4,11 @@ use super::choice::{StrategyText, one_device, parse_size, parse_strategy};
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::launch::{Refused, Session};
+use crate::microscope::Microscope;
 use crate::output::{Choice, OutFolder};
 use crate::program::compiled::is_ptx;
 use crate::program::{CACHE_DISABLE, CompiledKernel, Kept, Sources};
+use crate::report::{MICROSCOPE, microscope_page};
 use crate::scene::load_scene;
 use crate::strategy::Strategy;
 use serde::Serialize;
@@ -20,7 +22,9 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory instructions, predicted occupancy) and the program's binary: binary.ptx if it is PTX text, else binary.bin. Nothing is cast. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
+Each strategy gets a folder in DIR: microscope.html (a page: each source line beside its instructions, with counts by kind and memory), source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory instructions, predicted occupancy, the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. Nothing is cast.
+
+Lines follow from the compiler's line table; without one, instructions are counted by part of the kernel. The instructions are PTX, or those of the CPU by objdump (package binutils). If ptxas and nvdisasm are on PATH, there is also ptxas's SASS, which need not be the driver's. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
 pub struct Args {
     /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
     scene: PathBuf,
@@ -58,6 +62,8 @@ struct Compilation {
     build_ms: f64,
     binary_is_ptx: bool,
     kernels: Vec<CompiledKernel>,
+    /// The instructions of each line, if they are written anywhere.
+    microscope: Option<Microscope>,
 }
 
 /// Any size: the compiled code does not depend on it.
@@ -77,7 +83,7 @@ pub fn run(args: Args) -> Result<()> {
     for (text, strategy) in args.strategy.iter().zip(&strategies) {
         let (made, files) = compile(&args, &device, &mut session, strategy)?;
         if let Some(out) = &mut out {
-            keep(out, &folder_name(text), &made, files)?;
+            keep(out, text, &made, files)?;
         }
         match args.json {
             true => super::print_json(&made)?,
@@ -91,7 +97,8 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// The names of all files that a strategy's folder may get.
-const FILES: [&str; 6] = ["source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
+const FILES: [&str; 7] =
+    [MICROSCOPE, "source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
 
 /// Returns the folder to write to, after checking that no file in it belongs to another program.
 fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
@@ -127,7 +134,9 @@ fn compile(
     let (spec, program) = (&prepared.spec, &prepared.program);
     let (log, ptx) = (program.log(), program.ptx());
     let kernels = prepared.made(&caster, &log, &ptx);
-    let binary = if args.out.is_some() { program.binary() } else { Vec::new() };
+    let looks = args.out.is_some() || args.json;
+    let binary = if looks { program.binary() } else { Vec::new() };
+    let microscope = looks.then(|| Microscope::of(&prepared, &binary, &kernels));
     let binary_is_ptx = !ptx.is_empty() || is_ptx(&binary);
     let made = Compilation {
         device: device.info.label.clone(),
@@ -137,6 +146,7 @@ fn compile(
         build_ms: program.build_ms,
         binary_is_ptx,
         kernels,
+        microscope,
     };
     let files = vec![
         ("source.cl", spec.source.clone().into_bytes()),
@@ -148,11 +158,21 @@ fn compile(
 }
 
 /// Writes a strategy's folder.
-fn keep(out: &mut OutFolder, folder: &str, made: &Compilation, mut files: Files) -> Result<()> {
+fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: Files) -> Result<()> {
     let text = serde_json::to_string_pretty(made).map_err(|error| Error::fault(error.to_string()))?;
     files.push(("made.json", format!("{text}\n").into_bytes()));
+    files.extend(page(strategy, made)?.map(|page| (MICROSCOPE, page.into_bytes())));
+    let folder = folder_name(strategy);
     let named = |(name, bytes)| (format!("{folder}/{name}"), bytes);
     out.write(&files.into_iter().map(named).collect::<Vec<_>>())
+}
+
+/// Returns the page of the source beside the instructions.
+fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
+    let Some(microscope) = &made.microscope else { return Ok(None) };
+    let [x, y] = made.local_size;
+    let about = format!("Work-groups of {x} x {y} on {}. The strategy: {}.", made.device, made.strategy);
+    microscope_page(strategy, &about, microscope, &made.kernels).map(Some)
 }
 
 /// Returns the name of a strategy's folder, for example for "deferred,width=4".
@@ -178,5 +198,7 @@ fn text_of(name: &str, made: &Compilation) -> String {
         ]);
     }
     let [x, y] = made.local_size;
-    format!("{name} at {x} x {y} on {}, built in {:.0} ms\n{table}", made.device, made.build_ms)
+    let notes = made.microscope.iter().flat_map(|microscope| &microscope.notes);
+    let notes: String = notes.map(|note| format!("\nNote: {note}")).collect();
+    format!("{name} at {x} x {y} on {}, built in {:.0} ms\n{table}{notes}", made.device, made.build_ms)
 }

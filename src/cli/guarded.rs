@@ -6,9 +6,10 @@ use crate::device::drivers::{Driver, installed, only};
 use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result};
 use crate::experiment::lists_devices;
+use crate::own_program::own_program;
 use crate::printer;
 use std::ffi::OsString;
-use std::process::{Command, ExitStatus};
+use std::process::ExitStatus;
 
 /// Returns whether this is the child process.
 pub fn is_inside() -> bool {
@@ -59,7 +60,7 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
 
 /// Runs the same command line once, with these environment variables.
 fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
-    let mut command = Command::new(std::env::current_exe().map_err(failed)?);
+    let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
     command.status().map_err(failed)
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
-use crate::record::{Folder, Record, summary_terminal};
+use crate::record::{Folder, Record, renew_intervals, summary_terminal};
 use crate::report;
 use crate::shard::{Merged, Missing, ShardPlan, merge, no_shards, status};
 use crate::words::counted;
@@ -53,6 +53,8 @@ pub fn run(args: Args) -> Result<()> {
     }
     let merged = merge(&args.out, &args.device)?;
     let folder = Folder::read(&args.out)?;
+    // Each attempt knew the launches of its own points only.
+    renew_intervals(&args.out.join("records.jsonl"), &folder.records)?;
     let of_config = |key| folder.config(key).unwrap_or_default();
     folder.summarise(&of_config("question"), &of_config("expectation"))?;
     let mut out = OutFolder::open(&args.out, Choice { force: false, elsewhere: "another OUT" })?;

@@ -90,6 +90,10 @@ fn text(noise: &Noise) -> String {
             words[0], words[1]
         ));
     }
+    if let Some(percentiles) = causes.core_to_core_ns {
+        let [low, high] = percentiles.map(number);
+        lines.push(format!("  a cache line took {low} to {high} ns from one processor to another"));
+    }
     if let Some([least, most]) = causes.clocks_mhz {
         let governor = causes.governor.as_ref().map_or(String::new(), |name| format!(", governor {name}"));
         lines.push(format!("  processors ran at {least:.0} to {most:.0} MHz{governor}"));

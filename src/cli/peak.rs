@@ -5,11 +5,12 @@ use super::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
 use crate::output::{Choice, Target};
+use crate::own_program::own_program;
 use crate::peak::{Figure, Peak, measure};
 use crate::program::Sources;
 use crate::record::{dirty_program, significant};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `raycl peak`.
@@ -113,8 +114,7 @@ impl Wanted<'_> {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
                 .with_help("`raycl peak --device NAME` measures a single device and shows its error")
         };
-        let program = std::env::current_exe().map_err(|error| failed(&error))?;
-        let mut command = Command::new(program);
+        let mut command = own_program()?;
         // Its messages go to the user: whom it waits for, or why it failed.
         command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
         command.args(self.no_wait.then_some("--no-wait"));

@@ -40,6 +40,7 @@ use timeline::Timeline;
   raycl render bunny.obj -o bunny.exr --width 1920 --height 1080
   raycl render model.glb --azimuth 120 --elevation 10 --background white
   raycl render dragon.ply --turntable 120 -o turn/dragon.png
+  raycl render scenes/roll.toml --animate -o roll.apng
   zcat part.stl.gz | raycl render - -o - --up z > part.png
   raycl render scenes/teapot.toml --strategy naive --local-size 8x8 --repeat 20
   raycl render scenes/teapot.toml --set camera.position='[0, 1, 1]' --set width=4
@@ -54,7 +55,7 @@ pub struct Args {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write depth, normals, triangle and object numbers, tests and nodes per pixel: one .exr with all, or a .png of each
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", "turntable"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace a file even if raycl did not write it or it was changed since
     #[arg(long)]
@@ -95,7 +96,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Whether the scene comes from standard input.
+    /// True if the scene comes from standard input.
     pub(super) fn reads_standard_input(&self) -> bool {
         self.subject.scene.as_os_str() == STANDARD_INPUT
     }
@@ -106,7 +107,7 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(devices) = &args.devices {
         return split::run(&args, devices);
     }
-    if args.motion.turns() {
+    if args.motion.moves() {
         return motion::run(&args);
     }
     if !args.watch {
@@ -258,9 +259,15 @@ fn layer_files(args: &Args) -> Result<Vec<Target>> {
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice)))
 }
 
-/// The scene as these arguments show it.
+/// Loads the scene. If it is animated and `--animate` is not given, the scene is its first frame.
 fn load(args: &Args) -> Result<Loaded> {
-    args.subject.load(args.motion.turns(), is_dressed(args))
+    let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
+    if !args.motion.animates()
+        && let Some(animation) = loaded.animation.take()
+    {
+        loaded.notes.push(format!("this is the first of {} frames: --animate renders all", animation.frames));
+    }
+    Ok(loaded)
 }
 
 /// Returns whether a bare mesh gets a ground, soft light and a sky. Not with several devices, which take one

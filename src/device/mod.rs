@@ -23,7 +23,7 @@ pub use lanes::LaneOperations;
 pub use limits::DeviceLimits;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
-pub(crate) use quieting::quieting;
+pub(crate) use quieting::{Hush, quieting};
 pub use select::{default_place, pick_default, places, select, select_infos};
 pub use threads::thread_variables;
 

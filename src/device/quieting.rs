@@ -2,6 +2,10 @@
 
 use ocl::Device;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
+#[cfg(unix)]
+use rustix::{io::dup, stdio::dup2_stderr};
+#[cfg(unix)]
+use std::{fs::File, os::fd::OwnedFd};
 
 /// Returns a compiler option that stops a device's compiler from printing to the terminal. PoCL's prints the
 /// number of warnings ("2 warnings generated."), including those in its own headers, and does not write them
@@ -13,4 +17,44 @@ pub fn quieting(device: Device) -> &'static str {
     });
     let pocl = platform.is_some_and(|name| name.to_lowercase().contains("portable computing language"));
     if pocl { "-w" } else { "" }
+}
+
+/// Standard error leads nowhere as long as this lives. PoCL's compiler prints what it thinks of debug information
+/// while it makes it, and takes no option that stops it.
+#[cfg(unix)]
+pub struct Hush {
+    stderr: Option<OwnedFd>,
+}
+
+#[cfg(unix)]
+impl Hush {
+    /// Begins it. If that fails, messages are shown.
+    pub fn begin() -> Self {
+        let begin = || {
+            let stderr = dup(rustix::stdio::stderr()).ok()?;
+            let nowhere = File::options().write(true).open("/dev/null").ok()?;
+            dup2_stderr(&nowhere).ok()?;
+            Some(stderr)
+        };
+        Self { stderr: begin() }
+    }
+}
+
+#[cfg(unix)]
+impl Drop for Hush {
+    fn drop(&mut self) {
+        let _ = self.stderr.take().map(dup2_stderr);
+    }
+}
+
+/// Elsewhere messages are shown.
+#[cfg(not(unix))]
+pub struct Hush;
+
+#[cfg(not(unix))]
+impl Hush {
+    /// Does nothing.
+    pub fn begin() -> Self {
+        Self
+    }
 }

@@ -4,16 +4,16 @@
 
 use super::protocol::DeviceList;
 use crate::cache::Cache;
+use crate::child::output_within;
 use crate::device::patience::Patience;
 use crate::device::{self, DeviceInfo};
 use crate::error::{Error, Result};
+use crate::own_program::own_program;
 use crate::sources::Sources;
 use std::ffi::OsString;
-use std::io::Read;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
-use std::thread::{JoinHandle, sleep, spawn};
-use std::time::{Duration, Instant};
+use std::process::Stdio;
+use std::time::Duration;
 
 /// Far longer than drivers take to list their devices.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -54,8 +54,7 @@ fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],
 ) -> Result<std::result::Result<DeviceList, String>> {
-    let program = std::env::current_exe().map_err(failed)?;
-    let mut command = Command::new(program);
+    let mut command = own_program()?;
     command.args(["worker", "--list"]).envs(variables.iter().cloned());
     if let Some(folder) = cl_dir {
         command.arg("--cl-dir").arg(folder);
@@ -76,37 +75,6 @@ fn ask_with(
     }))
 }
 
-/// Returns the output of a process until it ends. A process that exceeds the limit is ended, and has no
-/// output.
-fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
-    let start = Instant::now();
-    let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
-    loop {
-        if let Some(status) = child.try_wait()? {
-            return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
-        }
-        if start.elapsed() > limit {
-            child.kill()?;
-            child.wait()?;
-            return Ok(None);
-        }
-        sleep(Duration::from_millis(5));
-    }
-}
-
-/// Reads to the end in another thread, so that no pipe gets full.
-fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
-    spawn(move || {
-        let mut bytes = Vec::new();
-        let _ = from.read_to_end(&mut bytes);
-        bytes
-    })
-}
-
-fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
-    reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
-}
-
 /// Returns the line with which a child process answers [`find_devices`].
 pub fn list_devices(sources: &Sources) -> Result<String> {
     let _patience = Patience::begin();
@@ -116,24 +84,4 @@ pub fn list_devices(sources: &Sources) -> Result<String> {
         Err(error) => DeviceList::Failed { message: error.to_string(), help: error.remedy().to_owned() },
     };
     serde_json::to_string(&list).map_err(|error| Error::fault(error.to_string()))
-}
-
-#[cfg(all(test, unix))]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-mod tests {
-    use super::*;
-
-    fn shell(script: &str, limit: Duration) -> Option<Output> {
-        let mut command = Command::new("sh");
-        command.args(["-c", script]).stdout(Stdio::piped()).stderr(Stdio::piped());
-        output_within(command.spawn().unwrap(), limit).unwrap()
-    }
-
-    #[test]
-    fn a_process_that_hangs_is_ended_and_one_that_speaks_is_heard() {
-        assert!(shell("exec sleep 1000", Duration::from_millis(50)).is_none());
-        let spoke = shell("head -c 300000 /dev/zero; echo no >&2; exit 3", LIMIT).unwrap();
-        assert_eq!((spoke.stdout.len(), spoke.status.code()), (300_000, Some(3)));
-        assert_eq!(spoke.stderr, b"no\n");
-    }
 }

@@ -28,7 +28,7 @@ pub struct PendingPoint {
     pub record: Record,
     /// Why it is not measured on its device, if its preset is meant for another kind.
     pub not_for: Option<String>,
-    /// Whether the device can hold it, as far as that is known before a tree is built. If not, its program is not
+    /// True if the device can hold it, as far as that is known before a tree is built. If not, its program is not
     /// built; its check reports the reason.
     pub fits: bool,
     /// The result of building its program ahead, if it was built for this point.

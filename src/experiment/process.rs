@@ -3,11 +3,11 @@
 use super::protocol::{Job, Reply, Request};
 use super::supervisor::{Death, Spawner, Wait, Worker};
 use crate::error::{Error, Result};
+use crate::own_program::own_program;
 use crate::program::CACHE_DISABLE;
 use serde::Serialize;
 use std::io::{BufRead as _, BufReader, Read, Write as _};
-use std::path::PathBuf;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -19,7 +19,6 @@ const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Starts workers as processes of this program.
 pub struct Processes {
-    program: PathBuf,
     jobs: Vec<Job>,
     /// True if workers may take programs from the driver's cache, which does not contain registers.
     trust_driver: bool,
@@ -27,8 +26,9 @@ pub struct Processes {
 
 impl Processes {
     /// Makes workers; `jobs[i]` is the job of the worker for device `i`.
-    pub fn new(jobs: Vec<Job>) -> Result<Self> {
-        Ok(Self { program: this_program()?, jobs, trust_driver: false })
+    #[must_use]
+    pub fn new(jobs: Vec<Job>) -> Self {
+        Self { jobs, trust_driver: false }
     }
 
     /// Makes workers for programs that builders have compiled; the compiler's messages are stored with the
@@ -39,18 +39,6 @@ impl Processes {
     }
 }
 
-/// Returns the path of this program, even if its file was replaced since it started.
-fn this_program() -> Result<PathBuf> {
-    let running = PathBuf::from("/proc/self/exe");
-    if running.exists() {
-        return Ok(running);
-    }
-    std::env::current_exe().map_err(|error| {
-        Error::run(format!("cannot find raycl's own program: {error}"))
-            .with_help("call raycl by its full path")
-    })
-}
-
 impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
@@ -58,7 +46,7 @@ impl Spawner for Processes {
                 "check that more processes (`ulimit -u`) and memory are available, and run it again with --resume",
             )
         };
-        let mut command = Command::new(&self.program);
+        let mut command = own_program()?;
         command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // The end of its standard error goes into records, where one message is enough.
         command.env("RUST_BACKTRACE", "0");

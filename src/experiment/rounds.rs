@@ -99,6 +99,13 @@ mod tests {
         StoppingRule { min_samples: 5, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
 
     #[test]
+    fn the_time_limit_counts_the_samples_of_all_rounds() -> Result<()> {
+        let rule = StoppingRule { max_samples: 100, time_limit_ms: 20.0, ..RULE };
+        assert_eq!(measure(3, &rule, 1, &mut Fake::default())?, End::Enough(StopReason::TimeLimit));
+        Ok(())
+    }
+
+    #[test]
     fn each_round_takes_one_sample_of_every_point() -> Result<()> {
         let mut fake = Fake::default();
         assert_eq!(measure(3, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));

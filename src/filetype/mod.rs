@@ -82,7 +82,7 @@ pub fn unpacked_name(path: &Path) -> PathBuf {
 pub struct Foreign {
     /// The name with its article: `an STL mesh (ASCII)`.
     pub name: &'static str,
-    /// What the user can do with such a file; may be empty.
+    /// The remedy for a user who has such a file; may be empty.
     pub remedy: &'static str,
 }
 

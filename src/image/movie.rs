@@ -50,12 +50,12 @@ impl Movie {
         }
     }
 
-    /// Writes frames as they arrive.
-    pub fn write(&self, frames: impl Iterator<Item = Radiance>, display: Display) -> Result<()> {
+    /// Writes frames as they arrive, each with its display transform.
+    pub fn write(&self, frames: impl Iterator<Item = (Radiance, Display)>) -> Result<()> {
         match self.format {
-            Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, display, count)),
+            Format::Apng(count) => self.target.write(|file| self.write_apng(file, frames, count)),
             Format::Y4m => {
-                let frames = frames.map(|frame| to_rgb8(&frame, display));
+                let frames = frames.map(|(frame, display)| to_rgb8(&frame, display));
                 let mut out = BufWriter::new(std::io::stdout().lock());
                 match write_y4m(&mut out, frames, self.size, self.rate).and_then(|()| out.flush()) {
                     // The encoder has closed its input because it needs no more frames.
@@ -71,12 +71,11 @@ impl Movie {
     fn write_apng(
         &self,
         file: &mut std::fs::File,
-        frames: impl Iterator<Item = Radiance>,
-        display: Display,
+        frames: impl Iterator<Item = (Radiance, Display)>,
         count: u32,
     ) -> IoResult<()> {
         let mut frames = frames.peekable();
-        let has_alpha = frames.peek().is_some_and(|frame| !frame.coverage.is_empty());
+        let has_alpha = frames.peek().is_some_and(|(frame, _)| !frame.coverage.is_empty());
         let mut out = mark::Insert::new(BufWriter::new(file), mark::png());
         let mut encoder = png::Encoder::new(&mut out, self.size[0], self.size[1]);
         encoder.set_color(if has_alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
@@ -85,7 +84,7 @@ impl Movie {
         encoder.set_animated(count, 0).map_err(Error::other)?;
         encoder.set_frame_delay(1, self.rate).map_err(Error::other)?;
         let mut writer = encoder.write_header().map_err(Error::other)?;
-        for frame in frames {
+        for (frame, display) in frames {
             let bytes = match to_rgba8(&frame, display) {
                 Some(shown) => shown.into_raw(),
                 None => to_rgb8(&frame, display).into_raw(),

@@ -73,8 +73,8 @@ impl<'a> Argument<'a> {
         points == of_type.contains('*') && elements.contains(&element)
     }
 
-    /// Binds the next parameter. Parameters that depend on the camera or the sample can be bound again, by
-    /// their names.
+    /// Binds the next parameter. Parameters that depend on the camera, the sample or the background can be bound
+    /// again, by their names.
     fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
@@ -83,7 +83,7 @@ impl<'a> Argument<'a> {
             Self::Words(buffer) => kernel.arg(buffer),
             Self::Shorts(buffer) => kernel.arg(buffer),
             Self::Pairs(buffer) => kernel.arg(buffer),
-            Self::Float(value) => kernel.arg(value),
+            Self::Float(value) => kernel.arg_named(name, value),
             Self::Int(value) => kernel.arg(value),
             Self::Uint(value) => kernel.arg_named(name, value),
             Self::Float4(value) => kernel.arg_named(name, value),
@@ -143,10 +143,11 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Binds again the arguments that depend on the camera or the sample, if the kernel has them.
+    /// Binds again the arguments that can differ between frames, if the kernel has them.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {
+                (Some(place), Argument::Float(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Float4(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Uint(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Uint2(value)) => kernel.set_arg(place, *value)?,

@@ -9,13 +9,15 @@ use super::parts::Parts;
 use super::records::Records;
 use super::rounds::Rounds;
 use super::samples::Samples;
-use super::setup::{Setup, Working, camera_arguments, sample_argument, scene_arguments};
+use super::setup::{
+    Setup, Working, background_arguments, camera_arguments, sample_argument, scene_arguments,
+};
 use super::shared::Shared;
 use super::steps::Steps;
 use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
-use crate::scene::{Camera, Display, Sample, SampleCounts, Sampling};
+use crate::scene::{Camera, Display, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use image::RgbImage;
 use ocl::prm::Float4;
@@ -31,7 +33,7 @@ pub struct Caster {
     working: Working,
     samples: Option<Samples>,
     size: [u32; 2],
-    /// Whether the background is transparent, so that images have coverage.
+    /// True if the background is transparent, so that images have coverage.
     transparent: bool,
     records_ms: Option<f64>,
     _bytes: FrameBytes,
@@ -113,6 +115,16 @@ impl Caster {
     /// Changes the camera, starting with the next frame.
     pub fn look_from(&self, camera: &Camera) -> Result<(), LaunchError> {
         let arguments = camera_arguments(Arguments::default(), camera, self.size);
+        self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
+    }
+
+    /// Changes the background, the distance at which shadow rays start, and the exposure by which rough blocks are
+    /// marked, to those of a scene, starting with the next frame.
+    pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
+        if let Some(samples) = &self.samples {
+            samples.show(scene.display.exposure)?;
+        }
+        let arguments = background_arguments(Arguments::default(), scene);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 

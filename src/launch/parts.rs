@@ -4,7 +4,7 @@ use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::allocate;
 use super::frame::Phase;
-use super::setup::{Setup, Working};
+use super::setup::{Setup, Working, sees_sky};
 use super::steps::{Step, Steps};
 use super::{LaunchError, Queue};
 use crate::manifest::{self, NO_HIT, Role};
@@ -128,8 +128,7 @@ impl<'a> Parts<'a> {
         image: &'a Buffer<Float4>,
         phase: Phase,
     ) -> Result<Option<(Phase, Step)>, LaunchError> {
-        let picture = self.setup.scene.sky.as_ref().and_then(|sky| sky.picture.as_ref());
-        if !picture.is_some_and(|picture| picture.is_seen) {
+        if !sees_sky(self.setup.scene) {
             return Ok(None);
         }
         let arguments = self.arguments.clone().with("image", image);

@@ -3,10 +3,12 @@
 use super::band::Band;
 use super::held::Frames;
 use super::refused::Refused;
-use super::scene::move_lights;
-use super::setup::Setup;
-use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue};
-use crate::program::{BuiltProgram, CompiledKernel, ProgramSpec};
+use super::scene::{light_anew, move_lights};
+use super::setup::{Setup, sees_sky};
+use super::{Caster, DeviceScene, DeviceTree, LaunchError, Queue, preprocess_for};
+use crate::error::Result as OrError;
+use crate::program::preprocess::Preprocessed;
+use crate::program::{BuildError, BuiltProgram, CompiledKernel, Kept, ProgramSpec};
 use crate::scene::{Light, Sampling, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
 use std::sync::Arc;
@@ -63,6 +65,29 @@ impl Prepared {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
 
+    /// Changes lights, sky, background and shadow bias to those of another scene, starting with the caster's next
+    /// frame, for which the camera is an argument anyway. Returns `false` if the scene needs other buffers or
+    /// kernels: it has another mesh or another number of lights, for example.
+    pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
+        if !self.suits(scene) {
+            return Ok(false);
+        }
+        light_anew(&self.queue, &self.uploaded, [&self.scene, scene])?;
+        caster.show_background(scene)?;
+        self.scene = Arc::clone(scene);
+        Ok(true)
+    }
+
+    /// Returns whether the program and all buffers have the right sizes for a scene, and the same mesh.
+    fn suits(&self, scene: &Arc<Scene>) -> bool {
+        let Workload { image_size, local_size, stack_size, .. } = self.workload;
+        let workload = Workload::of(scene, image_size, local_size).sampled(scene, self.sampling.most);
+        Arc::ptr_eq(&self.scene.mesh, &scene.mesh)
+            && Workload { stack_size, ..workload } == self.workload
+            && self.scene.transparent == scene.transparent
+            && sees_sky(&self.scene) == sees_sky(scene)
+    }
+
     /// Returns properties of a frame's compiled kernels, from the build log and the binary (PTX, or empty).
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let items = self.workload.local_size.iter().product();
@@ -71,6 +96,16 @@ impl Prepared {
             made.predicted(self.compute_capability.as_deref(), items)
         };
         caster.kernels().map(made).collect()
+    }
+
+    /// Returns its program as the device's compiler sees it.
+    pub fn preprocessed(&self) -> OrError<Preprocessed> {
+        preprocess_for(&self.queue, &self.spec)
+    }
+
+    /// Compiles another text on the same device. It is not stored.
+    pub fn build_text(&self, spec: &ProgramSpec) -> Result<BuiltProgram, BuildError> {
+        BuiltProgram::build(&self.queue.context, self.queue.device, spec, &Kept::default())
     }
 
     /// Returns the total size of the device's buffers.

@@ -68,6 +68,12 @@ impl Samples {
         Self { mark: Some(Step::Run(kernel)), ..self }
     }
 
+    /// Changes the exposure, which decides what blocks are rough.
+    pub fn show(&self, exposure: f32) -> Result<(), LaunchError> {
+        let kernel = self.mark.as_ref().and_then(Step::kernel);
+        kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
+    }
+
     /// Lets every pixel get all samples that are cast.
     pub fn want_all(&self, queue: &Queue) -> ocl::Result<()> {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()

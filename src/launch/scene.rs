@@ -95,6 +95,21 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
     Ok(())
 }
 
+/// Replaces the lights on a device by those of a scene with as many, and the sky, if it differs from the last scene's,
+/// by one with as large a picture.
+pub(super) fn light_anew(
+    queue: &Queue,
+    uploaded: &DeviceScene,
+    [last, scene]: [&Scene; 2],
+) -> Result<(), LaunchError> {
+    move_lights(queue, &uploaded.lights, &scene.lights)?;
+    let radii = |scene: &Scene| scene.lights.iter().map(|light| light.radius).collect::<Vec<_>>();
+    if radii(scene) != radii(last) || scene.sky != last.sky {
+        uploaded.soft.write(&soft_floats(scene)).queue(&queue.commands).enq()?;
+    }
+    Ok(())
+}
+
 /// Returns the position and power of each light.
 fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()

@@ -33,17 +33,11 @@ impl<'a> Setup<'a> {
     /// Returns the arguments that depend on the scene and the camera.
     pub fn arguments(&self) -> Arguments<'a> {
         let [width, height] = self.workload.image_size;
-        // A picture of the sky is added to a black background.
-        let picture = self.scene.sky.as_ref().and_then(|sky| sky.picture.as_ref());
-        let is_behind_all = picture.is_some_and(|picture| picture.is_seen);
-        let background = if is_behind_all { Vec3::ZERO } else { self.scene.background };
-        let [red, green, blue] = background.to_array();
         let arguments = scene_arguments(self.uploaded, self.tree);
         let arguments = soft_arguments(arguments, self.uploaded, self.workload);
+        let arguments = background_arguments(arguments, self.scene);
         camera_arguments(arguments, &self.scene.camera, [width, height])
-            .with("bias", self.scene.shadow_bias)
             .with("image_size", Int2::new(width as i32, height as i32))
-            .with("background", Float4::new(red, green, blue, 0.0))
     }
 }
 
@@ -109,6 +103,20 @@ pub(super) fn soft_arguments<'a>(
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
     arguments.with("sample", Uint2::new(sample.number, sample.count))
+}
+
+/// Returns whether rays that hit nothing see a picture of the sky.
+pub(super) fn sees_sky(scene: &Scene) -> bool {
+    let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_ref());
+    picture.is_some_and(|picture| picture.is_seen)
+}
+
+/// Sets the distance at which shadow rays start, and the background.
+pub(super) fn background_arguments<'a>(arguments: Arguments<'a>, scene: &Scene) -> Arguments<'a> {
+    // A picture of the sky is added to a black background.
+    let background = if sees_sky(scene) { Vec3::ZERO } else { scene.background };
+    let [red, green, blue] = background.to_array();
+    arguments.with("bias", scene.shadow_bias).with("background", Float4::new(red, green, blue, 0.0))
 }
 
 /// Sets the origin and directions of the rays.

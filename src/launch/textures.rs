@@ -16,7 +16,7 @@ pub(super) struct DeviceTextures {
     pub words: Buffer<u32>,
     /// One row per triangle, in the mesh's order.
     pub rows: Buffer<f32>,
-    /// Whether some of them make holes in triangles.
+    /// True if some of them make holes in triangles.
     cut_outs: bool,
 }
 

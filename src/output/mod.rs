@@ -12,7 +12,7 @@ mod results;
 mod stale;
 mod target;
 
-pub use folder::{LIST, OutFolder};
+pub use folder::OutFolder;
 pub use place::Choice;
 pub use results::refuse_other_folders;
 pub use target::Target;

@@ -4,9 +4,11 @@
 mod measure;
 mod operations;
 mod rig;
+mod traffic;
 
 pub use measure::measure;
 pub use operations::operations_per_test;
+pub use traffic::Traffic;
 
 use crate::error::{Error, Result};
 use crate::measure::Summary;

@@ -1,6 +1,6 @@
 //! The differences that the records of a run can show, and the causes of noise.
 
-use super::rounds::mean_load;
+use super::rounds::{core_to_core_ns, mean_load};
 use super::together::{resolution, resolution_within};
 use super::types::{HOST, Record};
 use super::{Folder, interval};
@@ -34,6 +34,8 @@ pub struct Causes {
     pub others: Option<f64>,
     /// Number of processors that other virtual machines on the same hardware took.
     pub stolen: Option<f64>,
+    /// 10th and 90th percentile of the time that a cache line took from one processor to another, ns.
+    pub core_to_core_ns: Option<[f64; 2]>,
     /// The policy that sets the processors' frequency.
     pub governor: Option<String>,
     /// Lowest and highest frequency of any processor at the beginning, MHz.
@@ -84,6 +86,7 @@ impl Causes {
             processors: load.map(|load| load.processors),
             others: load.map(|load| load.others),
             stolen: load.map(|load| load.stolen),
+            core_to_core_ns: core_to_core_ns(&folder.rounds),
             governor: clocks["governor"].as_str().map(str::to_owned),
             clocks_mhz: range(0).zip(range(1)).map(|(least, most)| [least, most]),
             device_clock_mhz: (!sensed.is_empty()).then(|| sensed.iter().sum::<f64>() / sensed.len() as f64),

@@ -23,7 +23,15 @@ pub struct RoundLoad {
     pub stolen: f64,
     /// Mean number of processes that ran or waited to run in the last minute.
     pub load_1m: Option<f64>,
+    /// Time that a cache line took from one processor to another after these rounds, in nanoseconds.
+    #[serde(default)]
+    pub core_to_core_ns: Option<f64>,
 }
+
+/// Fewer readings of the core-to-core latency have no percentiles.
+const LEAST_READINGS: usize = 10;
+/// If the core-to-core latency differs by more than this factor between rounds, processors were moved.
+const MOVED: f64 = 1.5;
 
 /// If others took more than this fraction of the machine, they may have disturbed the measurements.
 const DISTURBED: f64 = 0.05;
@@ -31,8 +39,8 @@ const DISTURBED: f64 = 0.05;
 impl RoundLoad {
     /// Makes a line from the load while rounds were timed.
     pub fn of(launch: u32, round: u32, load: &Load) -> Self {
-        let Load { ms, others, stolen, processors, load_1m } = *load;
-        Self { launch, round, ms, processors, others, stolen, load_1m }
+        let Load { ms, others, stolen, processors, load_1m, core_to_core_ns } = *load;
+        Self { launch, round, ms, processors, others, stolen, load_1m, core_to_core_ns }
     }
 }
 
@@ -82,6 +90,28 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     ))
 }
 
+/// Returns the 10th and the 90th percentile of the core-to-core latency, in nanoseconds.
+pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<[f64; 2]> {
+    let mut readings: Vec<f64> = lines.into_iter().filter_map(|line| line.core_to_core_ns).collect();
+    readings.sort_unstable_by(f64::total_cmp);
+    let tenth = readings.len() / 10;
+    (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
+}
+
+/// Returns a note if the distance between the processors changed while some records were measured.
+pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
+    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let [low, high] = core_to_core_ns(lines.iter().filter(|line| shown.contains(&line.launch)))?;
+    (high > MOVED * low).then(|| {
+        format!(
+            "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
+             probably moved. Times change with it, those of kernels that share data between work-groups most.",
+            significant(low, 2),
+            significant(high, 2)
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -101,6 +131,24 @@ mod tests {
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine.
         assert_eq!(disturbance(&[line(0, 0.08), line(1, 0.08)], &records), None);
+    }
+
+    #[test]
+    fn processors_were_moved_where_a_cache_line_takes_longer_at_times() {
+        let records = [Record { sample_launches: vec![0, 0], ..Record::default() }];
+        let lines = |ns: [f64; 2], launch: u32| -> Vec<RoundLoad> {
+            let of = |at: usize| RoundLoad { core_to_core_ns: Some(ns[at % 2]), ..line(launch, 0.0) };
+            (0..10).map(of).collect()
+        };
+        let said = moved_processors(&lines([60.0, 320.0], 0), &records).unwrap();
+        assert!(said.contains("between 60 and 320 ns"), "{said}");
+        assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
+        assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
+        assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
+        // A single interrupted reading is no move.
+        let mut one = lines([60.0, 60.0], 0);
+        one[3].core_to_core_ns = Some(900.0);
+        assert_eq!(moved_processors(&one, &records), None);
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and the same
-//! lights are visible from there, then small changes of a ray's direction need no further search. This makes
-//! the reference fast.
+//! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and all hit points
+//! see the same lights, then a ray whose direction changes within the beam needs no new search. This makes the
+//! reference fast.
 
 use super::ray::Ray;
 use super::tree::{Indexed, Tree};

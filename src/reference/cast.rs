@@ -126,7 +126,7 @@ impl<'a, R: Real> Caster<'a, R> {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
         let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
-        // What is so near hides a light, and nothing of a sky that reaches no farther.
+        // A surface this near hides a light, but nothing of a sky whose reach is shorter.
         let is_sky = sight.light >= self.scene.lights.len();
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
@@ -240,10 +240,10 @@ mod tests {
     fn a_surface_is_a_rival_that_lies_no_farther_behind_the_hit_than_asked_for() {
         for (behind, count) in [(0.0, 1), (5e-7, 1), (1e-5, 0)] {
             let mut scene = fixtures::single_triangle();
-            let mut other = fixtures::single_triangle().mesh;
+            let mut other = (*fixtures::single_triangle().mesh).clone();
             // Straight down the camera's axis, so that a ray's length and a depth grow alike.
             other.positions.iter_mut().for_each(|position| *position *= 1.0 + behind);
-            scene.mesh.append(other);
+            scene.mesh_mut().append(other);
             let caster = exhaustive::<f64>(&scene, [80, 50]);
             let (ray, hit) = caster.look(40.5, 25.5);
             let hit = hit.expect("the triangle");

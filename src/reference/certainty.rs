@@ -40,9 +40,9 @@ pub(super) const AT_LIGHT: f64 = 1e-6;
 pub struct PixelSample {
     /// The radiance at the pixel's centre.
     pub radiance: DVec3,
-    /// Whether the ray hits something.
+    /// True if the ray hits something.
     pub hit: bool,
-    /// Whether a nudge changes a hit to a miss or the reverse.
+    /// True if a nudge changes a hit to a miss or the reverse.
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
     pub change: f64,
@@ -343,7 +343,7 @@ mod tests {
         let [a, b, c] = light_in_triangle.mesh.corners(&light_in_triangle.mesh.triangles[0]);
         light_in_triangle.lights[0].position = (a + b + c) / 3.0;
         let mut twice = fixtures::figure_4();
-        twice.mesh.append(fixtures::figure_4().mesh);
+        twice.mesh_mut().append((*fixtures::figure_4().mesh).clone());
         let mut under_sky = fixtures::pyramid_upper();
         under_sky.sky =
             Some(Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: f32::MAX, picture: None });

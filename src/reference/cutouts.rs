@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-6;
 pub struct Solid<'a, R: Real> {
     finder: Arc<dyn Finder<R> + 'a>,
     textures: Option<&'a Textures>,
-    /// Whether the edges of holes are moved by as much as rounding may: 1 makes holes smaller, -1 larger.
+    /// The direction in which rounding moves the edges of holes: 1 makes holes smaller, -1 larger, 0 leaves them.
     lean: f64,
 }
 

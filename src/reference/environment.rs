@@ -26,3 +26,18 @@ fn texel<R: Real>(picture: &SkyPicture, column: i32, row: i32) -> R::Vector {
     let (x, y) = (column.rem_euclid(width), row.clamp(0, height - 1));
     R::Vector::of(Vec3::from_array(picture.texels[(y * width + x) as usize]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn the_left_edge_is_the_right_one() {
+        let texels = [1.0, 2.0, 3.0, 8.0].map(|value| [value; 3]);
+        let picture = SkyPicture { size: [4, 1], texels: texels.into(), ahead: Vec3::Z, is_seen: true };
+        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None };
+        let behind = radiance_of_picture::<f64>(&sky, &picture, DVec3::NEG_Z);
+        assert!((behind.x - 4.5).abs() < 1e-9, "{behind}");
+    }
+}

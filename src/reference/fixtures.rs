@@ -67,7 +67,7 @@ pub(crate) fn sphere(bands: usize) -> Scene {
 fn scene(name: &str, mesh: Mesh, light: Vec3) -> Scene {
     Scene {
         name: name.into(),
-        mesh,
+        mesh: mesh.into(),
         lights: vec![Light { position: light, power: Vec3::splat(10.0), radius: 0.0 }],
         camera: Camera::PAPER,
         sky: None,

@@ -9,7 +9,7 @@ use crate::strategy::Culling;
 pub struct Hit<R> {
     /// The distance along the ray.
     pub t: R,
-    /// The barycentric weights of the triangle's corners there; they sum to 1.
+    /// The hit point's barycentric weights, one per corner of the triangle; they sum to 1.
     pub weights: [R; 3],
     /// The triangle's index in `Mesh::triangles`.
     pub triangle: u32,

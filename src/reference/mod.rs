@@ -52,7 +52,7 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision.
     pub radiance: Radiance,
-    /// Whether a pixel is certain: its radiance changes by less than 1e-3, relative, under nudges of its ray
+    /// True if a pixel is certain: its radiance changes by less than 1e-3, relative, under nudges of its ray
     /// and its shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
     pub certain: Vec<bool>,
     /// The uncertain pixels, in the same order, with the range of their possible values.
@@ -80,7 +80,7 @@ impl Reference {
 pub struct Doubt {
     /// Its index in `radiance.pixels`.
     pub pixel: usize,
-    /// Whether only wide nudges change it; then its possible values are nearly equal.
+    /// True if only wide nudges change it; then its possible values are nearly equal.
     pub nearly_certain: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],

@@ -28,7 +28,7 @@ pub struct Points {
     pub spread: f64,
 }
 
-/// Whether a light reaches the points; `None` if that is uncertain.
+/// True if a light reaches the points; `None` if that is uncertain.
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {
@@ -92,5 +92,33 @@ mod tests {
             Shadows::new(&seen, &tree, points, 1e-3).find(0)
         };
         assert_eq!([find(1e-6), find(0.02)], [Some(true), None]);
+    }
+
+    #[test]
+    fn what_is_sure_of_all_points_within_a_spread_is_true_of_each() {
+        let scene = fixtures::figure_4();
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
+        let find = |centre: DVec3, spread: f64| {
+            let triangle = scene.mesh.triangles.len() as u32 - 1;
+            Shadows::new(&seen, &tree, Points { triangle, centre, spread }, 1e-3).find(0)
+        };
+        // Over the ground, through the triangle's shadow.
+        let light = scene.lights[0].position.as_dvec3();
+        let corners = scene.mesh.corners(&scene.mesh.triangles[0]).map(|corner| corner.as_dvec3());
+        let off = (corners[0] + corners[1] + corners[2]) / 3.0 - light;
+        let shadow = light + off * ((-1.0 - light.y) / off.y);
+        let mut found = std::collections::HashSet::new();
+        for step in 0..600 {
+            let centre = DVec3::new(3.0, -1.0, 1.0).lerp(shadow, f64::from(step) / 600.0);
+            let spread = 0.004 * centre.distance(light);
+            let of_all = find(centre, spread);
+            found.insert(of_all);
+            for way in (0..16).map(|way| DVec3::new(f64::from(way).cos(), 0.0, f64::from(way).sin())) {
+                let one = find(centre + 0.99 * spread * way, 1e-9);
+                assert!(of_all.is_none() || one.is_none() || one == of_all, "at {centre}, towards {way}");
+            }
+        }
+        assert_eq!(found.len(), 3, "open, in shadow and at its border: {found:?}");
     }
 }

@@ -44,8 +44,8 @@ fn the_shadow_of_figure_4() {
 #[test]
 fn back_faces_are_seen_unless_culled() {
     let mut scene = fixtures::single_triangle();
-    scene.mesh.triangles[0].positions.reverse();
-    scene.mesh.triangles[0].normals.reverse();
+    scene.mesh_mut().triangles[0].positions.reverse();
+    scene.mesh_mut().triangles[0].normals.reverse();
     let seen = reference(&scene, [40, 25], Culling::None);
     let culled = reference(&scene, [40, 25], Culling::Back);
     assert!(seen.hits > 100);
@@ -62,7 +62,7 @@ fn culled_faces_cast_no_shadow() {
         image.pixels.iter().filter(|pixel| **pixel == [0.0; 3]).count()
     };
     assert!(black(&scene) > 50);
-    scene.mesh.triangles.remove(1);
+    scene.mesh_mut().triangles.remove(1);
     assert_eq!(black(&scene), 0);
 }
 
@@ -83,7 +83,7 @@ fn a_light_nearer_than_the_bias_and_normals_of_no_length_give_nothing() {
     assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
     scene.lights[0].position = vec3(0.0, 0.0, -1.0);
     assert_ne!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
-    scene.mesh.normals.fill(Vec3::ZERO);
+    scene.mesh_mut().normals.fill(Vec3::ZERO);
     assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
     scene.lights.clear();
     assert_eq!(pixel(&scene, [1, 1], [0, 0]), Vec3::ZERO);
@@ -93,7 +93,7 @@ fn a_light_nearer_than_the_bias_and_normals_of_no_length_give_nothing() {
 fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
     // The triangle's left edge along x = 0 divides an image of odd width in halves.
     let mut scene = fixtures::single_triangle();
-    scene.mesh.positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
+    scene.mesh_mut().positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);
     for (index, certain) in found.certain.iter().enumerate() {
         assert_eq!(*certain, index % 9 != 4, "pixel {index}");
@@ -107,7 +107,7 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
     // A strip half a microradian to five microradians beside the ray; wide nudges of ten pass it.
     let mut scene = fixtures::single_triangle();
-    scene.mesh.positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
+    scene.mesh_mut().positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);
     assert_eq!((found.hits, found.certain[2 * 9 + 4]), (0, false));
     assert!(found.hits_range[0] == 0 && found.hits_range[1] > 0, "{:?}", found.hits_range);
@@ -118,8 +118,9 @@ fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
     // So small that a ray from far below its plane misses it.
     let uncertain = |height: f32| {
         let mut scene = fixtures::single_triangle();
-        scene.mesh.positions = vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
-        scene.mesh.normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface: the light is not faint
+        scene.mesh_mut().positions =
+            vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
+        scene.mesh_mut().normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface: the light is not faint
         scene.lights[0].position = vec3(0.0, 9.0, -2.0 + height);
         let found = reference(&scene, [401, 251], Culling::None);
         let lit = found.radiance.pixels.iter().zip(&found.certain).filter(|(pixel, _)| **pixel != [0.0; 3]);
@@ -135,13 +136,13 @@ fn coincident_surfaces_are_uncertain_only_where_they_look_different() {
     let mut twin = scene.mesh.triangles[0];
     twin.positions.reverse();
     twin.normals.reverse();
-    scene.mesh.triangles.push(twin);
+    scene.mesh_mut().triangles.push(twin);
     let alike = reference(&scene, [40, 25], Culling::None);
     assert!(alike.certain.iter().filter(|certain| !**certain).count() < 10);
     let mut other = scene.mesh.materials[0];
     other.lambertian = Vec3::splat(0.1);
-    scene.mesh.materials.push(other);
-    scene.mesh.triangles[1].material = 1;
+    scene.mesh_mut().materials.push(other);
+    scene.mesh_mut().triangles[1].material = 1;
     let different = reference(&scene, [40, 25], Culling::None);
     assert!(different.certain.iter().filter(|certain| !**certain).count() > 100);
 }
@@ -182,7 +183,7 @@ fn the_papers_scenes_are_certain_almost_everywhere() {
 #[test]
 fn a_pixel_is_uncertain_where_a_level_silhouette_passes_through_its_centre() {
     let mut scene = fixtures::single_triangle();
-    scene.mesh.positions = vec![vec3(-9.0, 0.0, -2.0), vec3(9.0, 0.0, -2.0), vec3(0.0, 9.0, -2.0)];
+    scene.mesh_mut().positions = vec![vec3(-9.0, 0.0, -2.0), vec3(9.0, 0.0, -2.0), vec3(0.0, 9.0, -2.0)];
     let found = reference(&scene, [8, 5], Culling::None);
     assert!(found.certain[16..24].iter().all(|certain| !certain), "{:?}", found.certain);
 }
@@ -199,12 +200,12 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
     // A light behind, towards which the normals point, and a second triangle in front of it.
     let lit = |gap: f32| {
         let mut scene = fixtures::single_triangle();
-        scene.mesh.normals.fill(Vec3::NEG_Z);
+        scene.mesh_mut().normals.fill(Vec3::NEG_Z);
         scene.lights[0].position = vec3(0.0, 0.0, -4.0);
         scene.shadow_bias = 1e-2;
-        let mut behind = scene.mesh.clone();
+        let mut behind = (*scene.mesh).clone();
         behind.positions.iter_mut().for_each(|corner| corner.z -= gap);
-        scene.mesh.append(behind);
+        scene.mesh_mut().append(behind);
         pixel(&scene, [1, 1], [0, 0]) != Vec3::ZERO
     };
     assert_eq!((lit(5e-3), lit(2e-2)), (true, false));

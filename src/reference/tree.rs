@@ -54,7 +54,7 @@ pub struct Indexed {
     corners: [Vec3; 3],
     /// Its index in `Mesh::triangles`.
     pub triangle: u32,
-    /// Whether it has a mask, and so may have holes.
+    /// True if it has a mask, and so may have holes.
     pub has_holes: bool,
 }
 
@@ -319,7 +319,7 @@ mod tests {
     #[test]
     fn a_tree_over_triangles_that_shrink_by_powers_is_no_deeper_than_its_stack() {
         // Each split by cost separates only the largest triangle.
-        let mut mesh = fixtures::single_triangle().mesh;
+        let mut mesh = (*fixtures::single_triangle().mesh).clone();
         for power in (0..56).map(|i| 1e36 * 0.05_f32.powi(i)) {
             let first = mesh.positions.len() as u32;
             mesh.positions.extend([Vec3::X, Vec3::Y, Vec3::Z].map(|corner| power * (Vec3::X + 0.1 * corner)));

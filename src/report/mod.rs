@@ -7,20 +7,23 @@ mod environment;
 mod gallery;
 mod growth;
 mod merged;
+mod microscope;
 mod occupancy;
 mod overview;
 mod page;
 pub mod paper;
 pub mod plot;
 mod reproduction;
+mod roofline;
 mod side_by_side;
 mod view;
 mod words;
 
 pub use claims::OTHER_CONTRADICTIONS;
-pub use compare::{Against, Comparison, Pair};
+pub use compare::{Comparison, Pair};
 pub use environment::quote;
 pub(crate) use growth::exponent;
+pub use microscope::{MICROSCOPE, microscope_page};
 pub use page::Page;
 pub use reproduction::Reproduction;
 

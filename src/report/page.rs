@@ -7,7 +7,7 @@ use super::merged::{labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name};
-use super::{growth, occupancy, overview, side_by_side, view};
+use super::{growth, microscope, occupancy, overview, roofline, side_by_side, view};
 use crate::error::{Error, Result};
 use crate::record::{
     AtHost, Folder, Group, HOST, Outcome, Record, by, controls, groups, interval, median, ms, not_enough,
@@ -55,6 +55,8 @@ pub struct View {
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
     rows: Vec<Row>,
+    /// The command that shows the instructions of the fastest point; empty if there is none.
+    microscope: String,
 }
 
 /// A row of a table.
@@ -107,6 +109,7 @@ impl Page {
         overview.extend(overview::device_against_device(&groups, &looks));
         overview.extend(side_by_side::side_by_side(&groups));
         overview.extend(growth::growth(&groups, &looks));
+        overview.extend(roofline::rooflines(&groups, &looks, folders));
         Self {
             style: STYLE,
             script: SCRIPT,
@@ -264,6 +267,8 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
+        // Of several folders, devices' names have the folders' beside them.
+        microscope: best.filter(|_| folders.len() == 1).and_then(microscope::command).unwrap_or_default(),
     }
 }
 

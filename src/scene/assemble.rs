@@ -5,6 +5,7 @@ mod sky;
 
 use super::document::Document;
 use super::files::{self, FileLight};
+use super::kept::Kept;
 use super::studio::Studio;
 use super::validate::{Brightness, check_camera, check_light, check_positions};
 use super::wire::{BackgroundWire, CameraWire, LightWire, SceneWire};
@@ -12,6 +13,7 @@ use super::{Camera, Display, Light, Mesh, Orbit, PAPER_BACKGROUND, Scene, Shot, 
 use crate::error::{Error, Result};
 use framing::{Ball, View};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// The default shadow bias: this fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
@@ -23,7 +25,7 @@ pub(super) struct Assembled {
     pub orbit: Orbit,
     /// The number of each object's first triangle.
     pub starts: Vec<u32>,
-    /// Whether a ground, soft light and a sky were added to a bare mesh.
+    /// True if a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
 }
 
@@ -32,11 +34,12 @@ pub(super) fn assemble(
     document: &Document,
     wire: SceneWire,
     shot: Shot,
+    kept: &mut Kept,
     notes: &mut Vec<String>,
 ) -> Result<Assembled> {
-    let Joined { mut mesh, seen, mut starts } = join(document, &wire, notes)?;
-    if wire.textures == Some(false) {
-        mesh.textures = Textures::default();
+    let Joined { mut mesh, seen, mut starts } = kept.joined(|kept| join(document, &wire, kept, notes))?;
+    if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
+        Arc::make_mut(&mut mesh).textures = Textures::default();
     }
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
@@ -48,8 +51,8 @@ pub(super) fn assemble(
     match wire.two_sided.unwrap_or(document.bare) {
         // A scene that is seen from all sides is turned as a whole; otherwise parts of it would be dark from
         // behind.
-        true if shot.turns => normals::turn_outwards(&mut mesh),
-        true => normals::turn_towards(&mut mesh, camera.position),
+        true if shot.turns => normals::turn_outwards(Arc::make_mut(&mut mesh)),
+        true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
         false => {}
     }
     let orbit = Orbit {
@@ -57,7 +60,7 @@ pub(super) fn assemble(
         up: wire.camera.upright(),
         with_lights: document.bare && wire.light.is_none(),
     };
-    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(&mesh), |bias| bias.0);
+    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(kept.bounds(&mesh)), |bias| bias.0);
     let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let around = ball.filter(|_| document.bare && shot.dressed && !has_light);
     let studio = around.map(|ball| Studio::around(&mesh, ball, &camera, wire.camera.upright()));
@@ -66,17 +69,18 @@ pub(super) fn assemble(
         None => lights(document, &wire, &seen, &camera, ball, notes),
     };
     let is_seen = wire.background.is_none();
-    let sky =
-        wire.sky.as_ref().map(|sky| sky::build(document, sky, wire.camera.upright(), is_seen)).transpose()?;
+    let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, (wire.camera.upright(), is_seen), kept));
+    let sky = sky.transpose()?;
     // A picture with a given background is probably to be combined with something else, so no ground is
     // added.
     if let Some(ground) =
         studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())
     {
         starts.push(mesh.triangles.len() as u32);
-        mesh.append(ground);
+        Arc::make_mut(&mut mesh).append(ground);
     }
-    check_lights(document, &wire, &lights, &Brightness::of(&mesh, lights.len(), shadow_bias))?;
+    let brightness = Brightness::of(&mesh, kept.bounds(&mesh), lights.len(), shadow_bias);
+    check_lights(document, &wire, &lights, &brightness)?;
     let display = display(&wire);
     let scene = Scene {
         name: wire.name.clone().unwrap_or_else(|| document.stem.clone()),
@@ -86,7 +90,7 @@ pub(super) fn assemble(
         sky: sky.or(studio.as_ref().map(|studio| studio.sky.clone())),
         camera,
         background: background(&wire, studio.as_ref(), display),
-        transparent: matches!(wire.background, Some(BackgroundWire::Transparent)),
+        transparent: wire.is_transparent(),
         display,
     };
     Ok(Assembled { scene, orbit, starts, dressed: studio.is_some() })
@@ -105,44 +109,46 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
         Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
-        // What is added to the surfaces' radiance, which is multiplied by the share that they cover.
+        // This is added to the surfaces' radiance, which is multiplied by the share that they cover.
         Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }
 
 /// The objects of a scene, joined to one mesh.
-struct Joined {
-    mesh: Mesh,
+#[derive(Clone)]
+pub(super) struct Joined {
+    mesh: Arc<Mesh>,
     seen: Seen,
     /// The number of each object's first triangle.
     starts: Vec<u32>,
 }
 
-fn join(document: &Document, wire: &SceneWire, notes: &mut Vec<String>) -> Result<Joined> {
-    let mut joined = Joined { mesh: Mesh::default(), seen: Seen::default(), starts: Vec::new() };
+fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<String>) -> Result<Joined> {
+    let (mut mesh, mut seen, mut starts) = (Mesh::default(), Seen::default(), Vec::new());
     let crease = wire.crease.map(|crease| crease.0);
-    for object in &wire.object {
-        let file = objects::build(document, object, crease, notes)?;
-        let first = joined.mesh.triangles.len();
+    for (number, object) in wire.object.iter().enumerate() {
+        let file = kept.mesh(number, || objects::make(document, object, crease, notes))?;
+        let file = objects::placed(document, object.get_ref(), file);
+        let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
             let message = format!("more than {} triangles in all", super::shapes::MAX_TRIANGLES);
             return Err(document.error(object.span(), message, "this object exceeds the limit"));
         }
         check_positions(&file.mesh)
             .map_err(|error| document.place(object.span(), error, "of this object"))?;
-        joined.starts.push(first as u32);
+        starts.push(first as u32);
         if document.bare {
-            joined.starts.extend(file.more_starts.iter().map(|start| start + first as u32));
-            joined.seen.add(file.camera, file.lights, file.origin, notes);
+            starts.extend(file.more_starts.iter().map(|start| start + first as u32));
+            seen.add(file.camera, file.lights, file.origin, notes);
         }
-        joined.mesh.append(file.mesh);
+        mesh.append(file.mesh);
     }
-    if joined.mesh.triangles.is_empty() {
+    if mesh.triangles.is_empty() {
         return Err(document
             .error(0..0, "the scene has no triangles", "no [[object]] in this file")
             .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
-    Ok(joined)
+    Ok(Joined { mesh: mesh.into(), seen, starts })
 }
 
 /// Returns the lights of a scene. A bare mesh has those of its file, or a key light and a fill light.
@@ -187,9 +193,9 @@ fn check_lights(
     Ok(())
 }
 
-/// Returns the sky that a file describes.
-fn default_bias(mesh: &Mesh) -> f32 {
-    mesh.bounds().map_or(0.0, |(low, high)| RELATIVE_SHADOW_BIAS * high.distance(low))
+/// Returns the default shadow bias of surfaces within these bounds.
+fn default_bias((low, high): (Vec3, Vec3)) -> f32 {
+    RELATIVE_SHADOW_BIAS * high.distance(low)
 }
 
 fn light(wire: &LightWire) -> Light {
@@ -199,7 +205,7 @@ fn light(wire: &LightWire) -> Light {
 }
 
 /// The settings of a bare mesh's file that concern its view.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,
     lights: Vec<FileLight>,

@@ -16,7 +16,7 @@ pub struct Camera {
     pub forward: Vec3,
     /// Tangent of half the field of view.
     pub tan_half_fov: f32,
-    /// Whether the field of view is measured across the height; otherwise across the width.
+    /// True if the field of view is measured across the height; otherwise across the width.
     pub fov_is_vertical: bool,
     /// Hits whose depth along `forward` is not larger than this are ignored.
     pub z_near: f32,

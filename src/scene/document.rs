@@ -26,9 +26,9 @@ pub(super) struct Document {
     pub folder: PathBuf,
     /// The file's name without extension.
     pub stem: String,
-    /// Whether the document was made for a mesh without a scene file.
+    /// True if the document was made for a mesh without a scene file.
     pub bare: bool,
-    /// Whether messages may quote it.
+    /// True if messages may quote it.
     pub quotes: bool,
     /// The opened mesh of such a document, until it is read; a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
@@ -99,6 +99,18 @@ impl Document {
         })?;
         self.name.push_str(" with overrides");
         Ok(())
+    }
+
+    /// Returns the document of one frame, with this text. If a bare mesh is open, it is read there.
+    pub fn at_frame(&self, frame: u32, text: String) -> Self {
+        Self {
+            name: format!("{} at frame {frame}", self.name),
+            text,
+            folder: self.folder.clone(),
+            stem: self.stem.clone(),
+            held: RefCell::new(self.held.take()),
+            ..*self
+        }
     }
 
     /// Returns the error for a text that is not a scene.

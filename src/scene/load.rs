@@ -1,7 +1,9 @@
 //! Loads a [`Scene`] from a path.
 
+use super::animation::Animation;
 use super::assemble::{Assembled, assemble};
 use super::document::Document;
+use super::kept::Kept;
 use super::wire::SceneWire;
 use super::{Orbit, Scene, facing};
 use crate::error::{Result, shortened};
@@ -11,17 +13,19 @@ use std::path::Path;
 use toml::Value;
 
 /// A scene, with notes about how it was read.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Loaded {
-    /// The validated scene.
+    /// The validated scene; the first frame of an animation.
     pub scene: Scene,
     /// The axis about which it turns on a turntable.
     pub orbit: Orbit,
     /// The number of each object's first triangle: for a TOML scene its objects, for a bare glTF file its
     /// nodes with meshes.
     pub object_starts: Vec<u32>,
-    /// Whether a ground, soft light and a sky were added to a bare mesh.
+    /// True if a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
+    /// What makes the scenes of other frames, if the scene's file has an animation.
+    pub animation: Option<Animation>,
     /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
     pub notes: Vec<String>,
 }
@@ -31,9 +35,9 @@ pub struct Loaded {
 pub struct Shot {
     /// The ratio of the pictures' width to their height.
     pub aspect: f64,
-    /// Whether the scene turns; it is then framed so that it is visible from all sides.
+    /// True if the scene turns; it is then framed so that it is visible from all sides.
     pub turns: bool,
-    /// Whether a bare mesh without lights gets a ground, soft light and a sky.
+    /// True if a bare mesh without lights gets a ground, soft light and a sky.
     pub dressed: bool,
 }
 
@@ -77,14 +81,21 @@ pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Val
 
 fn load(path: &Path, overrides: &[(String, Value)], shot: Shot, quotes: bool) -> Result<Loaded> {
     let document = Document::read(path, overrides, quotes)?;
-    let wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
+    let mut wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
         experiment_instead(path, &document.text)
             .or_else(|| document.not_toml(path, &error))
             .unwrap_or_else(|| document.misread(&error))
     })?;
     let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
     let turned = wire.two_sided.unwrap_or(document.bare);
-    let Assembled { scene, orbit, starts, dressed } = assemble(&document, wire, shot, &mut notes)?;
+    let (assembled, animation) = match wire.animation.take() {
+        None => (assemble(&document, wire, shot, &mut Kept::default(), &mut notes)?, None),
+        Some(of_file) => {
+            let mut animation = Animation::of(document, of_file, shot)?;
+            (animation.assemble(1, &mut notes)?, Some(animation))
+        }
+    };
+    let Assembled { scene, orbit, starts, dressed } = assembled;
     scene.validate()?;
     notes.extend((!turned).then(|| facing::note(&scene, shot.aspect)).flatten());
     Ok(Loaded {
@@ -92,6 +103,7 @@ fn load(path: &Path, overrides: &[(String, Value)], shot: Shot, quotes: bool) ->
         orbit,
         object_starts: starts,
         dressed,
+        animation,
         notes: notes.into_iter().map(shortened).collect(),
     })
 }

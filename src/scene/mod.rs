@@ -4,6 +4,7 @@
 //! has normals. No later code checks this again. Its `f32` values are used by devices and by the reference
 //! alike.
 
+mod animation;
 mod assemble;
 mod camera;
 mod document;
@@ -11,6 +12,7 @@ mod enclosed;
 mod facing;
 mod files;
 mod framing;
+mod kept;
 mod load;
 mod material;
 mod mesh;
@@ -28,6 +30,7 @@ mod transform;
 mod validate;
 mod wire;
 
+pub use animation::Animation;
 pub use camera::{Camera, PixelFrame};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
@@ -40,6 +43,7 @@ pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_valu
 pub use validate::MAX_COORDINATE;
 
 use glam::Vec3;
+use std::sync::Arc;
 
 /// Returns the JSON schema of a scene's file.
 pub fn schema() -> serde_json::Value {
@@ -93,8 +97,8 @@ pub const PAPER_BACKGROUND: Vec3 = Vec3::new(0.0022, 0.0032, 0.0053);
 pub struct Scene {
     /// Its name in reports.
     pub name: String,
-    /// All triangles, with their two index sets and materials.
-    pub mesh: Mesh,
+    /// All triangles, with their two index sets and materials. Frames of moving pictures share it.
+    pub mesh: Arc<Mesh>,
     /// The lights, in the order of the file.
     pub lights: Vec<Light>,
     /// The sky, if there is one.
@@ -103,7 +107,7 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
-    /// Whether pictures have an alpha channel: the share of a pixel that surfaces cover. The background is then
+    /// True if pictures have an alpha channel: the share of a pixel that surfaces cover. The background is then
     /// black.
     pub transparent: bool,
     /// The distance from its surface at which a shadow ray starts, in the scene's units.
@@ -113,6 +117,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Returns the mesh, to be changed; a mesh that other scenes share is copied first.
+    pub fn mesh_mut(&mut self) -> &mut Mesh {
+        Arc::make_mut(&mut self.mesh)
+    }
+
     /// Shadow rays of each hit: one to every light, and one to the sky.
     pub fn shadow_rays_per_hit(&self) -> usize {
         self.lights.len() + usize::from(self.sky.is_some())

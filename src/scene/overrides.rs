@@ -4,22 +4,25 @@ use crate::error::{Error, Result};
 use toml::{Table, Value};
 
 /// The remedy for a path that does not exist.
-const PATHS: &str = "a path is names and places joined by dots: camera.position, light.0.power";
+pub(super) const PATHS: &str = "a path is names and places joined by dots: camera.position, light.0.power";
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
 /// the last one adds an element, as in `light.0.power`.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
-        let keys: Vec<&str> = path.split('.').collect();
-        if keys.iter().any(|key| key.is_empty()) {
-            return Err(
-                Error::input(format!("override `{path}`: an empty name between its dots")).with_help(PATHS)
-            );
-        }
-        set_in_table(document, &keys, value)
+        set(document, path, value)
             .map_err(|reason| Error::input(format!("override `{path}`: {reason}")).with_help(PATHS))?;
     }
     Ok(())
+}
+
+/// Sets the value at one dotted path. An error is the reason, without the path.
+pub(super) fn set(document: &mut Table, path: &str, value: &Value) -> std::result::Result<(), String> {
+    let keys: Vec<&str> = path.split('.').collect();
+    if keys.iter().any(|key| key.is_empty()) {
+        return Err("an empty name between its dots".to_owned());
+    }
+    set_in_table(document, &keys, value)
 }
 
 fn set_in_table(table: &mut Table, keys: &[&str], value: &Value) -> std::result::Result<(), String> {

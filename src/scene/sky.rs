@@ -29,22 +29,32 @@ pub struct Sky {
 }
 
 /// A picture of all directions (equirectangular): columns are angles around the zenith, rows angles from it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct SkyPicture {
     /// Number of texels across and down.
     pub size: [u32; 2],
     /// The radiance of each texel, row by row from the zenith.
-    pub texels: Vec<[f32; 3]>,
+    pub texels: Arc<[[f32; 3]]>,
     /// The direction of the picture's middle, of unit length and perpendicular to the zenith.
     pub ahead: Vec3,
-    /// Whether rays that hit nothing see it, instead of the background.
+    /// True if rays that hit nothing see it, instead of the background.
     pub is_seen: bool,
 }
 
+impl PartialEq for SkyPicture {
+    /// Texels that both share are not compared one by one.
+    fn eq(&self, other: &Self) -> bool {
+        let same_texels = || Arc::ptr_eq(&self.texels, &other.texels) || self.texels == other.texels;
+        (self.size, self.ahead, self.is_seen) == (other.size, other.ahead, other.is_seen) && same_texels()
+    }
+}
+
+/// The values of a picture's file: texels across and down, and red, green and blue of each.
+pub(super) type FileTexels = ([u32; 2], Arc<[[f32; 3]]>);
+
 impl SkyPicture {
-    /// Reads a picture (Radiance HDR or OpenEXR), whose values are multiplied by `strength`. Errors follow the
-    /// file's name.
-    pub fn read(path: &Path, strength: f32, most: f32) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
+    /// Reads a picture (Radiance HDR or OpenEXR). Errors follow the file's name.
+    pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         let unreadable = |error: &dyn std::fmt::Display| format!("cannot be read ({error})");
         let bytes = reader::bytes(path, Kind::Texture).map_err(|error| unreadable(&error))?;
         let format = image::guess_format(&bytes).ok();
@@ -68,13 +78,26 @@ impl SkyPicture {
         reader.limits(limits);
         let picture = reader.decode().map_err(damaged)?.into_rgb32f();
         // Filters of other programs can leave values slightly below zero.
-        let texels: Vec<[f32; 3]> =
-            picture.pixels().map(|texel| texel.0.map(|value| value.max(0.0) * strength)).collect();
+        let texels = picture.pixels().map(|texel| texel.0.map(|value| value.max(0.0)));
+        Ok(([size.0, size.1], texels.collect()))
+    }
+
+    /// Returns the texels of a file multiplied by `strength`. Errors follow the file's name.
+    pub(super) fn strengthened(
+        (size, texels): &FileTexels,
+        strength: f32,
+        most: f32,
+    ) -> Result<Arc<[[f32; 3]]>, String> {
+        let texels = if strength == 1.0 {
+            Arc::clone(texels)
+        } else {
+            texels.iter().map(|texel| texel.map(|value| value * strength)).collect()
+        };
         let valid = |texel: &[f32; 3]| texel.iter().all(|value| *value <= most);
         match texels.iter().position(|texel| !valid(texel)) {
-            None => Ok(([size.0, size.1], texels)),
+            None => Ok(texels),
             Some(at) => {
-                let [x, y] = [at as u32 % size.0, at as u32 / size.0];
+                let [x, y] = [at as u32 % size[0], at as u32 / size[0]];
                 Err(format!("has a value of {:?} at ({x}, {y}); expected at most {most:e}", texels[at]))
             }
         }

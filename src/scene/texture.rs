@@ -172,6 +172,15 @@ mod tests {
     }
 
     #[test]
+    fn masks_of_joined_meshes_are_their_own_textures() {
+        let masked = Mapped { mask: Some(0), ..Mapped::NONE };
+        let one = Textures { list: vec![texture()], mapped: vec![masked] };
+        let mut all = one.clone();
+        all.append(1, one, 1);
+        assert_eq!(all.mapped.iter().map(|row| row.mask).collect::<Vec<_>>(), [Some(0), Some(1)]);
+    }
+
+    #[test]
     fn masks_that_hide_nothing_are_left_out() {
         let mask = |alpha: u32, least_alpha| Texture {
             least_alpha,

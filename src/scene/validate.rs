@@ -27,6 +27,15 @@ impl Scene {
     ///
     /// # Errors A message about the first problem.
     pub fn validate(&self) -> Result<()> {
+        check_mesh(&self.mesh)?;
+        self.validate_view()?;
+        let bounds = self.mesh.bounds().unwrap_or_default();
+        let brightness = Brightness::of(&self.mesh, bounds, self.lights.len(), self.shadow_bias);
+        self.lights.iter().try_for_each(|light| brightness.check(light))
+    }
+
+    /// Checks everything but the mesh and what its size allows.
+    pub(super) fn validate_view(&self) -> Result<()> {
         let numbers = [
             ("the background", self.background.min_element(), self.background.is_finite()),
             ("shadow_bias", self.shadow_bias, self.shadow_bias.is_finite()),
@@ -41,10 +50,7 @@ impl Scene {
         require(gamma > 0.0 && gamma.is_finite(), || format!("gamma is {gamma}; expected more than 0"))?;
         check_camera(&self.camera)?;
         self.lights.iter().try_for_each(check_light)?;
-        self.sky.iter().try_for_each(check_sky)?;
-        check_mesh(&self.mesh)?;
-        let brightness = Brightness::of(&self.mesh, self.lights.len(), self.shadow_bias);
-        self.lights.iter().try_for_each(|light| brightness.check(light))
+        self.sky.iter().try_for_each(check_sky)
     }
 }
 
@@ -116,9 +122,8 @@ pub(super) struct Brightness {
 }
 
 impl Brightness {
-    /// Computes the bound for a scene.
-    pub fn of(mesh: &Mesh, lights: usize, shadow_bias: f32) -> Self {
-        let bounds = mesh.bounds().unwrap_or_default();
+    /// Computes the bound for a scene with a mesh of these bounds.
+    pub fn of(mesh: &Mesh, bounds: (Vec3, Vec3), lights: usize, shadow_bias: f32) -> Self {
         let nearest = shadow_bias.max(RELATIVE_RESOLUTION * bounds.1.distance(bounds.0));
         let reflectance = mesh.materials.iter().map(brightest).fold(0.0, f64::max);
         Self { bounds, nearest, reflectance, lights }

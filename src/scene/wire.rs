@@ -1,6 +1,7 @@
 //! The types that a scene file's TOML is read into. The number types refuse values out of range, so that
 //! `toml` reports the location.
 
+use super::animation::AnimationWire;
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::schema::{ShapeName, both_names_of_mesh};
 use super::shapes::{MAX_FINENESS, MAX_TRIANGLES};
@@ -45,6 +46,8 @@ pub(super) struct SceneWire {
     /// How radiance is converted to 8-bit colours.
     #[serde(default)]
     pub display: DisplayWire,
+    /// Values that change from frame to frame [default: none].
+    pub animation: Option<AnimationWire>,
 }
 
 /// A pinhole camera.
@@ -237,6 +240,13 @@ ranges! {
     /// For fields of view; near the ends their tangent exceeds f32.
     Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
+}
+
+impl SceneWire {
+    /// Returns whether pictures of the scene have an alpha channel.
+    pub(super) fn is_transparent(&self) -> bool {
+        matches!(self.background, Some(BackgroundWire::Transparent))
+    }
 }
 
 /// Radiance, or a displayed colour.

@@ -2,9 +2,10 @@
 
 use super::{Strategy, Traversal};
 use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
+use serde::{Deserialize, Serialize};
 
 /// The sizes on which a strategy's needs depend.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Workload {
     /// Number of triangles in the scene.
     pub triangles: usize,

@@ -1,6 +1,7 @@
 //! What tests of the binary share: running it, in a folder of its own, on the test device.
 
 use assert_cmd::Command;
+use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output, Stdio};
 use std::sync::mpsc::channel;
@@ -166,6 +167,25 @@ impl Place {
         "kernels".to_owned()
     }
 
+    /// Fails unless verification notices that one text of one kernel file is another: `scene.toml` gives a wrong picture.
+    #[track_caller]
+    pub fn notices(&self, (file, from, to): (&str, &str, &str), strategy: &str, options: &[&str]) {
+        let (kernels, device) = (self.kernels(file, from, to), device());
+        let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+        let ends = ["-o", "wrong.png", "--force", "--strategy", strategy, "--cl-dir", &kernels];
+        has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
+        // The next change may be of another file.
+        std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
+    }
+
+    /// Renders `scene.toml` at 72 x 45; gives the picture and standard output.
+    pub fn picture(&self, options: &[&str]) -> (RgbImage, String) {
+        let device = device();
+        let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
+        let said = self.output(&[&usual, &["-o", "out.png", "--force"][..], options].concat());
+        (image::open(self.path("out.png")).expect("a picture").to_rgb8(), said)
+    }
+
     /// The binary, to be run in this folder.
     pub fn raycl(&self, arguments: &[&str]) -> Command {
         let mut command = Command::from_std(program());
@@ -191,6 +211,12 @@ impl Place {
         assert!(!message.contains("panicked"), "{message}");
         message
     }
+}
+
+/// How many pixels differ in some channel by more than a rounding.
+pub fn apart(a: &RgbImage, b: &RgbImage) -> usize {
+    let apart = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1);
+    a.pixels().zip(b.pixels()).filter(apart).count()
 }
 
 /// Fails unless `text` has every part, in any order.

@@ -90,7 +90,7 @@ pub fn closed_meshes() -> Scene {
     let mut mesh = sphere(SPHERE);
     mesh.append(torus(TORUS));
     let mut scene = super::scene("sphere.toml");
-    scene.mesh = Mesh { materials: scene.mesh.materials[..1].to_vec(), ..mesh };
+    scene.mesh = Mesh { materials: scene.mesh.materials[..1].to_vec(), ..mesh }.into();
     scene
 }
 
@@ -155,7 +155,7 @@ fn jitter(x: f64, y: f64) -> f64 {
 fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     let mut scene = super::scene("sphere.toml");
     let materials = scene.mesh.materials[..1].to_vec();
-    scene.mesh = Mesh { materials, ..mesh };
+    scene.mesh = Mesh { materials, ..mesh }.into();
     scene.camera = camera;
     scene.lights = vec![Light { position: light, power: Vec3::ONE, radius: 0.0 }];
     scene.background = Vec3::ZERO;
@@ -201,9 +201,10 @@ pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
     let origin = Vec3::new(0.1, 0.05, 3.0);
     let mut scene = super::scene("sphere.toml");
     let materials = scene.mesh.materials[..1].to_vec();
-    scene.mesh =
+    let mut mesh =
         Mesh { positions: corners.to_vec(), normals: vec![Vec3::Z; 3], materials, ..Mesh::default() };
-    add(&mut scene.mesh, [0, 1, 2]);
+    add(&mut mesh, [0, 1, 2]);
+    scene.mesh = mesh.into();
     let ray = |number: u16| {
         let edge = usize::from(number) % 3;
         let [from, to] = [corners[edge], corners[(edge + 1) % 3]].map(Vec3::as_dvec3);

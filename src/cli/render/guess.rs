@@ -25,19 +25,8 @@ const USUAL_STACK: usize = 64;
 struct Remembered {
     /// Each axis and its value.
     axes: Vec<(String, String)>,
-    local_size: [u32; 2],
-    stack_size: usize,
-    #[serde(default)]
-    texture_words: usize,
-    #[serde(default)]
-    cut_outs: bool,
-    #[serde(default)]
-    soft_lights: bool,
-    #[serde(default)]
-    sky: bool,
-    #[serde(default)]
-    many_samples: bool,
-    sky_texels: usize,
+    /// The workload with which the program was last used.
+    workload: Workload,
 }
 
 /// Returns the cache, unless kernels are being edited.
@@ -62,28 +51,7 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
-    let Workload {
-        local_size,
-        stack_size,
-        texture_words,
-        cut_outs,
-        soft_lights,
-        sky,
-        sky_texels,
-        many_samples,
-        ..
-    } = *workload;
-    let now = Remembered {
-        axes,
-        local_size,
-        stack_size,
-        texture_words,
-        cut_outs,
-        soft_lights,
-        sky,
-        sky_texels,
-        many_samples,
-    };
+    let now = Remembered { axes, workload: *workload };
     if let (Some(key), Ok(bytes)) = (key(args, device), serde_json::to_vec(&now))
         && remembered(cache, args, device).as_ref() != Some(&now)
     {
@@ -96,31 +64,10 @@ fn remembered(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<Remembe
 }
 
 fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
-    let Remembered {
-        axes,
-        local_size,
-        stack_size,
-        texture_words,
-        cut_outs,
-        soft_lights,
-        sky,
-        sky_texels,
-        many_samples,
-    } = remembered(cache, args, device)?;
+    let Remembered { axes, workload } = remembered(cache, args, device)?;
     let mut strategy = preset("naive").ok()?.strategy;
     axes.iter().try_for_each(|(axis, value)| strategy.set(axis, value)).ok()?;
-    let known = Workload {
-        local_size,
-        stack_size,
-        texture_words,
-        cut_outs,
-        soft_lights,
-        sky,
-        sky_texels,
-        many_samples,
-        ..Workload::default()
-    };
-    Some((strategy, known))
+    Some((strategy, workload))
 }
 
 /// Returns the strategy for a bare mesh whose file has this size.

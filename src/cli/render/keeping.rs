@@ -5,11 +5,12 @@ use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, pick_one};
 use crate::error::{Error, Result};
 use crate::launch::{Prepared, Queue};
+use crate::own_program::own_program;
 use crate::program::{BuiltProgram, Kept, ProgramSpec};
 use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a process began to make a binary.
@@ -50,7 +51,7 @@ fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
 
 fn start(order: &Order) -> std::io::Result<()> {
     let text = serde_json::to_vec(order)?;
-    let mut command = Command::new(std::env::current_exe()?);
+    let mut command = own_program().map_err(std::io::Error::other)?;
     command.args(["worker", "--keep"]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
     let mut child = command.spawn()?;
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))

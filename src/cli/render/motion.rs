@@ -1,49 +1,76 @@
-//! `raycl render --turntable`: renders a turning scene as numbered pictures, one animated picture, or a
-//! stream for an encoder.
+//! `raycl render --turntable` and `--animate`: renders the frames of a turning or an animated scene as numbered
+//! pictures, one animated picture, or a stream for an encoder.
 
+mod film;
 mod frames;
+mod sink;
+mod stage;
 
 use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
 use super::{Args, ms_since};
-use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::image::{Movie, Radiance};
-use crate::launch::{Caster, Prepared, Refused};
 use crate::program::Sources;
-use crate::scene::{Loaded, Orbit, Sampling, Scene};
 use crate::shard::Asked;
-use crate::strategy::Strategy;
-use frames::{Frames, Numbered};
+use film::{Film, Keys};
+use frames::Frames;
 use serde::Serialize;
+use sink::Sink;
+use stage::Stage;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::time::Instant;
+
+/// Frames per second, if neither an option nor the scene says how many.
+const USUAL_RATE: u16 = 30;
 
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Moving pictures")]
 pub struct Motion {
     /// Turn the scene once in this many frames: numbered PNGs, an .apng, or with `-o -` a y4m stream for an encoder
-    #[arg(long, value_name = "FRAMES", conflicts_with_all = ["watch", "devices", "verify", "repeat"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
+    /// Render the frames of the scene's [animation], as numbered PNGs, an .apng or a y4m stream
+    #[arg(long, group = MOVING, conflicts_with_all = STILL)]
+    animate: bool,
     /// Render only frames A to B, both included; the first is 1
-    #[arg(long, value_name = "A..B", requires = "turntable", value_parser = frames::parse)]
+    #[arg(long, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
     /// Render only one of several equal parts, such as 3/16; auto takes both numbers from the launcher
     /// (Slurm, MPI), auto/16 only the first
-    #[arg(long, value_name = "N/OF", requires = "turntable")]
+    #[arg(long, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
-    /// Frames per second of an .apng or a y4m stream
-    #[arg(long, default_value_t = 30, requires = "turntable", value_parser = clap::value_parser!(u16).range(1..=1000))]
-    rate: u16,
+    /// Frames per second of an .apng or a y4m stream [default: the animation's, or 30]
+    #[arg(long, requires = MOVING, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    rate: Option<u16>,
 }
 
+/// The options that make pictures move.
+pub(super) const MOVING: &str = "moving";
+/// The options that need a single picture.
+const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
+
 impl Motion {
-    /// Whether the scene turns.
+    /// True if there are several frames.
+    pub fn moves(&self) -> bool {
+        self.turns() || self.animates()
+    }
+
+    /// True if the scene's animation is rendered.
+    pub fn animates(&self) -> bool {
+        self.animate
+    }
+
+    /// True if the scene turns.
     pub fn turns(&self) -> bool {
         self.turntable.is_some()
+    }
+
+    /// Returns the frames of `count` that all processes render together.
+    fn asked(&self, count: u32) -> Result<Frames> {
+        self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
 
     /// Returns the frames that this process renders.
@@ -83,59 +110,62 @@ struct Report {
     frame_ms: f64,
     /// Time of the whole command.
     total_ms: f64,
-    /// Number of frames divided by the time from the first cast to the last write.
+    /// Number of frames divided by the time from the first upload to the last write.
     frames_per_s: f64,
     output: String,
     notes: Vec<String>,
 }
 
-/// The output for frames.
-enum Sink {
-    Numbered(Numbered),
-    Movie(Movie),
-}
-
 /// Renders the requested frames that do not exist yet.
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
-    let count = args.motion.turntable.unwrap_or(1);
-    let all = args.motion.frames.unwrap_or(Frames { first: 1, last: count }).within(count)?;
-    let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };
-    let sink = sink(args, wanted, count)?;
+    Sink::check(args)?;
+    // How many frames an animation has is known when its scene is loaded.
+    if let Some(all) = args.motion.turntable.map(|count| args.motion.asked(count)).transpose()?
+        && args.motion.share(all)?.is_none()
+    {
+        return nothing_to_do(args, all);
+    }
     let sources = Sources::of(args.subject.cl_dir.clone())?;
-    let Opened { loaded, device, queue, .. } = open(args, &sources)?;
+    let Opened { mut loaded, device, queue, early, tree, .. } = open(args, &sources)?;
     let sampling = super::sampling(args, loaded.dressed);
-    let Loaded { scene, orbit, notes, .. } = loaded;
-    if scene.transparent {
+    let (first, notes) = (loaded.scene.clone(), std::mem::take(&mut loaded.notes));
+    let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&first))?;
+    let mut film = Film::of(args, loaded)?;
+    let all = args.motion.asked(film.count())?;
+    let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };
+    film.check(wanted.first, wanted.last)?;
+    let rate = args.motion.rate.or(film.rate()).unwrap_or(USUAL_RATE);
+    let sink = Sink::of(args, wanted, film.count(), rate)?;
+    if first.transparent {
         sink.check_alpha()?;
     }
-    let scene = Arc::new(scene);
-    let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
+    let mut keys = Keys::of(args, &film, sampling, &strategy);
     let missing = match &sink {
-        Sink::Numbered(numbered) => {
-            numbered.missing(&keys(args, (&scene, sampling), &strategy, wanted, count))?
-        }
-        Sink::Movie(_) => wanted.numbers().map(|number| (number, String::new())).collect(),
+        Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number)))?,
+        Sink::Movie(_) => wanted.numbers().collect(),
     };
     let (frames, skipped) = (missing.len() as u32, wanted.len() - missing.len() as u32);
-    let mut frame_ms = Vec::new();
-    let mut seconds = 0.0;
-    let mut output = sink.name();
-    if frames > 0 {
-        let mut session =
-            crate::launch::Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
-        let prepared = args.subject.prepare(&mut session, &strategy, local_size);
-        let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
-        let shown = Shown { device: &device, prepared: &prepared, scene: &scene, orbit, count, sampling };
-        let casting = Instant::now();
-        frame_ms = shown.cast_into(sink, &missing)?;
-        seconds = casting.elapsed().as_secs_f64();
-    } else {
-        output.push_str(" (nothing to do)");
-    }
+    let output = if frames > 0 { sink.name() } else { format!("{} (nothing to do)", sink.name()) };
+    let tree = tree.map(|tree| (Arc::clone(&first.mesh), tree));
+    let stage = Stage {
+        args,
+        device: &device,
+        sources: &sources,
+        queue,
+        strategy,
+        local_size,
+        sampling,
+        program: early,
+        tree,
+        ready: None,
+    };
+    let casting = Instant::now();
+    let frame_ms = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
+    let seconds = casting.elapsed().as_secs_f64();
     let report = Report {
-        scene: scene.name.clone(),
-        triangles: scene.mesh.triangles.len(),
+        scene: first.name.clone(),
+        triangles: first.mesh.triangles.len(),
         device: device.info.label.clone(),
         strategy: strategy.to_string(),
         image_size: args.subject.size(),
@@ -143,147 +173,59 @@ pub fn run(args: &Args) -> Result<()> {
         skipped,
         frame_ms: crate::measure::Summary::of(&frame_ms).map_or(0.0, |summary| summary.median_ms),
         total_ms: ms_since(start),
-        frames_per_s: if seconds > 0.0 { f64::from(frames) / seconds } else { 0.0 },
+        frames_per_s: if frames > 0 { f64::from(frames) / seconds } else { 0.0 },
         output,
         notes,
     };
+    tell(args, &report)
+}
+
+/// Prints the report at the end.
+fn tell(args: &Args, report: &Report) -> Result<()> {
     let streams = args.output.as_ref().is_some_and(|output| output.as_os_str() == "-");
     match (args.json, args.quiet) {
-        _ if streams => crate::cli::tell(args.quiet, text(&report)),
-        (true, _) => crate::cli::print_json(&report),
+        _ if streams => crate::cli::tell(args.quiet, text(report)),
+        (true, _) => crate::cli::print_json(report),
         (false, true) => Ok(()),
-        (false, false) => crate::cli::print(text(&report)),
+        (false, false) => crate::cli::print(text(report)),
     }
 }
 
-/// Chooses the output by the file's name.
-fn sink(args: &Args, wanted: Frames, count: u32) -> Result<Sink> {
-    let target = super::target(args);
-    let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
-    let size = args.subject.size();
-    if args.motion.shard.is_some() && (target.is_standard_output() || ending != "png") {
-        return Err(Error::input(
-            "--shard needs numbered pictures, since two processes cannot write to one file",
-        )
-        .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
-    }
-    if target.is_standard_output() {
-        return Ok(Sink::Movie(Movie::y4m(target, size, args.motion.rate)));
-    }
-    if ending == "apng" {
-        target.check()?;
-        return Ok(Sink::Movie(Movie::apng(target, size, args.motion.rate, wanted.len())));
-    }
-    if ending != "png" {
-        let message = format!("'{}' is not a valid name for moving pictures", target.path().display());
-        return Err(Error::input(message).with_help(
-            "NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture, `-o -` a y4m stream",
-        ));
-    }
-    Ok(Sink::Numbered(Numbered::new(&target, args.force, wanted, count)?))
-}
-
-impl Sink {
-    fn name(&self) -> String {
-        match self {
-            Self::Numbered(numbered) => numbered.name(),
-            Self::Movie(movie) => movie.name(),
-        }
-    }
-
-    /// Refuses a stream, which has no alpha channel.
-    fn check_alpha(&self) -> Result<()> {
-        if !matches!(self, Self::Movie(movie) if movie.is_stream()) {
-            return Ok(());
-        }
-        let message = "a y4m stream has no alpha channel, which a transparent background needs";
-        Err(Error::input(message)
-            .with_help("NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture"))
-    }
-}
-
-/// Returns the key of each frame: a hash of the scene's content, the strategy, the angle and raycl's version.
-fn keys(
-    args: &Args,
-    (scene, sampling): (&Scene, Sampling),
-    strategy: &Strategy,
-    wanted: Frames,
-    count: u32,
-) -> Vec<(u32, String)> {
-    let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
-    let Sampling { first, most } = sampling;
-    let shared = format!(
-        "{version} {} {strategy} {width}x{height} samples {first}-{most} turntable {count}",
-        scene.content_hash()
-    );
-    let kernels = args.subject.cl_dir.as_ref().map(|folder| folder.display().to_string()).unwrap_or_default();
-    let key =
-        |number| blake3::hash(format!("{shared} {kernels} frame {number}").as_bytes()).to_hex().to_string();
-    wanted.numbers().map(|number| (number, key(number))).collect()
-}
-
-/// A scene on a device, ready to be rendered from several angles.
-struct Shown<'a> {
-    device: &'a Device,
-    prepared: &'a Prepared,
-    scene: &'a Scene,
-    orbit: Orbit,
-    count: u32,
-    /// Number of samples per pixel.
-    sampling: Sampling,
-}
-
-/// A frame to be written: its number, key and image.
-type Cast = (u32, String, Radiance);
-
-impl Shown<'_> {
-    /// Casts frames; each is encoded while the next one is cast. Returns their device times. The driver is
-    /// only used on this thread.
-    fn cast_into(&self, sink: Sink, frames: &[(u32, String)]) -> Result<Vec<f64>> {
-        let refused = |refused: Refused| refused.into_error(&self.device.info.name);
-        let caster = self.prepared.caster().map_err(refused)?;
-        let display = self.scene.display;
-        let name = PathBuf::from(sink.name());
-        std::thread::scope(|scope| {
-            let (sender, receiver): (SyncSender<Cast>, Receiver<Cast>) = sync_channel(1);
-            let writer = scope.spawn(move || match sink {
-                Sink::Numbered(numbered) => receiver
-                    .iter()
-                    .try_for_each(|(number, key, image)| numbered.save(number, &key, &image, display)),
-                Sink::Movie(movie) => movie.write(receiver.iter().map(|(_, _, image)| image), display),
-            });
-            let mut times = Vec::with_capacity(frames.len());
-            let mut cast = || -> Result<()> {
-                for (number, key) in frames {
-                    let (image, ms) = self.frame(&caster, *number).map_err(refused)?;
-                    refuse_not_finite(&image, &name)?;
-                    times.push(ms);
-                    // If the writer has ended, its error is returned below.
-                    if sender.send((*number, key.clone(), image)).is_err() {
-                        break;
-                    }
+/// Casts frames; each is encoded while the next one is cast. Returns their device times in milliseconds. The
+/// driver is only used on this thread.
+fn cast_into(
+    mut stage: Stage<'_>,
+    sink: Sink,
+    (film, keys): (&mut Film, &mut Keys),
+    frames: &[u32],
+) -> Result<Vec<f64>> {
+    let name = PathBuf::from(sink.name());
+    let has_keys = matches!(sink, Sink::Numbered(_));
+    std::thread::scope(|scope| {
+        let (sender, receiver) = sync_channel(1);
+        let writer = scope.spawn(move || if frames.is_empty() { Ok(()) } else { sink.write(&receiver) });
+        let mut times = Vec::with_capacity(frames.len());
+        let mut cast = || -> Result<()> {
+            for &number in frames {
+                let scene = film.scene(number)?;
+                let cast = stage.cast(&scene);
+                let (image, ms) = cast.map_err(|refused| refused.into_error(&stage.device.info.name))?;
+                refuse_not_finite(&image, &name)?;
+                times.push(ms);
+                let key = if has_keys { keys.key(&scene, number) } else { String::new() };
+                // If the writer has ended, its error is returned below.
+                if sender.send(((number, key, image), scene.display)).is_err() {
+                    break;
                 }
-                Ok(())
-            };
-            let done = cast();
-            drop(sender);
-            let written = writer.join().map_err(|_| Error::fault("writing the frames panicked"))?;
-            done?;
-            written.map(|()| times)
-        })
-    }
-
-    fn frame(&self, caster: &Caster, number: u32) -> std::result::Result<(Radiance, f64), Refused> {
-        let part = f64::from(number - 1) / f64::from(self.count);
-        let (camera, lights) = self.orbit.at(self.scene, part);
-        if lights != self.scene.lights || self.orbit.with_lights {
-            self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
-        }
-        let cast = caster.cast_samples(&camera, &self.sampling);
-        let times = cast.map_err(Refused::at("the launch"))?;
-        let (image, _) = caster.read().map_err(Refused::at("reading the image"))?;
-        Ok((image, times.frame_ms))
-    }
+            }
+            Ok(())
+        };
+        let done = cast();
+        drop(sender);
+        let written = writer.join().map_err(|_| Error::fault("writing the frames panicked"))?;
+        done?;
+        written.map(|()| times)
+    })
 }
 
 fn text(report: &Report) -> String {

@@ -68,7 +68,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
         // Moving pictures have their own formats.
-        if loaded.scene.transparent && !args.motion.turns() {
+        if loaded.scene.transparent && !args.motion.moves() {
             check_alpha(&target(args))?;
         }
         Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree, show })
@@ -103,7 +103,7 @@ fn early(
 /// Returns the program for the display transform if the device does not share the host's memory. If it cannot
 /// be built, the host applies the transform.
 fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
-    if queue.shares_memory || args.motion.turns() || !may_be_shown(args, &target(args)) {
+    if queue.shares_memory || args.motion.moves() || !may_be_shown(args, &target(args)) {
         return None;
     }
     let kept = Kept::of(guess::cache(args), &device.info);

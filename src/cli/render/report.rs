@@ -43,7 +43,7 @@ pub struct Report {
     pub tree_ms: f64,
     /// Time for building the program, including compilation at the first launch.
     pub build_ms: f64,
-    /// Whether the program came from the cache and nothing was compiled.
+    /// True if the program came from the cache and nothing was compiled.
     pub build_from_cache: bool,
     /// Time for uploading the scene.
     pub upload_ms: f64,

@@ -29,16 +29,16 @@ pub fn execute(
     // Sleeping workers need no programs.
     let keeps = Cache::of_user().keeps() && args.asleep.is_none();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
-    let builders = if keeps { builders(&run, folder)? } else { Vec::new() };
+    let builders = if keeps { builders(&run, folder) } else { Vec::new() };
     let measured = ahead.beside(builders, args.hang_limit, interrupted, || {
         let workers = || Processes::new(run.jobs(folder, args.fault));
-        let workers = || workers().map(|workers| if keeps { workers.after_builders() } else { workers });
+        let workers = || if keeps { workers().after_builders() } else { workers() };
         if !run.spread {
-            return run.execute(results, observer, &mut workers()?, interrupted);
+            return run.execute(results, observer, &mut workers(), interrupted);
         }
         let mut spawners: Vec<Box<dyn Spawner + Send>> = Vec::new();
         for _ in run.devices {
-            spawners.push(Box::new(workers()?));
+            spawners.push(Box::new(workers()));
         }
         run.execute_spread(results, observer, spawners, interrupted)
     });
@@ -49,14 +49,11 @@ pub fn execute(
 }
 
 /// Returns the builders: as many as there are cores, and as the devices' memory allows.
-fn builders(run: &Run<'_>, folder: &Path) -> Result<Vec<Box<dyn Spawner + Send>>> {
+fn builders(run: &Run<'_>, folder: &Path) -> Vec<Box<dyn Spawner + Send>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     let most = run.devices.iter().map(room).fold(MOST_BUILDERS, usize::min);
-    let builder = |_| {
-        let workers = Processes::new(run.jobs(folder, None))?;
-        Ok(Box::new(workers) as Box<dyn Spawner + Send>)
-    };
+    let builder = |_| Box::new(Processes::new(run.jobs(folder, None))) as Box<dyn Spawner + Send>;
     (0..cores.min(most)).map(builder).collect()
 }
 

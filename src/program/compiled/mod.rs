@@ -5,7 +5,7 @@
 //! program's binary if that is PTX text. Properties that a device does not report stay empty.
 
 mod log;
-mod ptx;
+pub(crate) mod ptx;
 
 pub use log::{Resources, resources};
 pub use ptx::{InstructionCounts, instruction_counts, is_ptx};

@@ -72,12 +72,12 @@ impl InstructionCounts {
 }
 
 /// Recognises "$L__BB0_2:", "@%p1", "@!%p1".
-fn is_label_or_predicate(word: &str) -> bool {
+pub(crate) fn is_label_or_predicate(word: &str) -> bool {
     word.ends_with(':') || word.starts_with('@')
 }
 
 /// Returns the name under which a memory instruction is counted: "ld.shared" for "ld.volatile.shared.v2.f32".
-fn instruction(opcode: &str) -> Option<String> {
+pub(crate) fn instruction(opcode: &str) -> Option<String> {
     const SPACES: [&str; 5] = ["global", "shared", "local", "const", "param"];
     let mut parts = opcode.split('.');
     let verb = parts.next().filter(|verb| ["ld", "ldu", "st", "atom", "red"].contains(verb))?;
@@ -96,7 +96,7 @@ fn array_bytes(declaration: &str) -> Option<u64> {
 }
 
 /// Returns the text between the braces of `.entry name(...)`.
-fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
+pub(crate) fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     let heads = text.match_indices(".entry").map(|(at, word)| text[at + word.len()..].trim_start());
     let is_meant = |rest: &&str| {
         let tail = rest.strip_prefix(name);
@@ -116,7 +116,7 @@ fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     None
 }
 
-fn without_comments(ptx: &str) -> String {
+pub(crate) fn without_comments(ptx: &str) -> String {
     let mut text = String::with_capacity(ptx.len());
     let mut rest = ptx;
     while let Some(at) = rest.find("/*") {

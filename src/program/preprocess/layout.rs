@@ -104,7 +104,7 @@ impl Layout {
 /// defined there.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut kept = Vec::new();
-    // Whether only directives, and comments on them, lie between here and the next empty line.
+    // True if only directives, and comments on them, lie between here and the next empty line.
     let (mut orphaned, mut after) = (false, What::Blank);
     let mut file: Rc<str> = "".into();
     for row in rows.into_iter().rev() {

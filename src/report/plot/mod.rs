@@ -12,8 +12,6 @@ pub mod scale;
 pub mod strip;
 pub mod svg;
 
-pub use legend::shorten;
-
 /// A finished plot.
 #[derive(Clone, Debug)]
 pub struct Plot {

@@ -1,5 +1,4 @@
-//! Builds one `[[object]]`: a mesh file, a generated shape or inline triangles, with its transform and
-//! material.
+//! Makes one `[[object]]`: a mesh file, a generated shape or inline triangles; then places and paints it.
 
 use crate::error::{Error, Result, line_of, nearest, nearest_file};
 use crate::filetype::{MeshFormat, Opened, Wanted};
@@ -18,9 +17,9 @@ use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
-/// Returns the object's triangles in the coordinates of the scene. `crease` is the default angle for meshes
-/// without normals.
-pub(super) fn build(
+/// Returns the object's triangles in its own coordinates, with normals. `crease` is the default angle for
+/// meshes without them.
+pub(super) fn make(
     document: &Document,
     object: &Spanned<ObjectWire>,
     crease: Option<f32>,
@@ -50,6 +49,11 @@ pub(super) fn build(
     if wire.flat {
         normals::flatten(&mut file.mesh);
     }
+    Ok(file)
+}
+
+/// Returns the object's triangles in the coordinates of the scene, with its material.
+pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile) -> MeshFile {
     let vector = |values: Option<[f32; 3]>, default| values.map_or(default, Vec3::from_array);
     let transform = Transform {
         scale: vector(wire.scale.map(|v| v.0), Vec3::ONE),
@@ -62,7 +66,7 @@ pub(super) fn build(
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
     }
-    Ok(file)
+    file
 }
 
 /// Returns the material, with the file's values replacing those of `base`. Either k_g or shininess alone

@@ -3,6 +3,8 @@
 use crate::error::{Result, nearest_file};
 use crate::reader::lies_in;
 use crate::scene::document::Document;
+use crate::scene::kept::Kept;
+use crate::scene::sky::FileTexels;
 use crate::scene::validate::MAX_POWER;
 use crate::scene::wire::SkyWire;
 use crate::scene::{Sky, SkyPicture};
@@ -11,14 +13,23 @@ use std::sync::Arc;
 use toml::Spanned;
 
 /// Returns the sky of a document. `is_seen` says whether rays that hit nothing see its picture.
-pub(super) fn build(document: &Document, sky: &Spanned<SkyWire>, up: DVec3, is_seen: bool) -> Result<Sky> {
+pub(super) fn build(
+    document: &Document,
+    sky: &Spanned<SkyWire>,
+    (up, is_seen): (DVec3, bool),
+    kept: &mut Kept,
+) -> Result<Sky> {
     let wire = sky.get_ref();
     let refused = |message: &str, label: &str| Err(document.error(sky.span(), message, label));
     let picture = match (&wire.picture, wire.zenith) {
         (Some(_), _) if wire.zenith.is_some() || wire.horizon.is_some() => {
             return refused("a sky is a picture, or has a zenith and a horizon", "both of them here");
         }
-        (Some(file), _) => Some(Arc::new(picture(document, wire, file, up, is_seen)?)),
+        (Some(file), _) => {
+            let (size, texels) = texels(document, wire, file, kept)?;
+            let turn_degrees = wire.turn_degrees.map_or(0.0, |degrees| f64::from(degrees.0));
+            Some(Arc::new(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen }))
+        }
         (None, _) if wire.strength.is_some() || wire.turn_degrees.is_some() => {
             return refused("strength and turn_degrees are those of a picture", "no picture here");
         }
@@ -31,16 +42,19 @@ pub(super) fn build(document: &Document, sky: &Spanned<SkyWire>, up: DVec3, is_s
     Ok(Sky { zenith, horizon, up: up.as_vec3(), reach, picture })
 }
 
-fn picture(
+/// Returns the texels of a sky's picture, with their strength.
+fn texels(
     document: &Document,
     wire: &SkyWire,
     file: &Spanned<String>,
-    up: DVec3,
-    is_seen: bool,
-) -> Result<SkyPicture> {
+    kept: &mut Kept,
+) -> Result<FileTexels> {
     let path = document.folder.join(file.get_ref());
     let strength = wire.strength.map_or(1.0, |strength| strength.0);
-    let (size, texels) = SkyPicture::read(&path, strength, MAX_POWER).map_err(|why| {
+    let strengthened = |read: FileTexels| -> std::result::Result<FileTexels, String> {
+        Ok((read.0, SkyPicture::strengthened(&read, strength, MAX_POWER)?))
+    };
+    kept.picture(&path).and_then(strengthened).map_err(|why| {
         let quotes = document.quotes || lies_in(&path, &document.folder);
         let why = if quotes { why } else { "cannot be used".to_owned() };
         let message = format!("the sky's picture `{}` {why}", path.display());
@@ -48,7 +62,5 @@ fn picture(
         let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();
         let help = format!("{meant}the path is relative to the scene file's folder");
         document.error(file.span(), message, "here").with_help(help)
-    })?;
-    let turn_degrees = wire.turn_degrees.map_or(0.0, |degrees| f64::from(degrees.0));
-    Ok(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen })
+    })
 }

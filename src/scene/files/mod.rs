@@ -28,7 +28,7 @@ pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 const READING_FACTOR: u64 = 4;
 
 /// The contents of a mesh file, with notes on what was ignored.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(in crate::scene) struct MeshFile {
     /// The mesh; normals that are missing have the number [`MISSING`](super::normals::MISSING).
     pub mesh: Mesh,

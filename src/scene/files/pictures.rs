@@ -25,7 +25,7 @@ type Parsed<T> = std::result::Result<T, String>;
 /// A picture's texels.
 type Decoded = ([u32; 2], Arc<[u32]>);
 
-/// What a picture is used as.
+/// The use of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::scene) struct Usage {
     pub wrap: [Wrap; 2],

@@ -40,7 +40,7 @@ pub(super) struct FaceContext<'a> {
     pub total: Start<'a>,
     /// Indices of materials; 0 is the default.
     pub materials: &'a HashMap<String, u32>,
-    /// Whether texture coordinates were read.
+    /// True if texture coordinates were read.
     pub mapped: bool,
 }
 

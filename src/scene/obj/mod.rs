@@ -39,9 +39,9 @@ pub(in crate::scene) use textures::unmapped;
 /// The permissions for reading a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Permitted {
-    /// Whether MTL files outside of the mesh's folder may be read.
+    /// True if MTL files outside of the mesh's folder may be read.
     pub beyond: bool,
-    /// Whether messages may quote the mesh.
+    /// True if messages may quote the mesh.
     pub quotes: bool,
 }
 

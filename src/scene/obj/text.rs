@@ -27,7 +27,7 @@ impl Mistake {
 pub(super) struct Source<'a> {
     pub name: &'a str,
     pub text: &'a [u8],
-    /// Whether messages may quote it.
+    /// True if messages may quote it.
     pub quotes: bool,
 }
 

@@ -82,7 +82,7 @@ pub(super) struct Map {
     pub name: String,
     /// The location of the line that names it, for messages.
     at: String,
-    /// Whether the material has no colour or black, which would hide the texture.
+    /// True if the material has no colour or black, which would hide the texture.
     alone: bool,
     scale: [f32; 2],
     offset: [f32; 2],

@@ -30,7 +30,7 @@ impl Frames {
         if self.last <= count {
             return Ok(self);
         }
-        let message = format!("--frames {}..{}, but --turntable has {count} frames", self.first, self.last);
+        let message = format!("--frames {}..{}, but there are {count} frames", self.first, self.last);
         Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
     }
 
@@ -85,17 +85,18 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the missing frames with their keys. A different picture under a frame's name is refused.
-    pub fn missing(&self, keys: &[(u32, String)]) -> Result<Vec<(u32, String)>> {
+    /// Returns the missing frames. `key` makes the key of a frame whose name exists; a different picture of that
+    /// name is refused.
+    pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
-        for (number, key) in keys {
-            let file = self.file(*number);
+        for number in self.wanted.numbers() {
+            let file = self.file(number);
             match frame_key(&file) {
-                Some(found) if found == *key => continue,
-                Some(_) if !self.choice.force => return Err(other(&file, *number)),
-                _ => self.target(*number).check()?,
+                Some(found) if found == key(number)? => continue,
+                Some(_) if !self.choice.force => return Err(other(&file, number)),
+                _ => self.target(number).check()?,
             }
-            missing.push((*number, key.clone()));
+            missing.push(number);
         }
         Ok(missing)
     }
@@ -107,7 +108,7 @@ impl Numbered {
 }
 
 fn other(file: &Path, number: u32) -> Error {
-    let message = format!("'{}' exists and is not frame {number} of this turntable", file.display());
+    let message = format!("'{}' exists and is not frame {number} of this animation", file.display());
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 

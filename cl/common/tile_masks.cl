@@ -1,0 +1,11 @@
+// The masks of cut-outs, through whose holes the rays of a tile go on.
+
+#if CUTOUTS
+#include "common/cutouts.cl"
+#define BIND_MASKS(tree)          \
+    tree.masks.rows = mask_rows;  \
+    tree.masks.words = mask_words;
+#else
+#define SOLID_ON_RAYS(textures, triangle, corners, from, way, hits) hits
+#define BIND_MASKS(tree)
+#endif

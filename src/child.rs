@@ -1,0 +1,58 @@
+//! Waits for child processes, no longer than a time limit.
+
+use std::io::Read;
+use std::process::{Child, Output};
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+/// Returns the output of a process until it ends. A process that exceeds the limit is ended, and has no
+/// output.
+pub fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
+    let start = Instant::now();
+    let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
+        }
+        if start.elapsed() > limit {
+            child.kill()?;
+            child.wait()?;
+            return Ok(None);
+        }
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// Reads to the end in another thread, so that no pipe gets full.
+fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    spawn(move || {
+        let mut bytes = Vec::new();
+        let _ = from.read_to_end(&mut bytes);
+        bytes
+    })
+}
+
+fn words_of(reading: Option<JoinHandle<Vec<u8>>>) -> Vec<u8> {
+    reading.and_then(|thread| thread.join().ok()).unwrap_or_default()
+}
+
+#[cfg(all(test, unix))]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use std::process::{Command, Stdio};
+
+    fn shell(script: &str, limit: Duration) -> Option<Output> {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        output_within(command.spawn().unwrap(), limit).unwrap()
+    }
+
+    #[test]
+    fn a_process_that_hangs_is_ended_and_one_that_speaks_is_heard() {
+        assert!(shell("exec sleep 1000", Duration::from_millis(50)).is_none());
+        let spoke = shell("head -c 300000 /dev/zero; echo no >&2; exit 3", Duration::from_secs(120)).unwrap();
+        assert_eq!((spoke.stdout.len(), spoke.status.code()), (300_000, Some(3)));
+        assert_eq!(spoke.stderr, b"no\n");
+    }
+}

@@ -1,0 +1,131 @@
+//! The scene of each frame, and the key by which a frame's file is known.
+
+use super::super::Args;
+use crate::error::{Error, Result};
+use crate::scene::{Animation, Camera, Display, Loaded, Mesh, Orbit, Sampling, Scene};
+use crate::strategy::Strategy;
+use glam::Vec3;
+use std::sync::Arc;
+
+/// What moves from frame to frame.
+pub enum Film {
+    /// The eye, once around the scene.
+    Turntable { scene: Arc<Scene>, orbit: Orbit, count: u32 },
+    /// The values that the scene's file animates.
+    Animation { animation: Box<Animation>, last: Arc<Scene> },
+}
+
+impl Film {
+    /// Makes the film that the arguments ask for.
+    pub fn of(args: &Args, loaded: Loaded) -> Result<Self> {
+        let scene = Arc::new(loaded.scene);
+        if let Some(count) = args.motion.turntable {
+            return Ok(Self::Turntable { scene, orbit: loaded.orbit, count });
+        }
+        let Some(animation) = loaded.animation else {
+            let message = format!("{} has no [animation]", args.subject.scene.display());
+            return Err(Error::input(message).with_help(
+                "docs/scenes.md explains how values of a scene change over time; --turntable 120 turns any scene",
+            ));
+        };
+        Ok(Self::Animation { animation: Box::new(animation), last: scene })
+    }
+
+    /// Returns the number of frames.
+    pub fn count(&self) -> u32 {
+        match self {
+            Self::Turntable { count, .. } => *count,
+            Self::Animation { animation, .. } => animation.frames,
+        }
+    }
+
+    /// Returns the frames per second that the scene's file asks for.
+    pub fn rate(&self) -> Option<u16> {
+        match self {
+            Self::Turntable { .. } => None,
+            Self::Animation { animation, .. } => animation.frames_per_second,
+        }
+    }
+
+    /// Refuses frames whose values make no scene.
+    pub fn check(&self, first: u32, last: u32) -> Result<()> {
+        match self {
+            Self::Turntable { .. } => Ok(()),
+            Self::Animation { animation, .. } => animation.check(first..=last),
+        }
+    }
+
+    /// Returns the scene of a frame. Consecutive ones share their mesh if it is the same.
+    pub fn scene(&mut self, number: u32) -> Result<Arc<Scene>> {
+        match self {
+            Self::Turntable { scene, orbit, count } => {
+                let (camera, lights) = orbit.at(scene, f64::from(number - 1) / f64::from(*count));
+                Ok(Arc::new(Scene { camera, lights, ..Scene::clone(scene) }))
+            }
+            Self::Animation { animation, last } => {
+                *last = Arc::new(animation.scene(number, last)?);
+                Ok(Arc::clone(last))
+            }
+        }
+    }
+
+    /// Returns the text that distinguishes turntables of different lengths. A frame of an animation is
+    /// distinguished by its number and scene alone, so a longer animation can use the frames of a shorter one.
+    fn kind(&self) -> String {
+        match self {
+            Self::Turntable { count, .. } => format!("turntable {count}"),
+            Self::Animation { .. } => "animation".to_owned(),
+        }
+    }
+}
+
+/// Makes the keys of frames: hashes of the scene's content, the strategy, the number and raycl's version.
+pub struct Keys {
+    shared: String,
+    /// The last mesh, and its hash.
+    mesh: Option<(Arc<Mesh>, String)>,
+}
+
+impl Keys {
+    /// Makes the keys of a film.
+    pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy) -> Self {
+        let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
+        let Sampling { first, most } = sampling;
+        let kernels = args.subject.cl_dir.as_ref().map(|folder| folder.display().to_string());
+        let shared = format!(
+            "{version} {strategy} {width}x{height} samples {first}-{most} {} {}",
+            film.kind(),
+            kernels.unwrap_or_default()
+        );
+        Self { shared, mesh: None }
+    }
+
+    /// Returns the key of a frame that shows a scene.
+    pub fn key(&mut self, scene: &Scene, number: u32) -> String {
+        let view = Scene { mesh: Arc::default(), ..scene.clone() }.content_hash();
+        let mesh = self.mesh_hash(&scene.mesh).to_owned();
+        let text = format!("{} {mesh} {view} frame {number}", self.shared);
+        blake3::hash(text.as_bytes()).to_hex().to_string()
+    }
+
+    /// Returns the hash of a mesh, which is computed once for all frames that share it.
+    fn mesh_hash(&mut self, mesh: &Arc<Mesh>) -> &str {
+        let known = self.mesh.take().filter(|(known, _)| Arc::ptr_eq(known, mesh));
+        &self.mesh.insert(known.unwrap_or_else(|| (Arc::clone(mesh), alone(mesh).content_hash()))).1
+    }
+}
+
+/// Returns a scene of nothing but a mesh.
+fn alone(mesh: &Arc<Mesh>) -> Scene {
+    Scene {
+        name: String::new(),
+        mesh: Arc::clone(mesh),
+        lights: Vec::new(),
+        sky: None,
+        camera: Camera::PAPER,
+        background: Vec3::ZERO,
+        transparent: false,
+        shadow_bias: 0.0,
+        display: Display::default(),
+    }
+}

@@ -1,0 +1,67 @@
+//! A scene on a device, from which frame after frame is cast.
+
+use super::super::Args;
+use crate::device::Device;
+use crate::image::Radiance;
+use crate::launch::{Caster, HostTree, Prepared, Queue, Refused, Session};
+use crate::program::{BuiltProgram, ProgramSpec, Sources};
+use crate::scene::{Mesh, Sampling, Scene};
+use crate::strategy::Strategy;
+use std::sync::Arc;
+
+/// A device, and how it casts.
+pub struct Stage<'a> {
+    pub args: &'a Args,
+    pub device: &'a Device,
+    pub sources: &'a Sources,
+    pub queue: Queue,
+    pub strategy: Strategy,
+    pub local_size: [u32; 2],
+    pub sampling: Sampling,
+    /// The program that was built while the scene was loaded, or that cast the last mesh.
+    pub program: Option<(ProgramSpec, BuiltProgram)>,
+    /// The tree that was built while the device was opened, and its mesh.
+    pub tree: Option<(Arc<Mesh>, (Strategy, HostTree))>,
+    /// What cast the last frame.
+    pub ready: Option<Ready>,
+}
+
+/// The objects that cast one mesh.
+type Ready = (Prepared, Caster);
+
+impl Stage<'_> {
+    /// Casts the frame of a scene; returns its image and the device's time in milliseconds. Only what differs
+    /// from the last frame is made anew: a mesh and its tree, or lights and sky.
+    pub fn cast(&mut self, scene: &Arc<Scene>) -> Result<(Radiance, f64), Refused> {
+        let ready = match self.shown(scene)? {
+            Some(ready) => ready,
+            None => self.prepare(scene)?,
+        };
+        let (_, caster) = self.ready.insert(ready);
+        let times = caster.cast_samples(&scene.camera, &self.sampling).map_err(Refused::at("the launch"))?;
+        let (image, _) = caster.read().map_err(Refused::at("reading the image"))?;
+        Ok((image, times.frame_ms))
+    }
+
+    /// Returns what cast the last frame, with this scene's lights and sky. If that does not suit the scene, only
+    /// its program is kept, so that its buffers make room for others.
+    fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
+        let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
+        if prepared.show(scene, &caster).map_err(Refused::at("the next frame"))? {
+            return Ok(Some((prepared, caster)));
+        }
+        self.program = Some((prepared.spec, prepared.program));
+        Ok(None)
+    }
+
+    /// Uploads a scene with its tree; the program is compiled only if the last one does not suit it.
+    fn prepare(&mut self, scene: &Arc<Scene>) -> Result<Ready, Refused> {
+        let session = Session::new(self.queue.clone(), &self.device.info, self.sources, Arc::clone(scene));
+        let session = session.sampling(self.sampling).with_program(self.program.take());
+        let of_mesh = self.tree.take().filter(|(mesh, _)| Arc::ptr_eq(mesh, &scene.mesh));
+        let mut session = session.with_tree(of_mesh.map(|(_, tree)| tree));
+        let prepared = self.args.subject.prepare(&mut session, &self.strategy, self.local_size)?;
+        let caster = prepared.caster()?;
+        Ok((prepared, caster))
+    }
+}

@@ -1,0 +1,115 @@
+//! Measures core-to-core latency: how long a cache line takes from one processor to another. A virtual machine's
+//! processors are threads on its host, which may move them: two of them may share a core, or lie on distant ones.
+//! All kernels that share data between work-groups change speed with it.
+
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use std::hint::spin_loop;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Round trips of one timed piece. A piece takes tens of microseconds, so that few are interrupted.
+const ROUND_TRIPS: u32 = 100;
+/// The number of pieces; the fastest one counts.
+const PIECES: u32 = 5;
+/// After this time, the processors are taken to be busy with other programs.
+const PATIENCE: Duration = Duration::from_millis(5);
+/// Looks at the word between two looks at the clock.
+const LOOKS: u32 = 64;
+
+/// The word that is passed on, alone on its cache lines (some processors fetch two at once).
+#[repr(align(128))]
+struct Word(AtomicU32);
+
+const PING: u32 = 0;
+const PONG: u32 = 1;
+const OVER: u32 = 2;
+
+/// Returns the time in nanoseconds that a cache line takes from the first of this process's processors to the
+/// second one; half a round trip. `None` with a single processor, or if other programs keep them busy.
+pub fn core_to_core_ns() -> Option<f64> {
+    let [first, second] = two_processors()?;
+    let (word, end) = (Word(AtomicU32::new(PING)), Instant::now() + PATIENCE);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let pinned = pin(second);
+            while pinned && pass(&word, [PONG, PING], end) {}
+            word.0.store(OVER, Ordering::Release);
+        });
+        let timed = scope.spawn(|| {
+            let pinned = pin(first);
+            let piece = |_| if pinned { piece_ns(&word, end) } else { None };
+            let fastest = (0..PIECES).map(piece).try_fold(f64::INFINITY, |least, ns| Some(least.min(ns?)));
+            word.0.store(OVER, Ordering::Release);
+            fastest
+        });
+        timed.join().ok().flatten()
+    })
+}
+
+/// Returns the time of half a round trip, as a mean.
+fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
+    let start = Instant::now();
+    for _ in 0..ROUND_TRIPS {
+        if !pass(word, [PING, PONG], end) {
+            return None;
+        }
+    }
+    Some(start.elapsed().as_nanos() as f64 / f64::from(2 * ROUND_TRIPS))
+}
+
+/// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange is over, or
+/// nothing comes until `end`.
+fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
+    let looks = || {
+        (0..LOOKS).any(|_| {
+            spin_loop();
+            word.0.load(Ordering::Acquire) != others
+        })
+    };
+    while !looks() {
+        if Instant::now() > end {
+            return false;
+        }
+    }
+    word.0.compare_exchange(own, others, Ordering::AcqRel, Ordering::Relaxed).is_ok()
+}
+
+fn two_processors() -> Option<[usize; 2]> {
+    let own = sched_getaffinity(None).ok()?;
+    let mut processors = (0..CpuSet::MAX_CPU).filter(|processor| own.is_set(*processor));
+    Some([processors.next()?, processors.next()?])
+}
+
+/// Keeps the calling thread on a processor.
+fn pin(processor: usize) -> bool {
+    let mut only = CpuSet::new();
+    only.set(processor);
+    sched_setaffinity(None, &only).is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cache_line_takes_some_nanoseconds_and_this_thread_stays_where_it_was() {
+        let processors = || sched_getaffinity(None).map(|own| own.count()).ok();
+        let before = processors();
+        // Beside other work it may find no moment in which both processors are free.
+        if let Some(ns) = core_to_core_ns() {
+            assert!(ns > 1.0 && ns < 1e6, "{ns} ns");
+        }
+        assert_eq!(processors(), before);
+    }
+
+    #[test]
+    fn a_turn_that_is_over_is_not_passed_on() {
+        let word = Word(AtomicU32::new(OVER));
+        let end = Instant::now() + PATIENCE;
+        assert!(!pass(&word, [PING, PONG], end));
+        word.0.store(PING, Ordering::Release);
+        assert!(pass(&word, [PING, PONG], end));
+        assert_eq!(word.0.load(Ordering::Acquire), PONG);
+        assert!(!pass(&word, [PING, PONG], end), "nobody passes it back");
+    }
+}

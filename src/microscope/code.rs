@@ -1,0 +1,143 @@
+//! A kernel's instructions, and their counts by source line.
+
+use super::kind::{Counts, Kind};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// An instruction of a kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Instruction {
+    /// Its text.
+    pub text: String,
+    /// Its line in the source, by the compiler's line table.
+    pub line: Option<u32>,
+    /// The part of the kernel in which it is: the label before it, empty before the first label, or its function.
+    pub part: String,
+    /// What it does. Empty for fillers, and for instructions of a processor that is not known here.
+    pub kinds: Vec<Kind>,
+}
+
+impl Instruction {
+    /// Returns its first word: what is done, without the operands.
+    pub fn opcode(&self) -> &str {
+        opcode(&self.text)
+    }
+}
+
+/// Returns the first word of an instruction's text that is no predicate, such as `@%p1`.
+pub(super) fn opcode(text: &str) -> &str {
+    text.split_whitespace().find(|word| !word.starts_with('@')).unwrap_or_default()
+}
+
+/// The instructions of a kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// The kernel's name.
+    pub kernel: String,
+    /// Its instructions in the order of their addresses.
+    pub instructions: Vec<Instruction>,
+}
+
+/// The instructions that were made of a source line, or that are in a part of the kernel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Row {
+    /// The line in the source; `None` for a part.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u32>,
+    /// The text of the line.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// The part's label; `None` for a line.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+    /// Number of instructions.
+    pub instructions: u32,
+    /// Their kinds.
+    pub counts: Counts,
+}
+
+impl Row {
+    fn add(&mut self, instruction: &Instruction) {
+        self.instructions += 1;
+        self.counts.add(&instruction.kinds);
+    }
+}
+
+impl Code {
+    /// Returns the number of instructions that have a source line.
+    pub fn located(&self) -> usize {
+        self.instructions.iter().filter(|one| one.line.is_some()).count()
+    }
+
+    /// Returns a row with all instructions.
+    pub fn total(&self) -> Row {
+        let mut row = Row::default();
+        self.instructions.iter().for_each(|one| row.add(one));
+        row
+    }
+
+    /// Returns a row per source line, in the order of lines. `source` has the text of each line, from line 1 on.
+    pub fn by_line(&self, source: &[&str]) -> Vec<Row> {
+        let mut rows: BTreeMap<u32, Row> = BTreeMap::new();
+        for (line, one) in self.instructions.iter().filter_map(|one| Some((one.line?, one))) {
+            rows.entry(line).or_default().add(one);
+        }
+        let text = |line: u32| source.get((line as usize).checked_sub(1)?).map(|text| text.trim().to_owned());
+        rows.into_iter().map(|(line, row)| Row { line: Some(line), source: text(line), ..row }).collect()
+    }
+
+    /// Returns a row per part, in order.
+    pub fn by_part(&self) -> Vec<Row> {
+        let parts = self.instructions.chunk_by(|one, next| one.part == next.part);
+        let row = |part: &[Instruction]| {
+            let mut row = Row { part: part.first().map(|first| first.part.clone()), ..Row::default() };
+            part.iter().for_each(|one| row.add(one));
+            row
+        };
+        parts.map(row).collect()
+    }
+
+    /// Returns whether both consist of the same instructions, apart from registers and addresses.
+    pub fn is_same_as(&self, other: &Self) -> bool {
+        let opcodes = |code: &Self| code.instructions.iter().map(|one| one.opcode().to_owned()).collect();
+        let [one, other]: [Vec<String>; 2] = [self, other].map(opcodes);
+        one == other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kind::Memory;
+    use super::*;
+
+    fn instruction(text: &str, line: Option<u32>, part: &str, kind: Kind) -> Instruction {
+        Instruction { text: text.into(), line, part: part.into(), kinds: vec![kind] }
+    }
+
+    #[test]
+    fn instructions_are_counted_by_line_and_by_part() {
+        let load = Kind::Load(Memory::Local);
+        let code = Code {
+            kernel: "k".into(),
+            instructions: vec![
+                instruction("a x", Some(2), "", load),
+                instruction("b y", None, "", Kind::Move),
+                instruction("@p c z", Some(1), "loop", Kind::Branch),
+                instruction("a w", Some(2), "loop", load),
+            ],
+        };
+        let rows = code.by_line(&["first", "  second"]);
+        let told: Vec<_> =
+            rows.iter().map(|row| (row.line, row.source.as_deref(), row.instructions)).collect();
+        assert_eq!(told, [(Some(1), Some("first"), 1), (Some(2), Some("second"), 2)]);
+        assert_eq!(rows[1].counts.of(load), 2);
+        let parts = code.by_part();
+        assert_eq!(parts.iter().map(|row| row.instructions).collect::<Vec<_>>(), [2, 2]);
+        assert_eq!((code.located(), code.total().instructions), (3, 4));
+        let mut other = code.clone();
+        other.instructions[0].text = "a elsewhere".into();
+        assert!(code.is_same_as(&other));
+        other.instructions[0].text = "d x".into();
+        assert!(!code.is_same_as(&other));
+    }
+}

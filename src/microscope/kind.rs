@@ -1,0 +1,150 @@
+//! The kinds of instructions: what an instruction does, and which memory it accesses.
+
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::fmt::{self, Display};
+
+/// A memory, in OpenCL's words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Memory {
+    /// `__global`.
+    Global,
+    /// `__local`: a work-group's.
+    Local,
+    /// `__constant`, and constants of the program.
+    Constant,
+    /// Private memory outside registers: arrays and spilled registers. On a CPU, the stack.
+    Private,
+    /// The kernel's arguments.
+    Argument,
+    /// Known only when it runs. On a CPU all of OpenCL's memories are the same, and this is every access that
+    /// is neither to the stack nor to a constant of the program.
+    Generic,
+}
+
+/// What an instruction does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Kind {
+    /// Reads a memory.
+    Load(Memory),
+    /// Writes a memory.
+    Store(Memory),
+    /// Reads and writes a memory in one step.
+    Atomic(Memory),
+    /// Computes, compares or converts.
+    Arithmetic,
+    /// Copies between registers, or sets one.
+    Move,
+    /// Continues elsewhere.
+    Branch,
+    /// Calls a function.
+    Call,
+    /// Waits for other work-items, or orders accesses to memory.
+    Barrier,
+}
+
+impl Memory {
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Global => "global",
+            Self::Local => "local",
+            Self::Constant => "constant",
+            Self::Private => "private",
+            Self::Argument => "argument",
+            Self::Generic => "generic",
+        }
+    }
+}
+
+impl Kind {
+    /// Returns the memory that it accesses, if it accesses one.
+    pub fn memory(self) -> Option<Memory> {
+        match self {
+            Self::Load(memory) | Self::Store(memory) | Self::Atomic(memory) => Some(memory),
+            _ => None,
+        }
+    }
+}
+
+impl Display for Kind {
+    /// Formats as "load global" or "branch".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verb = match self {
+            Self::Load(_) => "load",
+            Self::Store(_) => "store",
+            Self::Atomic(_) => "atomic",
+            Self::Arithmetic => "arithmetic",
+            Self::Move => "move",
+            Self::Branch => "branch",
+            Self::Call => "call",
+            Self::Barrier => "barrier",
+        };
+        f.write_str(verb)?;
+        self.memory().map_or(Ok(()), |memory| write!(f, " {}", memory.name()))
+    }
+}
+
+impl Serialize for Kind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Numbers of instructions by kind. An instruction that adds a number from memory counts as two kinds.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Counts(BTreeMap<Kind, u32>);
+
+impl Counts {
+    /// Adds an instruction of these kinds.
+    pub fn add(&mut self, kinds: &[Kind]) {
+        for kind in kinds {
+            *self.0.entry(*kind).or_default() += 1;
+        }
+    }
+
+    /// Returns the number of instructions of a kind.
+    pub fn of(&self, kind: Kind) -> u32 {
+        self.0.get(&kind).copied().unwrap_or(0)
+    }
+
+    /// Returns all kinds with their numbers, memory first.
+    pub fn iter(&self) -> impl Iterator<Item = (Kind, u32)> {
+        self.0.iter().map(|(kind, count)| (*kind, *count))
+    }
+
+    /// Returns the memories that are accessed, in a fixed order.
+    pub fn memories(&self) -> Vec<Memory> {
+        let mut memories: Vec<Memory> = self.0.keys().filter_map(|kind| kind.memory()).collect();
+        memories.sort_unstable();
+        memories.dedup();
+        memories
+    }
+}
+
+impl Display for Counts {
+    /// Formats as "load global 12, arithmetic 4".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts: Vec<String> = self.iter().map(|(kind, count)| format!("{kind} {count}")).collect();
+        f.write_str(&parts.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_kept_by_kind_and_named_in_json() {
+        let mut counts = Counts::default();
+        counts.add(&[Kind::Load(Memory::Global), Kind::Arithmetic]);
+        counts.add(&[Kind::Store(Memory::Global)]);
+        counts.add(&[Kind::Barrier]);
+        let json = serde_json::to_string(&counts).expect("JSON");
+        assert_eq!(json, r#"{"load global":1,"store global":1,"arithmetic":1,"barrier":1}"#);
+        assert_eq!(counts.of(Kind::Store(Memory::Global)), 1);
+        assert_eq!(counts.memories(), [Memory::Global]);
+        assert_eq!(counts.to_string(), "load global 1, store global 1, arithmetic 1, barrier 1");
+    }
+}

@@ -1,0 +1,192 @@
+//! Reads kernels from machine code of a CPU, by `objdump` of the GNU binutils.
+
+use super::code::{Code, Instruction};
+use super::tool::{Folder, Tool};
+use super::x86;
+use std::collections::BTreeMap;
+
+/// Where `objdump` comes from.
+pub const REMEDY: &str = "objdump is missing; it is in the package binutils";
+
+/// Reads the kernels with these names from an ELF file. `file` is the name of the source; lines of other files
+/// are left out. The error says why there is no listing.
+pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, String> {
+    let objdump = Tool::find("objdump").ok_or(REMEDY)?;
+    let folder = Folder::with("kernel.so", elf)?;
+    let arguments = ["--disassemble", "--no-show-raw-insn", "--dwarf=decodedline", "kernel.so"];
+    Ok(Listing::of(&objdump.run(&folder, &arguments)?.stdout, file).codes(kernels))
+}
+
+/// The functions of an ELF file, and its line table.
+struct Listing<'a> {
+    is_x86: bool,
+    /// The line from each address on; `None` where there is none.
+    lines: BTreeMap<u64, Option<u32>>,
+    /// Names and bodies.
+    functions: Vec<(&'a str, &'a str)>,
+}
+
+impl<'a> Listing<'a> {
+    fn of(listing: &'a str, file: &str) -> Self {
+        Self {
+            is_x86: listing.contains("elf64-x86-64"),
+            lines: listing.lines().filter_map(|row| table_row(row, file)).collect(),
+            functions: listing.split("\n\n").filter_map(function).collect(),
+        }
+    }
+
+    /// Returns each kernel: its own function, then those that it calls.
+    fn codes(&self, kernels: &[&str]) -> Vec<Code> {
+        let code = |kernel: &&str| {
+            // PoCL's function of a kernel casts a whole work-group. Two more of its functions contain a copy of it,
+            // after the code that reads the arguments; copies have no lines and are left out.
+            let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
+            let mut reached = vec![names.iter().find_map(|name| self.function(name))?];
+            let mut at = 0;
+            while let Some((_, body)) = reached.get(at) {
+                let called: Vec<_> = body.lines().filter_map(|line| self.function(called(line)?)).collect();
+                for function in called {
+                    if !reached.contains(&function) {
+                        reached.push(function);
+                    }
+                }
+                at += 1;
+            }
+            let instructions = reached.into_iter().flat_map(|function| self.instructions(function));
+            Some(Code { kernel: (*kernel).to_owned(), instructions: instructions.collect() })
+        };
+        kernels.iter().filter_map(code).collect()
+    }
+
+    fn function(&self, name: &str) -> Option<(&'a str, &'a str)> {
+        self.functions.iter().find(|(found, _)| *found == name).copied()
+    }
+
+    fn instructions(&self, (name, body): (&str, &str)) -> Vec<Instruction> {
+        let frames = frames(body);
+        let one = |(address, text): (u64, &str)| Instruction {
+            text: text.to_owned(),
+            line: self.lines.range(..=address).next_back().and_then(|(_, line)| *line),
+            part: name.to_owned(),
+            kinds: if self.is_x86 { x86::kinds(text, &frames) } else { Vec::new() },
+        };
+        body.lines().filter_map(instruction).map(one).collect()
+    }
+}
+
+/// Returns the name of a function and its lines from "0000000000001130 <name>:" on.
+fn function(text: &str) -> Option<(&str, &str)> {
+    let (head, body) = text.trim_start_matches('\n').split_once('\n')?;
+    let name = head.split_once(" <")?.1.strip_suffix(">:")?;
+    Some((name, body))
+}
+
+/// Returns the name of the function that an instruction goes to: "call   1000 <any_hit>", or a jump in its place.
+fn called(line: &str) -> Option<&str> {
+    let (_, text) = instruction(line)?;
+    let goes = text.starts_with("call") || text.starts_with('j');
+    text.split_once('<').filter(|_| goes)?.1.strip_suffix('>')
+}
+
+/// Returns the registers besides `%rsp` in which a function keeps the address of its stack frame.
+fn frames(body: &str) -> Vec<&'static str> {
+    let set = |register: &&str| {
+        let end = format!("%rsp,{register}");
+        body.lines().take(20).any(|line| line.trim_end().ends_with(&end))
+    };
+    ["%rbp", "%rbx"].into_iter().filter(set).collect()
+}
+
+/// Returns address and text of "    1137:\tmov    (%rax),%rax", without objdump's comment on an address.
+fn instruction(line: &str) -> Option<(u64, &str)> {
+    let (address, text) = line.split_once(":\t")?;
+    let text = text.split(" # ").next().unwrap_or(text);
+    Some((u64::from_str_radix(address.trim(), 16).ok()?, text.trim_end()))
+}
+
+/// Returns address and line of "kernel.cl    157    0x100b    x". Line 0 stands for none, "-" for the end.
+fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
+    let mut words = row.split_whitespace();
+    let (name, number, address) = (words.next()?, words.next()?, words.next()?);
+    let address = u64::from_str_radix(address.strip_prefix("0x")?, 16).ok()?;
+    let number: u32 = if number == "-" { 0 } else { number.parse().ok()? };
+    Some((address, Some(number).filter(|number| name == file && *number > 0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kind::{Kind, Memory};
+    use super::*;
+
+    const LISTING: &str = "
+kernel.so:     file format elf64-x86-64
+
+Contents of the .debug_line section:
+
+kernel.cl:
+File name                            Line number    Starting address    View    Stmt
+kernel.cl                                     12              0x1130               x
+kernel.cl                                      3              0x1137               x
+other.h                                        3              0x113a               x
+kernel.cl                                      4              0x113c
+kernel.cl                                      0              0x1150
+kernel.cl                                     20              0x1000               x
+kernel.cl                                      -              0x1010
+
+
+Disassembly of section .text:
+
+0000000000001000 <helper>:
+    1000:\tvmovss (%rdi),%xmm0
+    1004:\tjmp    1000 <helper>
+    1010:\tnop
+
+0000000000001130 <_pocl_kernel_mine>:
+    1130:\tpush   %rbp
+    1131:\tmov    %rsp,%rbp
+    1137:\tvmovss (%rax),%xmm0
+    1138:\tvmovss %xmm0,-0x8(%rbp)
+    113a:\tvaddss %xmm0,%xmm0,%xmm1
+    113c:\tvmovss %xmm1,(%rdx)        # 200c <x+0xd9c>
+    1150:\tcall   1000 <helper>
+    1262:\tret
+
+0000000000001300 <_pocl_kernel_mine_workgroup>:
+    1300:\tret
+";
+
+    fn told(listing: &str) -> Vec<(String, Option<u32>, Option<Kind>, String)> {
+        let codes = Listing::of(listing, "kernel.cl").codes(&["mine", "missing"]);
+        assert_eq!(codes.len(), 1);
+        let one =
+            |one: &Instruction| (one.opcode().into(), one.line, one.kinds.first().copied(), one.part.clone());
+        codes[0].instructions.iter().map(one).collect()
+    }
+
+    #[test]
+    fn a_kernel_is_read_with_its_lines_and_what_it_calls() {
+        let row = |opcode: &str, line, kind, part: &str| (opcode.to_owned(), line, kind, part.to_owned());
+        let (own, helper) = ("_pocl_kernel_mine", "helper");
+        let expected = [
+            row("push", Some(12), Some(Kind::Store(Memory::Private)), own),
+            row("mov", Some(12), Some(Kind::Move), own),
+            row("vmovss", Some(3), Some(Kind::Load(Memory::Generic)), own),
+            row("vmovss", Some(3), Some(Kind::Store(Memory::Private)), own),
+            row("vaddss", None, Some(Kind::Arithmetic), own),
+            row("vmovss", Some(4), Some(Kind::Store(Memory::Generic)), own),
+            row("call", None, Some(Kind::Call), own),
+            row("ret", None, Some(Kind::Branch), own),
+            row("vmovss", Some(20), Some(Kind::Load(Memory::Generic)), helper),
+            row("jmp", Some(20), Some(Kind::Branch), helper),
+            row("nop", None, None, helper),
+        ];
+        assert_eq!(told(LISTING), expected);
+    }
+
+    #[test]
+    fn instructions_of_other_processors_are_listed_and_not_counted() {
+        let other = told(&LISTING.replace("elf64-x86-64", "elf64-littleaarch64"));
+        assert!(other.iter().all(|(_, _, kind, _)| kind.is_none()));
+        assert_eq!(other.len(), 11);
+    }
+}

@@ -1,0 +1,221 @@
+//! Reads kernels from PTX text, with the source lines of `.loc`:
+//!
+//! ```text
+//! .file 1 "kernel.cl"
+//! .entry cast_frame( ... ) {
+//!     .loc 1 12 5
+//!     ld.global.f32 %f1, [%rd1];
+//! $L__BB0_1:
+//!     .loc 1 3 9, function_name $L__info_string0, inlined_at 1 14 3
+//! ```
+//!
+//! A `.loc` is of all instructions up to the next one. For an inlined function it gives the function's line.
+
+use super::code::{Code, Instruction, opcode};
+use super::kind::{Kind, Memory};
+use crate::program::compiled::ptx::{body_of, instruction, without_comments};
+
+/// Reads the kernels with these names. `file` is the name of the source; lines of other files are left out.
+pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
+    let text = without_comments(ptx);
+    let number = text.lines().find_map(|line| numbered(line, file));
+    let code = |name: &&str| {
+        let mut reader = Reader { file: number, ..Reader::default() };
+        body_of(&text, name)?.lines().for_each(|line| reader.line(line));
+        Some(Code { kernel: (*name).to_owned(), instructions: reader.instructions })
+    };
+    kernels.iter().filter_map(code).collect()
+}
+
+/// Returns whether a text before a colon is a label. Opcodes, which may contain "::", have a dot; labels have none.
+fn is_label(text: &str) -> bool {
+    !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
+}
+
+/// Returns the number of a file from `.file 1 "folder/name"`.
+fn numbered(line: &str, file: &str) -> Option<u32> {
+    let (number, path) = line.trim().strip_prefix(".file")?.trim_start().split_once(char::is_whitespace)?;
+    let path = path.trim_start().strip_prefix('"')?.split('"').next()?;
+    (path.rsplit('/').next() == Some(file)).then(|| number.parse().ok())?
+}
+
+#[derive(Default)]
+struct Reader {
+    /// The number of the source's file, if the text has line numbers of it.
+    file: Option<u32>,
+    line: Option<u32>,
+    part: String,
+    /// The statement that has begun.
+    statement: String,
+    instructions: Vec<Instruction>,
+}
+
+impl Reader {
+    fn line(&mut self, line: &str) {
+        let trimmed = line.trim();
+        if let Some(place) = trimmed.strip_prefix(".loc") {
+            let mut numbers = place.split([' ', '\t', ',']).filter_map(|word| word.parse::<u32>().ok());
+            let (file, line) = (numbers.next(), numbers.next());
+            // Line 0 means that there is none.
+            self.line = line.filter(|line| file == self.file && *line > 0);
+            return;
+        }
+        for c in trimmed.chars() {
+            self.character(c);
+        }
+        self.statement.push(' ');
+    }
+
+    /// A brace that begins a statement is a block's; within a statement it surrounds the parts of a vector.
+    fn character(&mut self, c: char) {
+        match c {
+            ';' => self.end(),
+            '{' | '}' if self.statement.trim().is_empty() => {}
+            ':' if is_label(self.statement.trim()) => {
+                self.part = std::mem::take(&mut self.statement).trim().to_owned();
+            }
+            other => self.statement.push(other),
+        }
+    }
+
+    fn end(&mut self) {
+        let words = std::mem::take(&mut self.statement);
+        let text = words.split_whitespace().collect::<Vec<_>>().join(" ");
+        let opcode = opcode(&text);
+        if opcode.is_empty() || opcode.starts_with('.') {
+            return;
+        }
+        let (kinds, part) = (kinds(opcode), self.part.clone());
+        self.instructions.push(Instruction { text, line: self.line, part, kinds });
+    }
+}
+
+/// Returns the kinds of an instruction.
+fn kinds(opcode: &str) -> Vec<Kind> {
+    if let Some(name) = instruction(opcode) {
+        let mut words = name.split('.');
+        let (verb, memory) = (words.next().unwrap_or_default(), memory(words.next().unwrap_or_default()));
+        return vec![match verb {
+            "ld" | "ldu" => Kind::Load(memory),
+            "st" => Kind::Store(memory),
+            _ => Kind::Atomic(memory),
+        }];
+    }
+    match opcode.split('.').next().unwrap_or_default() {
+        "bra" | "brx" | "ret" | "exit" => vec![Kind::Branch],
+        "call" => vec![Kind::Call],
+        "bar" | "barrier" | "membar" | "fence" => vec![Kind::Barrier],
+        "mov" | "cvta" | "shfl" => vec![Kind::Move],
+        "prefetch" | "prefetchu" | "pragma" => Vec::new(),
+        _ => vec![Kind::Arithmetic],
+    }
+}
+
+/// Returns the memory of a PTX state space.
+fn memory(space: &str) -> Memory {
+    match space {
+        "global" => Memory::Global,
+        "shared" => Memory::Local,
+        "const" => Memory::Constant,
+        "local" => Memory::Private,
+        "param" => Memory::Argument,
+        _ => Memory::Generic,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Line 3 loads, line 4 computes and stores, line 7 belongs to another file.
+    const WITH_LINES: &str = r#"
+.version 8.8
+.target sm_90, texmode_independent
+.address_size 64
+.entry other() { .loc 1 9 1
+ ret; }
+.entry mine(
+	.param .u64 .ptr .global .align 4 mine_param_0
+)
+{
+	.reg .b32 %r<4>;
+	.local .align 4 .b8 __local_depot0[16];
+	.loc 1 2 1
+	ld.param.u64 	%rd1, [mine_param_0];
+	.loc	1 3 9, function_name $L__info_string0, inlined_at 1 14 3
+	ld.volatile.global.v2.f32 	{%f1, %f2}, [%rd1+4];
+$L__BB0_1: // a loop
+	.loc 1 4 5
+	fma.rn.f32 	%f3, %f1, %f2, %f2;
+	st.shared.f32 	[%r1],
+		%f3;
+	.loc 2 7 1
+	bar.sync 	0;
+	.loc 1 0 1
+	@!%p1 bra 	$L__BB0_1;
+	{
+	.loc 1 5 1
+	call.uni (retval0), helper, (param0);
+	}
+	ret;
+}
+.file	1 "/tmp/x/kernel.cl"
+.file	2 "/usr/include/opencl-c.h"
+"#;
+
+    fn told(ptx: &str) -> Vec<(String, Option<u32>, String, Vec<Kind>)> {
+        let codes = codes(ptx, &["mine"], "kernel.cl");
+        assert_eq!(codes.len(), 1);
+        let one = |one: Instruction| (one.text, one.line, one.part, one.kinds);
+        codes.into_iter().flat_map(|code| code.instructions).map(one).collect()
+    }
+
+    #[test]
+    fn each_instruction_has_its_line_its_part_and_its_kind() {
+        let row = |text: &str, line: Option<u32>, part: &str, kind| {
+            (text.to_owned(), line, part.to_owned(), vec![kind])
+        };
+        let looped = "$L__BB0_1";
+        let expected = [
+            row("ld.param.u64 %rd1, [mine_param_0]", Some(2), "", Kind::Load(Memory::Argument)),
+            row("ld.volatile.global.v2.f32 {%f1, %f2}, [%rd1+4]", Some(3), "", Kind::Load(Memory::Global)),
+            row("fma.rn.f32 %f3, %f1, %f2, %f2", Some(4), looped, Kind::Arithmetic),
+            row("st.shared.f32 [%r1], %f3", Some(4), looped, Kind::Store(Memory::Local)),
+            row("bar.sync 0", None, looped, Kind::Barrier),
+            row("@!%p1 bra $L__BB0_1", None, looped, Kind::Branch),
+            row("call.uni (retval0), helper, (param0)", Some(5), looped, Kind::Call),
+            row("ret", Some(5), looped, Kind::Branch),
+        ];
+        assert_eq!(told(WITH_LINES), expected);
+    }
+
+    #[test]
+    fn without_a_line_table_no_instruction_has_a_line() {
+        let lines = WITH_LINES.lines().filter(|line| !line.contains(".loc") && !line.contains(".file"));
+        let without = lines.collect::<Vec<_>>().join("\n");
+        let told = told(&without.replace("other() {", "other() { ret; }"));
+        assert_eq!(told.len(), 8);
+        assert!(told.iter().all(|(_, line, ..)| line.is_none()));
+        assert_eq!(told.iter().filter(|(_, _, part, _)| part.is_empty()).count(), 2);
+    }
+
+    #[test]
+    fn lines_of_another_file_alone_are_no_lines() {
+        let other = WITH_LINES.replace("kernel.cl", "other.cl");
+        assert!(told(&other).iter().all(|(_, line, ..)| line.is_none()));
+        assert!(codes(WITH_LINES, &["min"], "kernel.cl").is_empty());
+    }
+
+    #[test]
+    fn labels_have_a_dollar_sign_or_none() {
+        for label in ["$L__BB0_1", "BB0_1"] {
+            let ptx = format!(
+                ".visible .entry k(\n)\n{{\n{label}: ld.global.f32 %f1, [%rd1];\n\tbra.uni {label};\n}}\n"
+            );
+            let codes = codes(&ptx, &["k"], "kernel.cl");
+            let found = codes[0].instructions.iter().map(|one| (one.part.as_str(), one.kinds[0]));
+            let expected = [(label, Kind::Load(Memory::Global)), (label, Kind::Branch)];
+            assert_eq!(found.collect::<Vec<_>>(), expected);
+        }
+    }
+}

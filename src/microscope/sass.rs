@@ -1,0 +1,158 @@
+//! Reads kernels from SASS, the machine code of NVIDIA's GPUs, that `ptxas` makes of PTX and `nvdisasm` prints:
+//!
+//! ```text
+//! .text.cast_frame:
+//!         //## File "/tmp/kernel.cl", line 12
+//!         /*0010*/              @!P0 LDG.E R2, desc[UR4][R2.64] ;
+//! .L_x_1:
+//! ```
+//!
+//! This is the code of the ptxas that is installed, not that of the driver, which has its own.
+
+use super::code::{Code, Instruction, opcode};
+use super::kind::{Kind, Memory};
+use super::tool::{Folder, Tool};
+
+/// The kernels, and what ptxas said.
+pub struct Assembled {
+    /// The kernels.
+    pub codes: Vec<Code>,
+    /// The messages of ptxas, which have the registers.
+    pub log: String,
+}
+
+/// Assembles PTX and reads the kernels with these names. `file` is the name of the source; lines of other files are
+/// left out. The error says why there is no SASS.
+pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Result<Assembled, String> {
+    let both = Tool::find("ptxas").zip(Tool::find("nvdisasm"));
+    let (ptxas, nvdisasm) = both.ok_or("ptxas and nvdisasm, of the CUDA toolkit, are not both on PATH")?;
+    let target = target(ptx).ok_or("the PTX names no target")?;
+    let folder = Folder::with("kernel.ptx", ptx.trim_end_matches('\0').as_bytes())?;
+    let (gpu, out) = (format!("--gpu-name={target}"), "--output-file=kernel.cubin");
+    let assembled = ptxas.run(&folder, &["--verbose", "--generate-line-info", &gpu, out, "kernel.ptx"])?;
+    let listing = nvdisasm.run(&folder, &["--print-code", "--print-line-info", "kernel.cubin"])?;
+    Ok(Assembled { codes: listed(&listing.stdout, kernels, file), log: assembled.stderr })
+}
+
+/// Returns "sm_90" from ".target sm_90, texmode_independent".
+fn target(ptx: &str) -> Option<&str> {
+    let line = ptx.lines().find_map(|line| line.trim().strip_prefix(".target"))?;
+    line.trim().split([',', ' ']).next().filter(|name| name.starts_with("sm_"))
+}
+
+fn listed(listing: &str, kernels: &[&str], file: &str) -> Vec<Code> {
+    let code = |kernel: &&str| {
+        let head = format!(".text.{kernel}:");
+        let mut lines = listing.lines().skip_while(|line| line.trim() != head);
+        lines.next()?;
+        let body = lines.take_while(|line| !line.trim_start().starts_with(".section"));
+        Some(Code { kernel: (*kernel).to_owned(), instructions: instructions(body, file) })
+    };
+    kernels.iter().filter_map(code).collect()
+}
+
+fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Instruction> {
+    let (mut line, mut part, mut found) = (None, String::new(), Vec::new());
+    for text in body.map(str::trim) {
+        if let Some(place) = text.strip_prefix("//## File ") {
+            line = place_in(place, file);
+        } else if let Some(label) = text.strip_suffix(':').filter(|label| label.starts_with(".L")) {
+            label.clone_into(&mut part);
+        } else if let Some(text) = instruction(text) {
+            found.push(Instruction { text: text.to_owned(), line, part: part.clone(), kinds: kinds(text) });
+        }
+    }
+    found
+}
+
+/// Reads `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`.
+fn place_in(place: &str, file: &str) -> Option<u32> {
+    let (path, rest) = place.strip_prefix('"')?.split_once('"')?;
+    let number = rest.strip_prefix(", line ")?.split(' ').next()?.parse().ok()?;
+    // Line 0 means that there is none.
+    (path.rsplit('/').next() == Some(file)).then_some(number).filter(|number| *number > 0)
+}
+
+/// Reads "/*0010*/  @!P0 LDG.E R2, [R2] ;".
+fn instruction(line: &str) -> Option<&str> {
+    let (address, text) = line.strip_prefix("/*")?.split_once("*/")?;
+    let is_address = !address.is_empty() && address.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let text = text.split("/*").next()?.trim().trim_end_matches(';').trim_end();
+    (is_address && !text.is_empty()).then_some(text)
+}
+
+fn kinds(text: &str) -> Vec<Kind> {
+    vec![match opcode(text).split('.').next().unwrap_or_default() {
+        "LDG" | "LDGSTS" => Kind::Load(Memory::Global),
+        "STG" => Kind::Store(Memory::Global),
+        "LDS" | "LDSM" => Kind::Load(Memory::Local),
+        "STS" => Kind::Store(Memory::Local),
+        "LDL" => Kind::Load(Memory::Private),
+        "STL" => Kind::Store(Memory::Private),
+        // Arguments are in constant memory too.
+        "LDC" | "ULDC" | "LDCU" => Kind::Load(Memory::Constant),
+        "LD" => Kind::Load(Memory::Generic),
+        "ST" => Kind::Store(Memory::Generic),
+        "ATOMG" | "RED" | "REDG" => Kind::Atomic(Memory::Global),
+        "ATOMS" => Kind::Atomic(Memory::Local),
+        "ATOM" => Kind::Atomic(Memory::Generic),
+        "BRA" | "BRX" | "JMP" | "EXIT" | "RET" | "BSSY" | "BSYNC" | "BREAK" => Kind::Branch,
+        "CALL" => Kind::Call,
+        "BAR" | "MEMBAR" | "FENCE" | "WARPSYNC" | "DEPBAR" => Kind::Barrier,
+        "MOV" | "UMOV" | "S2R" | "S2UR" | "CS2R" | "R2UR" | "SHFL" => Kind::Move,
+        "NOP" => return Vec::new(),
+        _ => Kind::Arithmetic,
+    }]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LISTING: &str = r#"
+	.section	.text.other,"ax",@progbits
+.text.other:
+        /*0000*/                   EXIT ;
+	.section	.text.mine,"ax",@progbits
+	.align	128
+.text.mine:
+	//## File "/tmp/x/kernel.cl", line 3
+        /*0000*/                   LDC R1, c[0x0][0x28] ;
+	//## File "/tmp/x/kernel.cl", line 9 inlined at "/tmp/x/kernel.cl", line 3
+        /*0010*/               @P0 LDG.E R2, desc[UR4][R2.64] ;
+.L_x_0:
+	//## File "/usr/lib/other.h", line 3
+        /*0020*/                   FFMA R3, R2, R2, R3 ;
+        /*0030*/                   STS [R4], R3 ;
+        /*0040*/              @!P0 BRA `(.L_x_0) ;
+        /*0050*/                   NOP;
+	.section	.debug_line,"",@progbits
+        /*0060*/                   LDL R1, [R1] ;
+"#;
+
+    #[test]
+    fn a_listing_is_read_kernel_by_kernel_with_lines() {
+        let codes = listed(LISTING, &["mine", "missing"], "kernel.cl");
+        assert_eq!(codes.len(), 1);
+        let told: Vec<_> = codes[0]
+            .instructions
+            .iter()
+            .map(|one| (one.opcode(), one.line, one.part.as_str(), one.kinds.first().copied()))
+            .collect();
+        let expected = [
+            ("LDC", Some(3), "", Some(Kind::Load(Memory::Constant))),
+            ("LDG.E", Some(9), "", Some(Kind::Load(Memory::Global))),
+            ("FFMA", None, ".L_x_0", Some(Kind::Arithmetic)),
+            ("STS", None, ".L_x_0", Some(Kind::Store(Memory::Local))),
+            ("BRA", None, ".L_x_0", Some(Kind::Branch)),
+            ("NOP", None, ".L_x_0", None),
+        ];
+        assert_eq!(told, expected);
+    }
+
+    #[test]
+    fn the_target_is_the_gpu_that_the_driver_compiled_for() {
+        assert_eq!(target(".version 8.8\n.target sm_90, texmode_independent"), Some("sm_90"));
+        assert_eq!(target(".target   compute_90"), None);
+    }
+}

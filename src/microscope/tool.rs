@@ -1,0 +1,69 @@
+//! Runs disassemblers, if they are installed, no longer than a time limit.
+
+use crate::child::output_within;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+use tempfile::TempDir;
+
+/// Far longer than any of them needs for a kernel.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// A program that was found.
+pub struct Tool {
+    name: &'static str,
+    path: PathBuf,
+}
+
+/// What a program wrote.
+pub struct Written {
+    /// Its output.
+    pub stdout: String,
+    /// Its messages.
+    pub stderr: String,
+}
+
+impl Tool {
+    /// Finds a program in the folders of PATH.
+    pub fn find(name: &'static str) -> Option<Self> {
+        let folders = std::env::var_os("PATH")?;
+        let mut paths = std::env::split_paths(&folders).map(|folder| folder.join(name));
+        let path = paths.find(|path| path.is_file())?;
+        Some(Self { name, path })
+    }
+
+    /// Runs it in a folder. The error says how it failed.
+    pub fn run(&self, folder: &Folder, arguments: &[&str]) -> Result<Written, String> {
+        let mut command = Command::new(&self.path);
+        // Its messages are read, so they have to be in English.
+        command.args(arguments).current_dir(folder.0.path()).env("LC_ALL", "C");
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let ended = command.spawn().and_then(|child| output_within(child, LIMIT));
+        let output = ended.map_err(|error| format!("{} could not be run: {error}", self.name))?;
+        let Some(output) = output else {
+            return Err(format!("{} was not done after {} s", self.name, LIMIT.as_secs()));
+        };
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let written = Written { stdout: text(&output.stdout), stderr: text(&output.stderr) };
+        if output.status.success() {
+            return Ok(written);
+        }
+        let said = written.stderr.lines().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+        let said = said.strip_prefix(&format!("{}: ", self.name)).unwrap_or(said);
+        Err(format!("{} failed: {}", self.name, said.trim_end_matches('.')))
+    }
+}
+
+/// A temporary folder for a program's files.
+pub struct Folder(TempDir);
+
+impl Folder {
+    /// Makes one with a file in it.
+    pub fn with(name: &str, bytes: &[u8]) -> Result<Self, String> {
+        let made = tempfile::tempdir().and_then(|folder| {
+            std::fs::write(folder.path().join(name), bytes)?;
+            Ok(Self(folder))
+        });
+        made.map_err(|error| format!("a temporary file could not be written: {error}"))
+    }
+}

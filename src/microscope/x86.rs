@@ -1,0 +1,153 @@
+//! The kinds of x86-64 instructions, as `objdump` writes them: sources first, the destination last.
+
+use super::kind::{Kind, Memory};
+
+/// Words before an instruction's name.
+const PREFIXES: [&str; 10] =
+    ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32"];
+/// Beginnings of the names of instructions that do nothing.
+const FILLERS: [&str; 6] = ["nop", "endbr", "vzero", "int3", "ud2", "prefetch"];
+/// Beginnings of the names of instructions that copy, also between lanes.
+const MOVES: [&str; 19] = [
+    "mov",
+    "vmov",
+    "cmov",
+    "vbroadcast",
+    "vpbroadcast",
+    "vinsert",
+    "insert",
+    "vextract",
+    "extract",
+    "vpinsr",
+    "pinsr",
+    "vpextr",
+    "pextr",
+    "vperm",
+    "vpmov",
+    "vgather",
+    "vpgather",
+    "vmaskmov",
+    "vpmaskmov",
+];
+/// Beginnings of the names of instructions whose last operand is only read.
+const READERS: [&str; 15] = [
+    "cmp", "test", "ucomis", "comis", "vucomis", "vcomis", "ptest", "vptest", "vtest", "bt", "div", "idiv",
+    "mul", "imul", "fld",
+];
+/// Beginnings of the names of instructions that write their last operand without reading it, besides moves.
+const WRITERS: [&str; 5] = ["set", "vcvt", "cvt", "stmxcsr", "vstmxcsr"];
+
+/// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that have the address of the
+/// function's stack frame.
+pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
+    let mut words = text.split_whitespace();
+    let name = words.by_ref().find(|word| !PREFIXES.contains(word)).unwrap_or_default();
+    let rest = words.collect::<Vec<_>>().join(" ");
+    let is = |beginnings: &[&str]| beginnings.iter().any(|start| name.starts_with(start));
+    if name.is_empty() || is(&FILLERS) || text.starts_with("xchg   %ax,%ax") {
+        return Vec::new();
+    }
+    match name {
+        "push" | "pushq" => return vec![Kind::Store(Memory::Private)],
+        "pop" | "popq" | "leave" => return vec![Kind::Load(Memory::Private)],
+        "call" | "callq" => return vec![Kind::Call],
+        "ret" | "retq" | "hlt" => return vec![Kind::Branch],
+        "mfence" | "lfence" | "sfence" => return vec![Kind::Barrier],
+        _ if name.starts_with('j') => return vec![Kind::Branch],
+        // Its operand is written like memory, but only the address is computed.
+        _ if name.starts_with("lea") => return vec![Kind::Arithmetic],
+        _ => {}
+    }
+    let operands = operands(&rest);
+    let memories: Vec<Option<Memory>> = operands.iter().map(|operand| memory(operand, frames)).collect();
+    let moves = is(&MOVES);
+    let only_reads = is(&READERS) && !is(&["cmpxchg", "bts", "btr", "btc"]);
+    let mut kinds = Vec::new();
+    for (place, memory) in memories.iter().enumerate() {
+        let Some(memory) = *memory else { continue };
+        let last = place + 1 == memories.len();
+        if last && !only_reads && (text.starts_with("lock") || name.starts_with("xchg")) {
+            kinds.push(Kind::Atomic(memory));
+            continue;
+        }
+        let written = last && !only_reads;
+        if !written || !(moves || is(&WRITERS)) {
+            kinds.push(Kind::Load(memory));
+        }
+        if written {
+            kinds.push(Kind::Store(memory));
+        }
+    }
+    if !moves {
+        kinds.push(Kind::Arithmetic);
+    } else if kinds.is_empty() {
+        kinds.push(Kind::Move);
+    }
+    kinds
+}
+
+/// Splits at commas outside brackets.
+fn operands(text: &str) -> Vec<&str> {
+    let (mut operands, mut depth, mut start) = (Vec::new(), 0_u32, 0);
+    for (at, c) in text.char_indices() {
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            ',' if depth == 0 => {
+                operands.push(&text[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    operands.push(&text[start..]);
+    operands
+}
+
+/// Returns the memory of an operand such as `-0x8(%rsp,%rax,4)`; `None` for registers and numbers.
+fn memory(operand: &str, frames: &[&str]) -> Option<Memory> {
+    let (_, inside) = operand.split_once('(')?;
+    let base = inside.split([',', ')']).next().unwrap_or_default();
+    Some(match base {
+        "%rsp" => Memory::Private,
+        _ if frames.contains(&base) => Memory::Private,
+        "%rip" => Memory::Constant,
+        _ => Memory::Generic,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operands_say_which_memory_is_read_and_which_is_written() {
+        use Kind::{Arithmetic, Atomic, Branch, Call, Load, Move, Store};
+        use Memory::{Constant, Generic, Private};
+        for (text, expected) in [
+            ("mov    (%rdi),%rax", &[Load(Generic)][..]),
+            ("vmovss %xmm4,(%r8,%rcx,4)", &[Store(Generic)]),
+            ("vmovaps %xmm8,%xmm4", &[Move]),
+            ("movl   $0x0,0x1c(%rsp)", &[Store(Private)]),
+            ("vmulps 0x20(%rsp),%ymm1,%ymm2", &[Load(Private), Arithmetic]),
+            ("vinsertps $0x20,0xe4a(%rip),%xmm0,%xmm6", &[Load(Constant)]),
+            ("add    %eax,0x8(%rdx)", &[Load(Generic), Store(Generic), Arithmetic]),
+            ("lock xadd %eax,(%rdx)", &[Atomic(Generic), Arithmetic]),
+            ("lock cmpxchg %edx,(%rax)", &[Atomic(Generic), Arithmetic]),
+            ("mfence", &[Kind::Barrier]),
+            ("cmpl   $0x1,(%rax)", &[Load(Generic), Arithmetic]),
+            ("lea    (%rsi,%rdx,1),%rdi", &[Arithmetic]),
+            ("vfmadd231ss -0x8(%rbp),%xmm1,%xmm2", &[Load(Private), Arithmetic]),
+            ("vgatherdps %ymm1,(%rax,%ymm2,4),%ymm3", &[Load(Generic)]),
+            ("push   %rbp", &[Store(Private)]),
+            ("jmp    1195 <_pocl_kernel_x_workgroup+0x65>", &[Branch]),
+            ("call   1040 <sinf@plt>", &[Call]),
+            ("data16 cs nopw 0x0(%rax,%rax,1)", &[]),
+            ("vxorps %xmm5,%xmm5,%xmm5", &[Arithmetic]),
+            ("ret", &[Branch]),
+        ] {
+            assert_eq!(kinds(text, &["%rbp"]), expected, "{text}");
+        }
+        assert_eq!(kinds("mov    -0x8(%rbp),%eax", &[]), [Load(Generic)], "%rbp is like any register there");
+    }
+}

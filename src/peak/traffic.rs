@@ -1,0 +1,99 @@
+//! The bytes that a ray-triangle test reads, as its strategy determines them.
+
+use crate::record::Record;
+use crate::strategy::{Axis as _, Copied, Intersector, Layout, Triangles, Vectors, WorkingMemory};
+
+/// Bytes of the two working vectors that a test reads: the ray's origin and direction, three floats each.
+const RAY_BYTES: f64 = 24.0;
+/// Bytes of a triangle's three corners.
+const CORNER_BYTES: f64 = 36.0;
+const FLOAT_BYTES: f64 = 4.0;
+
+/// What a test of one ray with one triangle reads. Caches are not considered, so this is what work-items ask for,
+/// not what comes from a device's memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Traffic {
+    /// Bytes of the triangle; the rays of a work-item share them.
+    pub triangle_bytes: f64,
+    /// The memory in which the triangle is.
+    pub triangle_in: &'static str,
+    /// Bytes of the ray; 0 if it is in registers.
+    pub ray_bytes: f64,
+    /// The memory in which the ray is.
+    pub ray_in: &'static str,
+}
+
+impl Traffic {
+    /// Returns what the tests of a record's strategy read. `None` unless every ray tests every triangle: with a tree,
+    /// the number of tests is unknown.
+    pub fn of(record: &Record) -> Option<Self> {
+        if record.is_baseline() || !record.tests_every_triangle() {
+            return None;
+        }
+        let triangles = Triangles::parse(record.axis("triangles")?).ok()?;
+        let vectors = Vectors::parse(record.axis("vectors")?).ok()?;
+        let width: f64 = record.axis("width")?.parse().ok()?;
+        let ray_in = match vectors.memory() {
+            WorkingMemory::Private => "registers",
+            WorkingMemory::Local => "__local",
+            WorkingMemory::Scratch | WorkingMemory::Heap => "global",
+        };
+        Some(Self {
+            triangle_bytes: triangle_bytes(record, triangles)? / width,
+            triangle_in: match triangles.copied() {
+                Copied::Scene | Copied::Vertices | Copied::Rows => "__local",
+                Copied::Nothing | Copied::Normals if triangles.are_constant() => "__constant",
+                Copied::Nothing | Copied::Normals => "global",
+            },
+            ray_bytes: if vectors.memory() == WorkingMemory::Private { 0.0 } else { RAY_BYTES },
+            ray_in,
+        })
+    }
+
+    /// Returns all bytes of a test.
+    pub fn bytes(&self) -> f64 {
+        self.triangle_bytes + self.ray_bytes
+    }
+}
+
+/// Returns the bytes of a triangle that a test reads: a prepared record, or corners with their indices.
+fn triangle_bytes(record: &Record, triangles: Triangles) -> Option<f64> {
+    let test = Intersector::parse(record.axis("intersector")?).ok()?;
+    let prepared = test.prepares_planes()
+        || record.axis("records") == Some("once")
+        || triangles.copied() == Copied::Rows;
+    if prepared {
+        return Some(FLOAT_BYTES * test.record_floats() as f64);
+    }
+    let layout = Layout::parse(record.axis("layout")?).ok()?;
+    let index_bytes = layout.index_bits().map_or(0.0, |bits| f64::from(bits) / 8.0);
+    Some(CORNER_BYTES + 3.0 * index_bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    fn traffic(strategy: &str) -> Option<Traffic> {
+        let (name, set) = strategy.split_once(',').unwrap_or((strategy, ""));
+        let mut strategy = preset(name).expect("a preset").strategy;
+        if let Some((axis, value)) = set.split_once('=') {
+            strategy.set(axis, value).expect("a value");
+        }
+        Traffic::of(&Record { strategy: strategy.to_string(), ..Record::default() })
+    }
+
+    #[test]
+    fn a_test_reads_a_triangle_and_a_ray_that_is_not_in_registers() {
+        let of = |strategy| {
+            traffic(strategy).map(|one| (one.triangle_bytes, one.triangle_in, one.ray_bytes, one.ray_in))
+        };
+        assert_eq!(of("naive"), Some((36.0, "global", 24.0, "global")));
+        assert_eq!(of("naive,layout=indexed16"), Some((42.0, "global", 24.0, "global")));
+        assert_eq!(of("local-vectors"), Some((36.0, "global", 24.0, "__local")));
+        assert_eq!(of("tiled"), Some((48.0, "__local", 0.0, "registers")));
+        assert_eq!(of("deferred,width=4"), Some((9.0, "global", 0.0, "registers")));
+        assert_eq!(of("bvh"), None, "its tests are not counted");
+    }
+}

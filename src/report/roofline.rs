@@ -1,0 +1,219 @@
+//! The roofline of a device: which rate of operations its arithmetic and its memories allow, and what each point
+//! reaches (S. Williams, A. Waterman, D. Patterson: "Roofline", Communications of the ACM 52(4), 2009).
+
+use super::merged::labels;
+use super::overview::{devices, numbered};
+use super::plot::Plot;
+use super::plot::chart::{Across, Chart, Mark, Series};
+use super::plot::look::Look;
+use super::plot::scale::Kind;
+use super::words::{Looks, tip};
+use crate::peak::{Peak, Traffic, operations_per_test};
+use crate::record::{Folder, Group, Record, significant};
+use crate::words::counted;
+
+/// The unit of operations and bytes in the plot.
+const BILLIONS: f64 = 1e-9;
+
+/// Returns a plot for every device with points whose tests are counted.
+pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<Plot> {
+    let of_folder = |(label, folder): (String, &Folder)| {
+        let peaks = Peak::kept_in(&folder.path).unwrap_or_default();
+        peaks.into_iter().map(move |peak| (format!("{} ({label})", peak.device), peak))
+    };
+    let peaks: Vec<(String, Peak)> = labels(folders).into_iter().zip(folders).flat_map(of_folder).collect();
+    let of_device = |(place, device): (usize, &str)| {
+        let own = groups.iter().filter(|group| group.device == device);
+        let records: Vec<(&Group<'_>, &Record)> = own
+            .flat_map(|group| group.ranking().all().into_iter().map(move |record| (group, record)))
+            .collect();
+        // A device's name may have that of its folder behind it.
+        let is_its = |(labelled, peak): &&(String, Peak)| device == peak.device || device == labelled;
+        let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
+        roofline(&records, looks, device, peak, numbered("roofline", place))
+    };
+    devices(groups).into_iter().enumerate().filter_map(of_device).collect()
+}
+
+fn roofline(
+    records: &[(&Group<'_>, &Record)],
+    looks: &Looks,
+    device: &str,
+    peak: Option<&Peak>,
+    name: String,
+) -> Option<Plot> {
+    let mut series: Vec<Series> = Vec::new();
+    for (group, record) in records {
+        let Some(mark) = mark(group, record) else { continue };
+        match series.iter_mut().find(|one| one.name == record.name) {
+            Some(one) => one.marks.push(mark),
+            None => series.push(Series {
+                name: record.name.clone(),
+                look: looks.look(&record.name),
+                joined: false,
+                marks: vec![mark],
+            }),
+        }
+    }
+    let shown: usize = series.iter().map(|one| one.marks.len()).sum();
+    if shown == 0 {
+        return None;
+    }
+    series.sort_by_key(|one| one.look.number);
+    let ends = ends(&series, peak);
+    series.extend(peak.into_iter().flat_map(|peak| roofs(peak, ends, looks)));
+    let chart = Chart {
+        title: format!("Roofline: {device}"),
+        x_label: "operations of a ray-triangle test per byte that it reads".into(),
+        y_label: "operations per second, billions".into(),
+        across: Across::Numbers(Kind::Log),
+        up: Kind::Log,
+        diagonal: false,
+        series,
+    };
+    Some(Plot::of(name, caption(peak.is_some(), records.len() - shown), &chart))
+}
+
+/// Returns the mark of a record whose tests, and their operations and bytes, are known.
+fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
+    let (tests_per_s, traffic) = (record.tests_per_s?, Traffic::of(record)?);
+    let operations = f64::from(operations_per_test(&record.strategy)?);
+    let tip = format!(
+        "{}\n{}\n{operations} operations per test; {} B of the triangle from {} memory{}",
+        group.scene,
+        tip(record),
+        significant(traffic.triangle_bytes, 3),
+        traffic.triangle_in,
+        match traffic.ray_bytes > 0.0 {
+            true => format!(", {} B of the ray from {} memory", traffic.ray_bytes, traffic.ray_in),
+            false => String::new(),
+        }
+    );
+    Some(Mark {
+        x: operations / traffic.bytes(),
+        y: BILLIONS * tests_per_s * operations,
+        interval: None,
+        tip,
+    })
+}
+
+/// Returns the range of x: that of all marks, and of the points where roofs meet.
+fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
+    let corners = peak.into_iter().flat_map(|peak| {
+        let fma = peak.fma_per_s.median;
+        [peak.copy_bytes_per_s, peak.local_bytes_per_s].map(|bytes| fma / bytes.median)
+    });
+    let marks = series.iter().flat_map(|one| &one.marks).map(|mark| mark.x);
+    let all = marks.chain(corners).filter(|x| x.is_finite() && *x > 0.0);
+    let [low, high] = all.fold([f64::INFINITY, 0.0], |[low, high], x| [x.min(low), x.max(high)]);
+    [low / 2.0, high * 2.0]
+}
+
+/// Returns the roofs as lines: a memory's bytes per second times x, up to the rate of multiply-adds.
+fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
+    let fma = peak.fma_per_s.median;
+    let memories = [
+        ("roof: global memory", peak.copy_bytes_per_s.median),
+        ("roof: __local memory", peak.local_bytes_per_s.median),
+    ];
+    let known = memories.into_iter().filter(|(_, bytes_per_s)| *bytes_per_s > 0.0 && fma > 0.0);
+    let roof = |(place, (name, bytes_per_s)): (usize, (&str, f64))| {
+        let tip = format!(
+            "{name}\n{} GB/s, up to {} Gfma/s",
+            significant(BILLIONS * bytes_per_s, 3),
+            significant(BILLIONS * fma, 3)
+        );
+        let mark =
+            |x: f64| Mark { x, y: BILLIONS * fma.min(x * bytes_per_s), interval: None, tip: tip.clone() };
+        Series {
+            name: name.to_owned(),
+            look: Look { dashed: true, number: looks.look(name).number + place },
+            joined: true,
+            marks: [low, fma / bytes_per_s, high].map(mark).to_vec(),
+        }
+    };
+    known.enumerate().map(roof).collect()
+}
+
+fn caption(with_roofs: bool, left_out: usize) -> String {
+    let roofs = if with_roofs {
+        "Dashed: the device's rates as `raycl peak` measured them. A point above a memory's roof is served by caches or another memory."
+    } else {
+        "The device's rates were not measured with these records, so there are no roofs; `raycl peak --out DIR/peak.json` measures them, or `raycl run CONFIG --peak`."
+    };
+    let left_out = match left_out {
+        0 => String::new(),
+        some => format!(
+            " {} without a mark: if rays walk a tree, or triangles are rasterised, the number of tests is not recorded.",
+            counted(some, "point")
+        ),
+    };
+    format!(
+        "Each mark is a point: the operations of its ray-triangle tests per second (primary rays only), a multiply-add counting as one, over the operations per byte that a test asks for (the triangle's bytes are shared by a work-item's rays; a ray in registers has none). If passes are fused, the time is that of the whole frame, so the rate is a lower bound. {roofs}{left_out}"
+    )
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::peak::Figure;
+    use crate::record::fixtures::{judged, measured};
+    use crate::record::groups;
+    use crate::strategy::preset;
+
+    fn record(name: &str, tests_per_s: Option<f64>) -> Record {
+        let strategy = preset(name).unwrap().strategy.to_string();
+        Record { strategy, tests_per_s, ..measured("a gpu", name, 8, 1.0) }
+    }
+
+    fn plots(records: Vec<Record>, folders: &[Folder]) -> Vec<Plot> {
+        let records = judged(records);
+        let groups = groups(&records);
+        rooflines(&groups, &Looks::of(&groups), folders)
+    }
+
+    #[test]
+    fn a_mark_lies_at_its_operations_per_byte_below_the_roofs_that_were_measured() {
+        let records = vec![record("naive", Some(1e9)), record("private", Some(2e9)), record("bvh", None)];
+        let without = &plots(records.clone(), &[])[0];
+        assert_eq!(without.svg.matches("operations per test").count(), 2);
+        assert!(
+            without.svg.contains(
+                "15 operations per test; 36.0 B of the triangle from global memory, 24 B of the ray"
+            )
+        );
+        for part in ["1 point without a mark", "there are no roofs; `raycl peak"] {
+            assert!(without.caption.contains(part), "{}", without.caption);
+        }
+        let place = tempfile::tempdir().unwrap();
+        let figure = |rate: f64| Figure::of(&[rate]);
+        let peak = Peak {
+            device: "a gpu".into(),
+            fma_per_s: figure(4e12),
+            copy_bytes_per_s: figure(1e12),
+            local_bytes_per_s: figure(8e12),
+            ..Peak::default()
+        };
+        Peak::write(&[peak], &place.path().join(crate::peak::FILE)).unwrap();
+        let folder = Folder { path: place.path().to_owned(), ..Folder::default() };
+        let with = &plots(records, &[folder])[0];
+        for part in ["1000 GB/s, up to 4000 Gfma/s", "8000 GB/s", ">roof: __local memory<"] {
+            assert!(with.svg.contains(part), "{part}: {}", with.svg);
+        }
+        assert!(!with.caption.contains("no roofs"), "{}", with.caption);
+    }
+
+    #[test]
+    fn coordinates_follow_from_the_record() {
+        let records = judged(vec![record("naive", Some(1e9))]);
+        let group = &groups(&records)[0];
+        let found = mark(group, &records[0]).unwrap();
+        assert_eq!((found.x, found.y), (15.0 / 60.0, 15.0));
+    }
+
+    #[test]
+    fn without_counted_tests_there_is_no_plot() {
+        assert!(plots(vec![record("bvh", None)], &[]).is_empty());
+    }
+}

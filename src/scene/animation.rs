@@ -1,0 +1,167 @@
+//! Scenes whose values change from frame to frame: the `[animation]` of a scene file.
+
+mod between;
+mod track;
+mod wire;
+
+use super::assemble::{Assembled, assemble};
+use super::document::{Document, KEYS};
+use super::kept::Kept;
+use super::overrides::{self, PATHS};
+use super::wire::SceneWire;
+use super::{Scene, Shot};
+use crate::error::{Error, Result};
+use crate::toml_error::toml_error;
+use std::fmt;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use toml::{Spanned, Table};
+use track::{STEPS, Track};
+pub(super) use wire::AnimationWire;
+use wire::{MAX_FRAMES, MAX_RATE};
+
+/// A scene's values over time. It makes the scene of each frame, and uses again what the last frame had: no
+/// file is read twice, and a mesh that stays the same is shared.
+pub struct Animation {
+    /// The number of frames; the first is 1.
+    pub frames: u32,
+    /// Frames per second, if the file says how many.
+    pub frames_per_second: Option<u16>,
+    document: Document,
+    /// The document without its animation.
+    table: Table,
+    tracks: Vec<Track>,
+    shot: Shot,
+    kept: Kept,
+}
+
+impl fmt::Debug for Animation {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_struct("Animation").field("frames", &self.frames).finish_non_exhaustive()
+    }
+}
+
+impl Animation {
+    /// Checks the animation of a document.
+    pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
+        let AnimationWire { frames, frames_per_second, track } = wire;
+        let in_range = |value: u32, most: u32, span| {
+            let message = || format!("{value} is out of range; expected 1 to {most}");
+            let valid = (1..=most).contains(&value);
+            if valid { Ok(value) } else { Err(document.error(span, message(), "here")) }
+        };
+        let frames = in_range(*frames.get_ref(), MAX_FRAMES, frames.span())?;
+        if let Some(rate) = &frames_per_second {
+            in_range((*rate.get_ref()).into(), MAX_RATE.into(), rate.span())?;
+        }
+        let tracks: Vec<Track> =
+            track.into_iter().map(|track| Track::of(&document, track, frames)).collect::<Result<_>>()?;
+        for (number, track) in tracks.iter().enumerate() {
+            tracks[..number].iter().try_for_each(|earlier| track.refuse_to_hide(&document, earlier))?;
+        }
+        let mut table: Table = document.text.parse().map_err(|error| document.misread(&error))?;
+        table.remove("animation");
+        let frames_per_second = frames_per_second.map(Spanned::into_inner);
+        Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
+    }
+
+    /// Checks that the scene of each of these frames can be read; nothing is loaded.
+    ///
+    /// # Errors A mistake of the user, with its place in the file.
+    pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
+        let alpha = self.read(1)?.2.is_transparent();
+        frames.try_for_each(|frame| {
+            if self.read(frame)?.2.is_transparent() == alpha {
+                return Ok(());
+            }
+            let name = &self.document.name;
+            let message =
+                format!("{name} at frame {frame}: the background is transparent in some frames only");
+            Err(Error::input(message).with_help("set background = \"transparent\" in all frames or in none"))
+        })
+    }
+
+    /// Returns the scene of a frame. If its mesh is the last frame's, they share it.
+    ///
+    /// # Errors As [`super::load_scene`].
+    pub fn scene(&mut self, frame: u32, last: &Scene) -> Result<Scene> {
+        let mut scene = self.assemble(frame, &mut Vec::new())?.scene;
+        if Arc::ptr_eq(&scene.mesh, &last.mesh) || scene.mesh == last.mesh {
+            scene.mesh = Arc::clone(&last.mesh);
+            scene.validate_view()?;
+        } else {
+            scene.validate()?;
+        }
+        Ok(scene)
+    }
+
+    /// Builds the scene of a frame.
+    pub(super) fn assemble(&mut self, frame: u32, notes: &mut Vec<String>) -> Result<Assembled> {
+        let (table, document, wire) = self.read(frame)?;
+        let changes =
+            |track: &Track| ["object", "crease"].iter().any(|key| track.path.get_ref().starts_with(key));
+        self.kept.begin(&table, self.tracks.iter().any(changes));
+        assemble(&document, wire, self.shot, &mut self.kept, notes)
+    }
+
+    /// Reads the document of a frame.
+    fn read(&self, frame: u32) -> Result<(Table, Document, SceneWire)> {
+        let table = self.table(frame, &self.tracks)?;
+        let document = self.document_of(frame, &table)?;
+        match toml::from_str(&document.text) {
+            Ok(wire) => Ok((table, document, wire)),
+            Err(_) => Err(self.mistake(frame)),
+        }
+    }
+
+    /// Returns the document's table with the values of some tracks at a frame.
+    fn table(&self, frame: u32, tracks: &[Track]) -> Result<Table> {
+        let mut table = self.table.clone();
+        for track in tracks {
+            let path = track.path.get_ref();
+            overrides::set(&mut table, path, &track.value(frame)).map_err(|reason| {
+                let message = format!("`{path}`: {reason}");
+                self.document.error(track.path.span(), message, "this path").with_help(PATHS)
+            })?;
+        }
+        Ok(table)
+    }
+
+    fn document_of(&self, frame: u32, table: &Table) -> Result<Document> {
+        let text = toml::to_string(table).map_err(|error| {
+            Error::input(format!("{} at frame {frame}: {error}", self.document.name)).with_help(KEYS)
+        })?;
+        Ok(self.document.at_frame(frame, text))
+    }
+
+    /// Returns the error for a frame whose document is no scene, at the first track that makes it so for good.
+    fn mistake(&self, frame: u32) -> Error {
+        let mut wrong = None;
+        for (number, track) in self.tracks.iter().enumerate() {
+            let table = self.table(frame, &self.tracks[..=number]);
+            let document = match table.and_then(|table| self.document_of(frame, &table)) {
+                Ok(document) => document,
+                Err(error) => return error,
+            };
+            match toml::from_str::<SceneWire>(&document.text) {
+                // This track brought what an earlier one lacked.
+                Ok(_) => wrong = None,
+                Err(found) => wrong = wrong.or(Some((track, document, found))),
+            }
+        }
+        let Some((track, document, found)) = wrong else {
+            // The document was a scene before any track.
+            let message = format!("{} at frame {frame} is no scene, whatever its tracks", self.document.name);
+            return Error::fault(message);
+        };
+        let told = toml_error(&document.name, &document.text, &found, KEYS);
+        let starts = |with: &[&str]| with.iter().any(|start| found.message().starts_with(start));
+        let of_path = starts(&["unknown field", "missing field"]);
+        let span = if of_path { track.path.span() } else { track.value_span(frame) };
+        let message = format!("`{}` at frame {frame}: {told}", track.path.get_ref());
+        let label = if of_path { "this path" } else { "the value follows from this one" };
+        let is_whole = starts(&["invalid type: floating point"]);
+        let remedy = if is_whole { STEPS.to_owned() } else { told.remedy().to_owned() };
+        self.document.error(span, message, label).with_help(remedy)
+    }
+}

@@ -1,0 +1,171 @@
+//! Values between keyframes.
+
+use super::wire::Interpolation;
+use toml::Value;
+
+/// Returns a finite number's value; `None` for anything else.
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Float(number) if number.is_finite() => Some(*number),
+        Value::Integer(number) => Some(*number as f64),
+        _ => None,
+    }
+}
+
+/// Returns whether a value is a number, or a list of such values, so that others lie between it and another.
+pub(super) fn is_numeric(value: &Value) -> bool {
+    match value {
+        Value::Array(elements) => !elements.is_empty() && elements.iter().all(is_numeric),
+        other => number(other).is_some(),
+    }
+}
+
+/// Returns whether two numeric values have the same number of elements.
+pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Array(a), Value::Array(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| are_alike(a, b))
+        }
+        (a, b) => !a.is_array() && !b.is_array(),
+    }
+}
+
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. All values are alike.
+pub(super) fn between(
+    (frames, values): (&[f64], &[&Value]),
+    begin: usize,
+    frame: f64,
+    interpolation: Interpolation,
+) -> Value {
+    let (first, second) = (values[begin], values[begin + 1]);
+    if first == second || interpolation == Interpolation::Step {
+        return first.clone();
+    }
+    if let Value::Array(elements) = first {
+        let at = |place: usize| {
+            let elements: Vec<&Value> = values.iter().map(|value| &value[place]).collect();
+            between((frames, &elements), begin, frame, interpolation)
+        };
+        return Value::Array((0..elements.len()).map(at).collect());
+    }
+    let numbers: Vec<f64> = values.iter().filter_map(|value| number(value)).collect();
+    Value::Float(match interpolation {
+        Interpolation::Smooth => smooth(frames, &numbers, begin, frame),
+        _ => {
+            let part = (frame - frames[begin]) / (frames[begin + 1] - frames[begin]);
+            numbers[begin] + part * (numbers[begin + 1] - numbers[begin])
+        }
+    })
+}
+
+/// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
+/// `PchipInterpolator`. It never leaves the range of the two keyframes, so a value that is in range at all of
+/// them is in range between them, and a camera does not swing back before it moves.
+fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
+    let (from, to) = (values[begin], values[begin + 1]);
+    let length = frames[begin + 1] - frames[begin];
+    let part = (frame - frames[begin]) / length;
+    let slopes = [begin, begin + 1].map(|key| length * slope(frames, values, key));
+    // Hermite's polynomial, from the values and slopes at both ends.
+    let (square, cube) = (part * part, part * part * part);
+    let value = from
+        + (3.0 * square - 2.0 * cube) * (to - from)
+        + (cube - 2.0 * square + part) * slopes[0]
+        + (cube - square) * slopes[1];
+    // Rounding alone can leave the range.
+    value.clamp(from.min(to), from.max(to))
+}
+
+/// Returns the slope at a keyframe: 0 at a turning point, else a harmonic mean of those of the lines to its
+/// neighbours, so that the curve does not overshoot.
+fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
+    let length = |line: usize| frames[line + 1] - frames[line];
+    let line = |line: usize| (values[line + 1] - values[line]) / length(line);
+    let last = frames.len() - 1;
+    match key {
+        _ if last == 1 => line(0),
+        0 => end_slope([length(0), length(1)], [line(0), line(1)]),
+        _ if key == last => end_slope([length(last - 1), length(last - 2)], [line(last - 1), line(last - 2)]),
+        _ => {
+            let ([before, after], [left, right]) =
+                ([line(key - 1), line(key)], [length(key - 1), length(key)]);
+            if before * after <= 0.0 {
+                return 0.0;
+            }
+            let weights = [2.0 * right + left, right + 2.0 * left];
+            (weights[0] + weights[1]) / (weights[0] / before + weights[1] / after)
+        }
+    }
+}
+
+/// Returns the slope at the first or the last keyframe: that of the parabola through three, where it does not
+/// overshoot (Moler, Numerical Computing with MATLAB, 2004, section 3.6). The nearer line comes first.
+fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
+    let slope = ((2.0 * near + far) * line - near * next) / (near + far);
+    if slope * line <= 0.0 {
+        0.0
+    } else if line * next <= 0.0 && slope.abs() > 3.0 * line.abs() {
+        3.0 * line
+    } else {
+        slope
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(frames: &[f64], values: &[f64], frame: f64) -> f64 {
+        let begin = frames.iter().rposition(|key| *key <= frame).unwrap_or(0).min(frames.len() - 2);
+        smooth(frames, values, begin, frame)
+    }
+
+    #[test]
+    fn a_smooth_curve_is_fritsch_and_butlands() {
+        // Computed with fractions: the slopes at the keys are 5/2, 6/7, 0 and -17/6.
+        let (frames, values) = ([0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 3.0, 1.0]);
+        let slopes = [0, 1, 2, 3].map(|key| slope(&frames, &values, key));
+        let expected = [5.0 / 2.0, 6.0 / 7.0, 0.0, -17.0 / 6.0];
+        assert!(slopes.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-15), "{slopes:?}");
+        let expected = [
+            (0.25, 559.0 / 896.0),
+            (0.5, 135.0 / 112.0),
+            (2.0, 19.0 / 7.0),
+            (2.5, 655.0 / 224.0),
+            (3.5, 113.0 / 48.0),
+        ];
+        for (frame, value) in expected {
+            assert!((at(&frames, &values, frame) - value).abs() < 1e-14, "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_smooth_curve_goes_through_its_keys_and_never_leaves_their_range() {
+        let (frames, values) = ([1.0, 4.0, 5.0, 9.0, 30.0], [3.0, 3.0, -1.0, 7.0, 7.5]);
+        for (frame, value) in frames.into_iter().zip(values) {
+            assert_eq!(at(&frames, &values, frame), value);
+        }
+        for step in 0..290 {
+            let frame = 1.0 + f64::from(step) / 10.0;
+            let begin = frames.iter().rposition(|key| *key <= frame).unwrap_or(0);
+            let (low, high) = (values[begin].min(values[begin + 1]), values[begin].max(values[begin + 1]));
+            assert!((low..=high).contains(&at(&frames, &values, frame)), "{frame}");
+        }
+        // Two keys make a line.
+        assert_eq!(at(&[1.0, 3.0], &[0.0, 1.0], 1.5), 0.25);
+    }
+
+    #[test]
+    fn lists_are_mixed_element_by_element_and_what_stays_keeps_its_type() {
+        let value = |text: &str| text.parse::<Value>().unwrap_or_else(|error| panic!("{error}"));
+        let (a, b) = (value("[1, [2, 0]]"), value("[1, [4, 1.0]]"));
+        let middle = between((&[1.0, 3.0], &[&a, &b]), 0, 2.0, Interpolation::Linear);
+        assert_eq!(middle, value("[1, [3.0, 0.5]]"));
+        assert_eq!(between((&[1.0, 3.0], &[&a, &b]), 0, 2.9, Interpolation::Step), a);
+        assert!(are_alike(&a, &b) && !are_alike(&a, &value("[1, 2]")) && !are_alike(&a, &value("1")));
+        assert!(is_numeric(&a));
+        for other in ["[1, 'a']", "[]", "[0, nan]", "inf", "true"] {
+            assert!(!is_numeric(&value(other)), "{other}");
+        }
+    }
+}

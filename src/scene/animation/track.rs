@@ -1,0 +1,177 @@
+//! One value of a scene over time.
+
+use super::between::{are_alike, between, is_numeric};
+use super::wire::{Interpolation, TrackWire};
+use crate::error::Result;
+use crate::scene::document::Document;
+use crate::words::counted;
+use toml::{Spanned, Value};
+
+/// Largest number of names and places in a path; `object.0.face_normals.0.0` has five.
+const MAX_DEPTH: usize = 8;
+
+/// A value of the scene over time.
+pub(super) struct Track {
+    /// The value's path in the document.
+    pub path: Spanned<String>,
+    /// The frames at which it has `values`, ascending.
+    at: Vec<f64>,
+    /// Its values; at least one.
+    values: Vec<Spanned<Value>>,
+    interpolation: Interpolation,
+}
+
+impl Track {
+    /// Checks a track of an animation with this many frames.
+    pub fn of(document: &Document, wire: TrackWire, frames: u32) -> Result<Self> {
+        let TrackWire { path, at, values, interpolation } = wire;
+        if path.get_ref().split('.').next() == Some("animation") {
+            return Err(document.error(path.span(), "a track cannot change the animation", "this path"));
+        }
+        if path.get_ref().split('.').count() > MAX_DEPTH {
+            return Err(document.error(path.span(), "no value of a scene has so long a path", "this path"));
+        }
+        if values.get_ref().is_empty() {
+            return Err(document.error(values.span(), "a track without values", "expected at least one"));
+        }
+        let at = match &at {
+            Some(at) => given(document, at, values.get_ref().len(), frames)?,
+            None => evenly(values.get_ref().len(), frames),
+        };
+        let values = values.into_inner();
+        let interpolation = checked(document, &values, interpolation)?;
+        Ok(Self { path, at, values, interpolation })
+    }
+
+    /// Refuses to replace the value of an earlier track.
+    ///
+    /// # Errors Both have the same path, or the earlier one's is a part of this one's value.
+    pub fn refuse_to_hide(&self, document: &Document, earlier: &Self) -> Result<()> {
+        let (path, other) = (self.path.get_ref(), earlier.path.get_ref());
+        let refused = |message: String, label: &str| document.error(self.path.span(), message, label);
+        match other.strip_prefix(path.as_str()) {
+            Some("") => Err(refused(format!("a second track for `{path}`"), "this path has a track already")),
+            Some(rest) if rest.starts_with('.') => {
+                let message = format!("`{path}` replaces the value of the track `{other}`");
+                Err(refused(message, "this path").with_help("put the track of the whole value first"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Returns its value at a frame. Before the first keyframe it has the first value, after the last one the
+    /// last.
+    pub fn value(&self, frame: u32) -> Value {
+        let frame = f64::from(frame);
+        let begin = self.last_keyframe(frame);
+        let first = self.values[begin].get_ref();
+        if frame <= self.at[begin] || begin + 1 == self.at.len() {
+            return first.clone();
+        }
+        // Slopes depend on one more keyframe on both sides.
+        let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
+        let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
+        between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
+    }
+
+    /// Returns where the file has the value that a frame's follows from.
+    pub fn value_span(&self, frame: u32) -> std::ops::Range<usize> {
+        self.values[self.last_keyframe(f64::from(frame))].span()
+    }
+
+    /// Returns the last keyframe that is not after a frame, or the first.
+    fn last_keyframe(&self, frame: f64) -> usize {
+        self.at.partition_point(|at| *at <= frame).saturating_sub(1)
+    }
+}
+
+/// The remedy where no value lies between two others.
+pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
+
+/// Returns the frames of `at`, which has to have one for each value.
+fn given(
+    document: &Document,
+    at: &Spanned<Vec<Spanned<u32>>>,
+    values: usize,
+    frames: u32,
+) -> Result<Vec<f64>> {
+    let list = at.get_ref();
+    if list.len() != values {
+        let message = format!("`at` has {}, `values` has {values}", counted(list.len(), "element"));
+        return Err(document.error(at.span(), message, "expected a frame for each value"));
+    }
+    for (place, frame) in list.iter().enumerate() {
+        let number = *frame.get_ref();
+        if !(1..=frames).contains(&number) {
+            let message = format!("frame {number} does not exist; expected 1 to {frames}");
+            return Err(document.error(frame.span(), message, "here"));
+        }
+        if place > 0 && *list[place - 1].get_ref() >= number {
+            let message = format!("frame {number} follows frame {}", list[place - 1].get_ref());
+            return Err(document.error(frame.span(), message, "expected ascending frames"));
+        }
+    }
+    Ok(list.iter().map(|frame| f64::from(*frame.get_ref())).collect())
+}
+
+/// Returns as many places from the first frame to the last, at equal distances.
+fn evenly(values: usize, frames: u32) -> Vec<f64> {
+    let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
+    // In this order, places that are whole frames are exact.
+    (0..values).map(|place| 1.0 + length * place as f64 / steps).collect()
+}
+
+/// Returns the interpolation, which has to suit the values.
+fn checked(
+    document: &Document,
+    values: &[Spanned<Value>],
+    given: Option<Spanned<Interpolation>>,
+) -> Result<Interpolation> {
+    let numeric = values.iter().all(|value| is_numeric(value.get_ref()));
+    let default = if numeric { Interpolation::Smooth } else { Interpolation::Step };
+    let interpolation = given.as_ref().map_or(default, |given| *given.get_ref());
+    if interpolation == Interpolation::Step {
+        return Ok(interpolation);
+    }
+    if let (false, Some(given)) = (numeric, given) {
+        let message = "only numbers and lists of numbers have values in between";
+        let error = document.error(given.span(), message, "these values can only step");
+        return Err(error.with_help(STEPS));
+    }
+    let first = values[0].get_ref();
+    match values.iter().find(|value| !are_alike(first, value.get_ref())) {
+        None => Ok(interpolation),
+        Some(other) => {
+            let message = "this value and the first one have different numbers of elements";
+            let label = "expected as many numbers as in the first value";
+            Err(document.error(other.span(), message, label).with_help(STEPS))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_without_frames_lie_at_equal_distances_from_the_first_to_the_last() {
+        assert_eq!(evenly(3, 121), [1.0, 61.0, 121.0]);
+        assert_eq!(evenly(4, 4), [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!((evenly(8, 30)[7], evenly(46, 100)[5]), (30.0, 12.0), "without rounding");
+        assert_eq!((evenly(1, 9), evenly(1, 1)), (vec![1.0], vec![1.0]));
+    }
+
+    #[test]
+    fn a_value_depends_on_one_more_keyframe_on_both_sides() {
+        let at = vec![1.0, 3.0, 7.0, 15.0, 16.0];
+        let values: Vec<Value> = [0.0, 1.0, 4.0, 20.0, 50.0].map(Value::Float).to_vec();
+        let spanned = values.iter().map(|value| Spanned::new(0..0, value.clone())).collect();
+        let path = Spanned::new(0..0, "background".to_owned());
+        let track = Track { path, at: at.clone(), values: spanned, interpolation: Interpolation::Smooth };
+        let all: Vec<&Value> = values.iter().collect();
+        for (begin, frame) in [(0, 2), (1, 5), (2, 9)] {
+            let expected = between((&at, &all), begin, f64::from(frame), Interpolation::Smooth);
+            assert_eq!(track.value(frame), expected, "at frame {frame}");
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! The types that an `[animation]` is read into.
+
+use schemars::JsonSchema;
+use toml::{Spanned, Value};
+
+/// Largest number of frames.
+pub(super) const MAX_FRAMES: u32 = 100_000;
+/// Largest number of frames per second.
+pub(super) const MAX_RATE: u16 = 1000;
+
+/// Values of the scene that change from frame to frame. A picture of the scene shows its first frame.
+#[derive(serde::Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene) struct AnimationWire {
+    /// The number of frames; the first is 1.
+    #[schemars(with = "u32", range(min = 1, max = MAX_FRAMES))]
+    pub frames: Spanned<u32>,
+    /// Frames per second of an .apng or a y4m stream [default: 30].
+    #[schemars(with = "Option<u16>", range(min = 1, max = MAX_RATE))]
+    pub frames_per_second: Option<Spanned<u16>>,
+    /// The values that change.
+    #[serde(default)]
+    #[schemars(with = "Vec<TrackWire>")]
+    pub track: Vec<TrackWire>,
+}
+
+/// A value of the scene over time.
+#[derive(serde::Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scene) struct TrackWire {
+    /// The value's path, as of --set: camera.position, light.0.power, object.2.rotation.
+    #[schemars(with = "String")]
+    pub path: Spanned<String>,
+    /// The frames at which it has `values`, ascending [default: evenly from the first to the last].
+    #[schemars(with = "Option<Vec<u32>>")]
+    pub at: Option<Spanned<Vec<Spanned<u32>>>>,
+    /// Its values at these frames.
+    #[schemars(with = "Vec<serde_json::Value>", length(min = 1))]
+    pub values: Spanned<Vec<Spanned<Value>>>,
+    /// Its values between them [default: smooth for numbers and lists of numbers, else step].
+    #[schemars(with = "Option<Interpolation>")]
+    pub interpolation: Option<Spanned<Interpolation>>,
+}
+
+/// How the values between two keyframes follow from them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::scene) enum Interpolation {
+    /// A curve without corners that stays between the two values.
+    Smooth,
+    /// A straight line.
+    Linear,
+    /// The earlier value.
+    Step,
+}

@@ -1,0 +1,101 @@
+//! The parts of a frame that the next frame of an animation uses again, so that no file is read twice and no
+//! mesh is made twice.
+
+use super::Mesh;
+use super::assemble::Joined;
+use super::files::MeshFile;
+use super::sky::{FileTexels, SkyPicture};
+use crate::error::Result;
+use glam::Vec3;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use toml::{Table, Value};
+
+/// The keys of an object that place and paint a mesh; the others make it.
+const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
+
+/// What is kept between frames; the default keeps nothing.
+#[derive(Default)]
+pub(super) struct Kept {
+    keeps: bool,
+    /// For each object of this frame, the text that makes its mesh; empty if no object changes.
+    keys: Vec<String>,
+    /// The meshes of this frame's objects, before they were placed, by these texts.
+    meshes: HashMap<String, MeshFile>,
+    /// The same of the frame before.
+    earlier: HashMap<String, MeshFile>,
+    /// The text of all objects of this frame.
+    objects: String,
+    /// The joined objects of the frame before, with their text.
+    joined: Option<(String, Joined)>,
+    /// The bounds of the last mesh.
+    bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,
+    picture: Option<(PathBuf, FileTexels)>,
+}
+
+impl Kept {
+    /// Begins a frame of this document, some of whose objects change if `objects_change`. Meshes that the last
+    /// frame did not use are dropped.
+    pub fn begin(&mut self, document: &Table, objects_change: bool) {
+        let (objects, crease) = (document.get("object"), document.get("crease"));
+        let list = objects.and_then(Value::as_array).filter(|_| objects_change);
+        self.keeps = true;
+        self.keys = list.into_iter().flatten().map(|object| making(object, crease)).collect();
+        self.earlier = std::mem::take(&mut self.meshes);
+        self.objects = format!("{objects:?} {crease:?}");
+    }
+
+    /// Returns the joined objects, which `make` makes unless those of the last frame are the same.
+    pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
+        if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
+            self.meshes = std::mem::take(&mut self.earlier);
+            return Ok(joined.clone());
+        }
+        let joined = make(self)?;
+        self.earlier.clear();
+        self.joined = self.keeps.then(|| (self.objects.clone(), joined.clone()));
+        Ok(joined)
+    }
+
+    /// Returns the mesh of an object before it is placed, which `make` makes unless the last frame had it.
+    pub fn mesh(&mut self, object: usize, make: impl FnOnce() -> Result<MeshFile>) -> Result<MeshFile> {
+        let Some(key) = self.keys.get(object) else { return make() };
+        let mesh = match self.meshes.entry(key.clone()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(free) => free.insert(self.earlier.remove(key).map_or_else(make, Ok)?),
+        };
+        Ok(mesh.clone())
+    }
+
+    /// Returns the smallest and the largest corner of a mesh's bounding box; zeros without triangles.
+    pub fn bounds(&mut self, mesh: &Arc<Mesh>) -> (Vec3, Vec3) {
+        if let Some((_, bounds)) = self.bounds.as_ref().filter(|(known, _)| Arc::ptr_eq(known, mesh)) {
+            return *bounds;
+        }
+        let bounds = mesh.bounds().unwrap_or_default();
+        self.bounds = self.keeps.then(|| (Arc::clone(mesh), bounds));
+        bounds
+    }
+
+    /// Returns the texels of a sky's picture. Errors follow the file's name.
+    pub fn picture(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
+        if let Some((_, texels)) = self.picture.as_ref().filter(|(known, _)| known == path) {
+            return Ok(texels.clone());
+        }
+        let texels = SkyPicture::read(path)?;
+        self.picture = self.keeps.then(|| (path.to_owned(), texels.clone()));
+        Ok(texels)
+    }
+}
+
+/// Returns the text of an object without the keys that only place it, with the scene's crease.
+fn making(object: &Value, crease: Option<&Value>) -> String {
+    let keys = object.as_table().into_iter().flatten();
+    let making: Table = keys
+        .filter(|(key, _)| !PLACING.contains(&key.as_str()))
+        .map(|(key, value)| (key.clone(), value.clone()))
+        .collect();
+    format!("{making:?} {crease:?}")
+}

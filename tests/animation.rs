@@ -1,0 +1,371 @@
+//! Values of a scene over time: what each frame shows, what is loaded and made again for it, and what is told to who gets
+//! an animation wrong.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::binary::{Place, device, has};
+use glam::Vec3;
+use raycl::scene::{Scene, load_scene};
+use serde_json::Value;
+use std::sync::Arc;
+
+const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+
+/// A pyramid of a file over a ground.
+const STILL: &str = "background = 0.01
+[camera]
+position = [1, 1, 4]
+look_at = [1, 0.5, 0]
+[[light]]
+position = [3, 4, 3]
+power = 100
+[sky]
+zenith = 0.01
+[[object]]
+mesh = \"mesh.obj\"
+[[object]]
+vertices = [[-9, -0.1, 9], [9, -0.1, 9], [9, -0.1, -9], [-9, -0.1, -9]]
+faces = [[0, 1, 2, 3]]
+";
+
+/// A value per frame, a line, a step, and a curve.
+const TRACKS: &str = "[animation]
+frames = 4
+frames_per_second = 12
+[[animation.track]]
+path = \"camera.position\"
+values = [[1, 1, 4], [1.5, 1, 4], [2, 1.25, 4], [2.5, 1.5, 3]]
+[[animation.track]]
+path = \"light.0.power\"
+at = [1, 3]
+values = [100, 200]
+interpolation = \"linear\"
+[[animation.track]]
+path = \"background\"
+at = [1, 3]
+values = [\"#102030\", \"#302010\"]
+[[animation.track]]
+path = \"display.exposure\"
+at = [2, 4]
+values = [15, 20]
+interpolation = \"linear\"
+";
+
+const MOVING_OBJECT: &str = "[[animation.track]]
+path = \"object.0.translation\"
+at = [2, 4]
+values = [[0, 0, 0], [0.5, 0.25, 0]]
+interpolation = \"linear\"
+";
+
+const SIZE: [&str; 4] = ["--width", "48", "--height", "30"];
+
+fn place(tracks: &str) -> Place {
+    let animated = format!("{STILL}{tracks}");
+    Place::with(&[("mesh.obj", MESH), ("still.toml", STILL), ("scene.toml", &animated)])
+}
+
+fn animate(place: &Place, options: &[&str]) -> Value {
+    let device = device();
+    let usual = ["render", "scene.toml", "--animate", "--json", "--device", &device];
+    serde_json::from_str(&place.output(&[&usual, &SIZE[..], options].concat())).unwrap()
+}
+
+fn pixels(place: &Place, name: &str) -> Vec<u8> {
+    image::open(place.path(name)).unwrap_or_else(|error| panic!("{name}: {error}")).to_rgb8().into_raw()
+}
+
+/// The picture of the scene without its animation, with values put in by hand.
+fn still(place: &Place, options: &[&str]) -> Vec<u8> {
+    let device = device();
+    let usual = ["render", "still.toml", "-o", "still.png", "--force", "--device", &device];
+    place.output(&[&usual, &SIZE[..], options].concat());
+    pixels(place, "still.png")
+}
+
+#[test]
+fn frames_are_pictures_of_the_scene_with_their_values() {
+    let by_hand = [
+        ["camera.position=[1, 1, 4]", "light.0.power=100", "background='#102030'", "display.exposure=15"],
+        ["camera.position=[1.5, 1, 4]", "light.0.power=150", "background='#102030'", "display.exposure=15"],
+        [
+            "camera.position=[2, 1.25, 4]",
+            "light.0.power=200",
+            "background='#302010'",
+            "display.exposure=17.5",
+        ],
+        ["camera.position=[2.5, 1.5, 3]", "light.0.power=200", "background='#302010'", "display.exposure=20"],
+    ];
+    let translations = ["[0, 0, 0]", "[0, 0, 0]", "[0.25, 0.125, 0]", "[0.5, 0.25, 0]"];
+    for (strategy, tracks, samples) in
+        [("naive", TRACKS.to_owned(), "1"), ("bvh", format!("{TRACKS}{MOVING_OBJECT}"), "4")]
+    {
+        let place = place(&tracks);
+        let options = ["--strategy", strategy, "--samples", samples];
+        let report = animate(&place, &options);
+        assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &0.into()));
+        assert_eq!(report["output"], "scene-0001.png to scene-0004.png");
+        for (frame, values) in by_hand.iter().enumerate() {
+            let moved = format!("object.0.translation={}", translations[frame]);
+            let moved = (strategy == "bvh").then_some(moved);
+            let values = values.iter().copied().chain(moved.as_deref());
+            let set: Vec<&str> = values.flat_map(|value| ["--set", value]).chain(options).collect();
+            let name = format!("scene-000{}.png", frame + 1);
+            assert!(pixels(&place, &name) == still(&place, &set), "{strategy}: frame {}", frame + 1);
+        }
+        assert_ne!(pixels(&place, "scene-0001.png"), pixels(&place, "scene-0002.png"));
+    }
+}
+
+#[test]
+fn a_single_picture_is_the_first_frame_and_says_so() {
+    let place = place(TRACKS);
+    let device = device();
+    let usual = ["render", "scene.toml", "-o", "one.png", "--device", &device];
+    let said = place.output(&[&usual, &SIZE[..]].concat());
+    has(&said, &["this is the first of 4 frames: --animate renders all"]);
+    animate(&place, &["--frames", "1"]);
+    assert_eq!(pixels(&place, "one.png"), pixels(&place, "scene-0001.png"));
+    assert!(!place.path("scene-0002.png").exists());
+}
+
+#[test]
+fn streams_have_the_scenes_rate_or_the_options() {
+    let (place, device) = (place(TRACKS), device());
+    let stream = ["render", "scene.toml", "--animate", "-o", "-", "-q", "--device", &device];
+    for (options, rate) in [(&[][..], "F12:1"), (&["--rate", "25"], "F25:1")] {
+        let all = [&stream[..], &SIZE, options].concat();
+        let out = place.raycl(&all).assert().success().get_output().stdout.clone();
+        let header = out.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+        has(&String::from_utf8_lossy(&out[..header]), &["YUV4MPEG2 W48 H30", rate]);
+        assert_eq!(out.len() - header, 4 * (6 + 48 * 30 * 3 / 2));
+    }
+    // Each frame of an animated picture has its own exposure.
+    animate(&place, &["-o", "scene.apng"]);
+    animate(&place, &[]);
+    let bytes = std::fs::read(place.path("scene.apng")).unwrap();
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    for number in 1..=4 {
+        let mut frame = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut frame).unwrap();
+        assert!(frame == pixels(&place, &format!("scene-000{number}.png")), "frame {number}");
+    }
+}
+
+#[test]
+fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_another() {
+    let tracks = format!("{TRACKS}{MOVING_OBJECT}");
+    let (place, whole) = (place(&tracks), self::place(&tracks));
+    let cast = |shard| animate(&place, &["--shard", shard])["frames"].clone();
+    assert_eq!(["1/3", "2/3", "3/3"].map(cast), [1, 1, 2]);
+    animate(&whole, &[]);
+    for number in 1..=4 {
+        let name = format!("scene-000{number}.png");
+        assert!(pixels(&place, &name) == pixels(&whole, &name), "{name}");
+    }
+    std::fs::remove_file(place.path("scene-0003.png")).unwrap();
+    let report = animate(&place, &[]);
+    assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
+    assert_eq!(animate(&place, &["--frames", "2..4"])["frames"], 0);
+    // Of a track that changes at the end, the frames before it are still those of the scene.
+    let device = device();
+    let render = ["render", "scene.toml", "--animate", "--device", &device];
+    for (from, to) in
+        [("[2.5, 1.5, 3]", "[2.5, 1.5, 3.5]"), ("[0.5, 0.25, 0]", "[0.5, 0.5, 0]"), ("[15, 20]", "[15, 30]")]
+    {
+        place.write("scene.toml", &format!("{STILL}{}", tracks.replace(from, to)));
+        assert_eq!(animate(&place, &["--frames", "1..2"])["skipped"], 2, "{to}");
+        let message = place.mistake(&[&render[..], &SIZE].concat(), 2);
+        has(&message, &["exists and is not frame", "`--force`"]);
+    }
+    // Another mesh of the same name.
+    place.write("scene.toml", &format!("{STILL}{tracks}"));
+    place.write("mesh.obj", &MESH.replace("v 1 2 -1", "v 1 1.5 -1"));
+    has(&place.mistake(&[&render[..], &SIZE].concat(), 2), &["is not frame 1"]);
+    let forced = animate(&place, &["--force"]);
+    assert_eq!((&forced["frames"], &forced["skipped"]), (&4.into(), &0.into()));
+}
+
+#[test]
+fn no_file_is_read_twice_and_a_mesh_that_stays_is_shared() {
+    for (tracks, moves) in [(TRACKS.to_owned(), false), (format!("{TRACKS}{MOVING_OBJECT}"), true)] {
+        let place = place(&tracks);
+        let loaded = load_scene(&place.path("scene.toml")).unwrap();
+        std::fs::remove_file(place.path("mesh.obj")).unwrap();
+        let mut animation = loaded.animation.unwrap();
+        assert_eq!((animation.frames, animation.frames_per_second), (4, Some(12)));
+        animation.check(1..=4).unwrap();
+        let second = animation.scene(2, &loaded.scene).unwrap();
+        assert!(Arc::ptr_eq(&second.mesh, &loaded.scene.mesh), "its object stands still until frame 2");
+        assert_eq!(second.camera.position, Vec3::new(1.5, 1.0, 4.0));
+        let third = animation.scene(3, &second).unwrap();
+        assert_eq!(Arc::ptr_eq(&third.mesh, &second.mesh), !moves);
+        let apex = second.mesh.positions[3] + if moves { Vec3::new(0.25, 0.125, 0.0) } else { Vec3::ZERO };
+        assert_eq!(third.mesh.positions[3], apex);
+    }
+}
+
+#[test]
+fn a_picture_of_the_sky_is_read_once_and_turned() {
+    let sky = "[sky]\npicture = \"sky.hdr\"\n";
+    let tracks = "[animation]\nframes = 3\n[[animation.track]]\npath = \"sky.turn_degrees\"\nvalues = [0, 90]\n\
+                  [[animation.track]]\npath = \"sky.strength\"\nvalues = [1, 1, 2]\n";
+    let place = place("");
+    place.write("scene.toml", &format!("{}{tracks}", STILL.replace("[sky]\nzenith = 0.01\n", sky)));
+    let picture = image::Rgb32FImage::from_fn(8, 4, |x, y| image::Rgb([x as f32, y as f32, 0.5]));
+    picture.save(place.path("sky.hdr")).unwrap();
+    let loaded = load_scene(&place.path("scene.toml")).unwrap();
+    std::fs::remove_file(place.path("sky.hdr")).unwrap();
+    let picture = |scene: &Scene| Arc::clone(scene.sky.as_ref().unwrap().picture.as_ref().unwrap());
+    let mut animation = loaded.animation.unwrap();
+    let [second, third] = [2, 3].map(|frame| animation.scene(frame, &loaded.scene).unwrap());
+    let [first, second, third] = [&loaded.scene, &second, &third].map(picture);
+    assert!(first.ahead.distance(Vec3::NEG_Z) < 1e-6 && third.ahead.distance(Vec3::NEG_X) < 1e-6);
+    assert!(Arc::ptr_eq(&first.texels, &second.texels));
+    assert_eq!(third.texels[9], first.texels[9].map(|value| 2.0 * value));
+}
+
+/// An animation with one track.
+fn track(text: &str) -> String {
+    format!("[animation]\nframes = 9\n[[animation.track]]\n{text}\n")
+}
+
+/// Each animation is refused with these words, and nothing is cast.
+#[track_caller]
+fn are_refused(cases: &[(String, &str, &str)]) {
+    let device = device();
+    for (text, message, line) in cases {
+        let place = place(text);
+        let said = place.mistake(&["render", "scene.toml", "--animate", "--device", &device], 2);
+        has(&said, &[message, line]);
+        assert!(!place.path("scene-0001.png").exists(), "{message}");
+    }
+}
+
+#[test]
+fn a_wrong_path_has_its_place_and_the_nearest_name() {
+    are_refused(&[
+        (
+            track("path = \"camera.positon\"\nvalues = [[0, 0, 1]]"),
+            "did you mean `position`",
+            "scene.toml:18",
+        ),
+        (track("path = \"camra.position\"\nvalues = [[0, 0, 1]]"), "did you mean `camera`", "scene.toml:18"),
+        (track("path = \"light.7.power\"\nvalues = [1]"), "expected an index from 0 to 1", "scene.toml:18"),
+        (track("path = \"light.1.power\"\nvalues = [1]"), "missing field `position`", "scene.toml:18"),
+        (
+            track(&format!("path = \"a{}\"\nvalues = [1]", ".a".repeat(100_000))),
+            "so long a path",
+            "scene.toml:18",
+        ),
+        (track("path = \"camera..x\"\nvalues = [1]"), "an empty name", "scene.toml:18"),
+        (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
+    ]);
+}
+
+#[test]
+fn wrong_values_have_their_place_and_what_was_expected() {
+    are_refused(&[
+        (track("path = \"shadow_bias\"\nvalues = []"), "a track without values", "scene.toml:19"),
+        (
+            track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [1]"),
+            "`at` has 1 element, `values` has 2",
+            "scene.toml:20",
+        ),
+        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [0, 9]"), "expected 1 to 9", "scene.toml:20"),
+        (track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [5, 10]"), "expected 1 to 9", "scene.toml:20"),
+        (
+            track("path = \"shadow_bias\"\nvalues = [0, 1]\nat = [5, 5]"),
+            "expected ascending",
+            "scene.toml:20",
+        ),
+        (
+            track("path = \"camera.position\"\nvalues = [[0, 0, 1],\n[0, 0]]"),
+            "this value and the first one have different numbers of elements",
+            "scene.toml:20",
+        ),
+        (
+            track("path = \"textures\"\nvalues = [true, false]\ninterpolation = \"linear\""),
+            "only numbers",
+            "scene.toml:20",
+        ),
+        (
+            track("path = \"camera.z_near\"\nvalues = [0.1]\ninterpolation = \"smoth\""),
+            "did you mean `smooth`",
+            "scene.toml:20",
+        ),
+        (
+            track("path = \"camera.z_near\"\nvalues = [0.1,\n-1]"),
+            "`camera.z_near` at frame",
+            "is not a finite number of at least 0",
+        ),
+        (track("path = \"object.0.scale\"\nvalues = [-1, 1]"), "at frame 5: 0", "scene.toml:19"),
+        (track("path = \"shadow_bias\"\nvalues = [nan, nan]"), "is not a finite number", "scene.toml:19"),
+        (
+            track("path = \"shadow_bias\"\nvalues = [1e308, -1e308]"),
+            "is not a finite number",
+            "scene.toml:19",
+        ),
+        (track("paths = \"a\""), "did you mean `path`", "scene.toml:18"),
+        ("[animation]\nframes = 0\n".to_owned(), "expected 1 to 100000", "scene.toml:16"),
+        ("[animation]\n".to_owned(), "missing field `frames`", "scene.toml:15"),
+        (String::new(), "scene.toml has no [animation]", "--turntable 120 turns any scene"),
+    ]);
+}
+
+#[test]
+fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
+    are_refused(&[
+        (
+            format!("{TRACKS}[[animation.track]]\npath = \"background\"\nvalues = [0]\n"),
+            "a second track for `background`",
+            "scene.toml:3",
+        ),
+        (
+            track(
+                "path = \"camera.position.1\"\nvalues = [1, 2]\n[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 1, 3]]",
+            ),
+            "`camera.position` replaces the value of the track `camera.position.1`",
+            "put the track of the whole value first",
+        ),
+        // Together, the first two tracks make a light: the third one is wrong.
+        (
+            track(
+                "path = \"light.1.position\"\nvalues = [[0, 3, 0]]\n[[animation.track]]\npath = \"light.1.power\"\nvalues = [9]\n[[animation.track]]\npath = \"shadow_bias\"\nvalues = [0.1, -1]",
+            ),
+            "`shadow_bias` at frame",
+            "scene.toml:25",
+        ),
+        (
+            track("path = \"background\"\nvalues = [\"black\", \"transparent\"]"),
+            "the background is transparent in some frames only",
+            "in all frames or in none",
+        ),
+        (
+            format!(
+                "{}\n[[object]]\nshape = \"sphere\"\n",
+                track("path = \"object.2.triangles\"\nvalues = [100, 201]")
+            ),
+            "`object.2.triangles` at frame",
+            "\"step\" keeps a value",
+        ),
+    ]);
+}
+
+#[test]
+fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_told() {
+    let device = device();
+    let render = ["render", "scene.toml", "--animate", "--device", &device];
+    // A camera without a direction at one frame is found when that frame's turn comes.
+    let blind = track("path = \"camera.position\"\nvalues = [[0, 0.5, 0], [2, 0.5, 0]]");
+    let said = place(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
+    has(&said, &["looks at the same point", "scene.toml at frame 5"]);
+    let place = place(TRACKS);
+    for (options, message) in [
+        (&["--turntable", "3"][..], "cannot be used with"),
+        (&["--verify"], "cannot be used with"),
+        (&["--layers", "a.exr"], "cannot be used with"),
+        (&["--frames", "3..5"], "--frames 3..5, but there are 4 frames"),
+    ] {
+        has(&place.mistake(&[&["render", "scene.toml", "--animate"], options].concat(), 2), &[message]);
+    }
+}

@@ -1,0 +1,125 @@
+//! The microscope of `raycl compile`: each source line with the instructions that the device's compiler made of it.
+//!
+//! The working vectors are read and written by one line for each component, so they show whether instructions are
+//! attributed to the right lines: the line before the stores, and the line after them, store nothing.
+
+use crate::binary::{Place, device, has, repository};
+use serde_json::Value;
+
+/// What `raycl compile --json` says of the whole-frame kernel of a strategy, as the driver's compiler made it.
+fn listing(strategy: &str) -> Value {
+    let scene = repository("scenes/teapot.toml");
+    let device = device();
+    let scene = scene.to_str().expect("a path");
+    let text =
+        Place::new().output(&["compile", scene, "--device", &device, "--strategy", strategy, "--json"]);
+    let made: Value = serde_json::from_str(&text).expect("JSON");
+    let listings = made["microscope"]["listings"].as_array().expect("a list");
+    let of_frame = listings.iter().find(|listing| listing["kernel"] == "cast_frame");
+    let listing =
+        of_frame.unwrap_or_else(|| panic!("no cast_frame: {}", made["microscope"]["notes"])).clone();
+    assert_eq!(listing["rows_are"], "lines", "the compiler gave no line table");
+    listing
+}
+
+/// The memory that accesses are counted as, where the device's instructions tell.
+fn memory<'a>(listing: &Value, named: &'a str) -> &'a str {
+    if listing["made_by"].as_str().is_some_and(|made_by| made_by.starts_with("PTX")) {
+        named
+    } else {
+        "generic"
+    }
+}
+
+/// How many instructions of a line are of a kind; 0 for a line without instructions.
+fn count(listing: &Value, line: u64, kind: &str) -> u64 {
+    let rows = listing["rows"].as_array().expect("a list");
+    let row = rows.iter().find(|row| row["line"] == line);
+    row.and_then(|row| row["counts"][kind].as_u64()).unwrap_or(0)
+}
+
+/// The number of the only line with this text.
+fn line_of(listing: &Value, source: &str) -> u64 {
+    let rows = listing["rows"].as_array().expect("a list");
+    let lines: Vec<_> = rows.iter().filter(|row| row["source"] == source).collect();
+    assert_eq!(lines.len(), 1, "{source}: {lines:?}");
+    lines[0]["line"].as_u64().expect("a number")
+}
+
+/// Checks that the working vectors' lines, and not their neighbours, access a memory.
+fn check_working_vectors(strategy: &str, named: &str) {
+    let listing = listing(strategy);
+    let [load, store] = ["load", "store"].map(|verb| format!("{verb} {}", memory(&listing, named)));
+    let [x, y, z] =
+        ["at[0] = value.x;", "at[1] = value.y;", "at[2] = value.z;"].map(|text| line_of(&listing, text));
+    assert_eq!([y, z], [x + 1, x + 2]);
+    // Four vectors are set at the start, others at each hit.
+    let stores = count(&listing, x, &store);
+    assert!(stores >= 4, "{strategy}: {stores} stores of x");
+    assert_eq!([y, z].map(|line| count(&listing, line, &store)), [stores; 2], "{strategy}");
+    assert_eq!(
+        [x - 1, z + 1].map(|line| count(&listing, line, &store)),
+        [0; 2],
+        "{strategy}: beside the stores"
+    );
+    // A ray's origin and direction are read at each test, three numbers each; volatile, so none is left out.
+    let get = line_of(&listing, "return vec3(at[0], at[1], at[2]);");
+    let loads = count(&listing, get, &load);
+    assert!(loads >= 12, "{strategy}: {loads} loads");
+    assert_eq!(count(&listing, get, &store), 0, "{strategy}");
+    assert_eq!(count(&listing, get + 1, &load), 0, "{strategy}: after the loads");
+}
+
+#[test]
+fn lines_of_naive_show_that_its_vectors_are_in_global_memory() {
+    check_working_vectors("naive", "global");
+}
+
+#[test]
+fn lines_of_local_vectors_show_that_they_are_in_local_memory() {
+    check_working_vectors("local-vectors", "local");
+}
+
+#[test]
+fn every_instruction_is_counted_once_and_most_have_a_line() {
+    let listing = listing("private");
+    assert_eq!(listing["same_as_timed"], true, "a line table changes no instruction");
+    let sum =
+        |of: &dyn Fn(&Value) -> u64| listing["rows"].as_array().expect("rows").iter().map(of).sum::<u64>();
+    let all = listing["instructions"].as_u64().expect("a number");
+    let with_line = listing["with_line"].as_u64().expect("a number");
+    assert_eq!(sum(&|row| row["instructions"].as_u64().expect("a number")), with_line);
+    assert!(with_line * 10 > all * 8, "{with_line} of {all} instructions have a line");
+}
+
+#[test]
+fn the_page_stands_alone_with_source_and_instructions() {
+    let scene = repository("scenes/teapot.toml");
+    let (place, device) = (Place::new(), device());
+    let arguments = ["compile", scene.to_str().expect("a path"), "--device", &device, "--out", "made"];
+    place.output(&[&arguments[..], &["--strategy", "naive"]].concat());
+    let page = place.text("made/naive/microscope.html");
+    has(&page, &["<h1>naive</h1>", "at[0] = value.x;", "data-line=", "default-src 'none'", "cast_frame: "]);
+    for outside in ["<link", "src=\"http", "@import", "url("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert_eq!(page.matches("<script").count(), 1);
+    let made: Value = serde_json::from_str(&place.text("made/naive/made.json")).expect("JSON");
+    let rows = &made["microscope"]["listings"][0]["rows"];
+    assert!(rows.as_array().is_some_and(|rows| rows.len() > 20), "{rows}");
+}
+
+#[test]
+fn without_objdump_the_page_says_what_is_missing() {
+    let (place, device) = (Place::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());
+    let mut command =
+        place.raycl(&["compile", "scene.toml", "--device", &device, "--strategy", "naive", "--json"]);
+    // PoCL finds its linker by an absolute path.
+    let output = command.env("PATH", place.path("")).output().expect("it runs");
+    let made: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    if made["binary_is_ptx"] == false {
+        let notes = made["microscope"]["notes"].to_string();
+        has(&notes, &["objdump is missing", "binutils"]);
+        assert_eq!(made["microscope"]["listings"].as_array().map(Vec::len), Some(0));
+    }
+}
