@@ -28,7 +28,7 @@
 //! scenes that it names; [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
 //! [`program`] assembles and builds kernels from `cl/` as the `manifest` says (`sources` has their
 //! files); [`launch`] runs them; [`verify`] compares their image with the [`reference`](mod@reference);
-//! [`measure`] times them, the `anchor` beside them; [`printer`] keeps control characters from terminals;
+//! `measure` times them, the `anchor` beside them; [`printer`] keeps control characters from terminals;
 //! `reader` opens the files that users name, `filetype` recognises files of other formats; `memory`
 //! measures the host's free memory, `load` the processor time that other processes take; [`record`] stores
 //! the results. [`image`] turns radiance into pictures; `output` writes files for the user and never
@@ -36,8 +36,7 @@
 //! results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's
 //! documents from its stored records. `cache` stores data between runs that raycl can compute again.
 
-#[doc(hidden)]
-pub mod accel;
+mod accel;
 mod anchor;
 mod cache;
 mod child;
@@ -62,8 +61,7 @@ pub mod launch;
 mod library;
 mod load;
 mod manifest;
-#[doc(hidden)]
-pub mod measure;
+mod measure;
 mod memory;
 mod microscope;
 mod output;

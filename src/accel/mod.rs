@@ -18,8 +18,7 @@ mod wide;
 use crate::scene::Mesh;
 use bounds::Bounds;
 
-pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, write_surface_rows, write_triangle_rows};
-pub use walk::{Hit, Walk};
+pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_triangle_rows};
 pub use wide::WideBvh;
 
 /// A hash of trees over a few fixed meshes. It is part of the key of every point that uses a tree. A change

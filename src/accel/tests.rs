@@ -236,16 +236,13 @@ fn a_wrong_tree_is_found_out() {
 fn triangle_rows_follow_the_leaf_order() {
     let mesh = random_mesh(11, 50, 0.1, 1.0);
     let order = Bvh::build(&mesh, 4).order;
-    for (form, second) in [(TriangleForm::Corners, 1.0), (TriangleForm::Edges, 0.0)] {
-        let mut rows = vec![1.0; (50 + PADDING_ROWS) * TRIANGLE_WORDS];
-        write_triangle_rows(&mesh, &order, form, &mut rows);
-        assert!(rows[50 * TRIANGLE_WORDS..].iter().all(|word| *word == 0.0));
-        for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
-            let [a, b, c] = mesh.corners(&mesh.triangles[number as usize]);
-            assert_eq!((row[0], row[3].to_bits()), (a.x, number));
-            let [b, c] = if second == 1.0 { [b, c] } else { [b - a, c - a] };
-            assert_eq!((&row[4..7], &row[8..11]), (&b.to_array()[..], &c.to_array()[..]));
-        }
+    let mut rows = vec![1.0; (50 + PADDING_ROWS) * TRIANGLE_WORDS];
+    write_triangle_rows(&mesh, &order, &mut rows);
+    assert!(rows[50 * TRIANGLE_WORDS..].iter().all(|word| *word == 0.0));
+    for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
+        let [a, b, c] = mesh.corners(&mesh.triangles[number as usize]);
+        assert_eq!((row[0], row[3].to_bits()), (a.x, number));
+        assert_eq!((&row[4..7], &row[8..11]), (&b.to_array()[..], &c.to_array()[..]));
     }
 }
 
@@ -255,7 +252,7 @@ fn hash_trees(hasher: &mut blake3::Hasher, mesh: &Mesh) {
         let tree = WideBvh::of_mesh(mesh, width, leaf_size).unwrap();
         let count = TRIANGLE_WORDS * tree.order.len();
         let [mut corners, mut normals] = [vec![0.0; count], vec![0.0; count]];
-        write_triangle_rows(mesh, &tree.order, TriangleForm::Corners, &mut corners);
+        write_triangle_rows(mesh, &tree.order, &mut corners);
         write_surface_rows(mesh, &tree.order, &mut normals);
         let rows = corners.iter().chain(&normals).map(|float| float.to_bits());
         let counts = [tree.stride as u32, tree.depth, tree.stack_size() as u32];

@@ -10,31 +10,19 @@ pub const TRIANGLE_WORDS: usize = 12;
 /// cl/tile_cpu/intersect/edge_planes.cl).
 pub const PADDING_ROWS: usize = 8;
 
-/// The contents of a triangle's three float4.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TriangleForm {
-    /// The corners v0, v1, v2, exactly as in the mesh, which watertight tests require.
-    Corners,
-    /// v0, e1 = v1 - v0 and e2 = v2 - v0.
-    Edges,
-}
-
-/// Writes the triangles of `order` into `rows`, 12 words each. The remaining words of `rows` become zero.
+/// Writes the triangles of `order` into `rows`, 12 words each, with corners exactly as in the mesh, which
+/// watertight tests require. The remaining words of `rows` become zero.
 ///
 /// | words | content |
 /// |---|---|
 /// | 0, 1, 2 | v0 |
 /// | 3 | the triangle's number in the mesh, as bits |
-/// | 4, 5, 6 and 8, 9, 10 | v1 and v2, or e1 and e2 |
+/// | 4, 5, 6 and 8, 9, 10 | v1 and v2 |
 /// | 7, 11 | the number of its material, as bits, and 0 |
-pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], form: TriangleForm, rows: &mut [f32]) {
+pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     write_rows(order, rows, |number| {
         let triangle = &mesh.triangles[number as usize];
         let [a, b, c] = mesh.corners(triangle);
-        let (b, c) = match form {
-            TriangleForm::Corners => (b, c),
-            TriangleForm::Edges => (b - a, c - a),
-        };
         let (number, material) = (f32::from_bits(number), f32::from_bits(triangle.material));
         [a.x, a.y, a.z, number, b.x, b.y, b.z, material, c.x, c.y, c.z, 0.0]
     });

@@ -4,7 +4,7 @@ use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::error::{Error, Result};
 use crate::filetype::STANDARD_INPUT;
-use crate::view::screen::{Screen, Terminal, Window};
+use crate::view::screen::{Graphics, Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
 use serde::Serialize;
 
@@ -17,9 +17,10 @@ pub struct Args {
     /// Samples per pixel that add up while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, as large as the terminal, with two pixels per character
-    #[arg(long, conflicts_with_all = ["width", "height"])]
-    terminal: bool,
+    /// Show the scene in this terminal, as large as the terminal: in pixels if it shows pixels, else with two
+    /// per character; HOW decides
+    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
+    terminal: Option<Option<Graphics>>,
     /// Let the eye go around the scene, one degree per frame
     #[arg(long)]
     spin: bool,
@@ -82,8 +83,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.subject.scene.as_os_str() == STANDARD_INPUT {
         return Err(Error::input("standard input cannot be watched").with_help("give the path of a file"));
     }
-    if args.terminal {
-        let terminal = Terminal::open()?;
+    if let Some(graphics) = args.terminal {
+        let terminal = Terminal::open(graphics)?;
         let [width, height] = terminal.size();
         let subject = Subject { width, height, ..args.subject };
         return show(Args { subject, ..args }, terminal);

@@ -2,9 +2,7 @@
 
 use super::buffers::{upload, upload_rows};
 use super::{LaunchError, Queue, Refused};
-use crate::accel::{
-    PADDING_ROWS, TRIANGLE_WORDS, TriangleForm, WideBvh, write_surface_rows, write_triangle_rows,
-};
+use crate::accel::{PADDING_ROWS, TRIANGLE_WORDS, WideBvh, write_surface_rows, write_triangle_rows};
 use crate::device::DeviceLimits;
 use crate::memory::{Available, resident_bytes};
 use crate::scene::Mesh;
@@ -116,7 +114,7 @@ impl DeviceTree {
         let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |places, rows| {
             // Rows after the last triangle become zero.
             let order = &wide.order[places.start.min(triangles)..places.end.min(triangles)];
-            write_triangle_rows(mesh, order, TriangleForm::Corners, rows);
+            write_triangle_rows(mesh, order, rows);
         })?;
         let tiles = strategy.traversal == Traversal::Tile;
         let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &wide.order)).transpose()?;

@@ -1,8 +1,11 @@
 //! The screens that show pictures and read the user's input.
 
+mod blocks;
+mod graphics;
 mod terminal;
 mod window;
 
+pub use graphics::Graphics;
 pub use terminal::Terminal;
 pub use window::Window;
 

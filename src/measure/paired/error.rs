@@ -12,9 +12,6 @@ pub(super) struct Error {
 }
 
 impl Error {
-    /// The error of a value that is known exactly.
-    pub const NONE: Self = Self { error: 0.0, degrees: f64::INFINITY };
-
     /// Returns the half-width of the interval that is exceeded on one side with the probability `risk`.
     pub fn reach(self, risk: f64) -> f64 {
         if self.error == 0.0 { 0.0 } else { self.error * t_quantile(1.0 - risk, self.degrees) }
@@ -37,6 +34,8 @@ impl Error {
 mod tests {
     use super::*;
 
+    const NONE: Error = Error { error: 0.0, degrees: f64::INFINITY };
+
     #[test]
     fn a_sum_of_like_errors_has_the_degrees_of_both() {
         let one = Error { error: 3.0, degrees: 4.0 };
@@ -45,7 +44,7 @@ mod tests {
         // A summand with a tiny error hardly changes the result.
         let with_small = Error::of_sum([one, Error { error: 1e-3, degrees: 1.0 }]);
         assert!((with_small.degrees - 4.0).abs() < 1e-3, "{with_small:?}");
-        assert_eq!(Error::of_sum([]), Error::NONE);
+        assert_eq!(Error::of_sum([]), NONE);
     }
 
     #[test]
@@ -54,7 +53,7 @@ mod tests {
         assert!((known.reach(0.025) - 2.0 * 4.303).abs() < 1e-2);
         assert!(known.reach(0.001) > 3.0 * known.reach(0.025));
         assert_eq!(
-            (Error::NONE.reach(0.025), Error { error: 1.0, degrees: 0.0 }.reach(0.025)),
+            (NONE.reach(0.025), Error { error: 1.0, degrees: 0.0 }.reach(0.025)),
             (0.0, f64::INFINITY)
         );
     }

@@ -32,8 +32,8 @@ mod tests;
 pub use interval::Interval;
 pub use sample::PairedSample;
 
+use super::MIN_SAMPLES;
 use super::summary::median_of;
-use super::{MIN_SAMPLES, Ranking};
 use error::Error;
 use interval::interval;
 use spread::Pooled;
@@ -176,12 +176,6 @@ impl Paired {
         }
     }
 
-    /// Returns the number of launches that count. If it is 1, intervals do not include differences between
-    /// launches.
-    pub fn launches(&self) -> usize {
-        self.launches
-    }
-
     /// Returns a point among the others; `None` if it has too few samples.
     pub fn standing(&self, point: usize) -> Option<Standing> {
         let point = self.points.get(point)?.clone()?;
@@ -193,27 +187,10 @@ impl Paired {
         Some(self.standing(point)?.median_ms())
     }
 
-    /// Returns the ratio of a point's time to that of `other`, by samples close in time; `None` if one of
-    /// them has too few.
-    pub fn ratio(&self, point: usize, other: usize) -> Option<Interval> {
-        let (one, two) = (self.standing(point)?, self.standing(other)?);
-        Some(if point == other { interval(0.0, Error::NONE) } else { one.ratio(&two) })
-    }
-
     /// Returns the relative difference (0.03 is 3%) above which two points of typical spread can be
     /// distinguished; `None` if fewer than two points have enough samples.
     pub fn resolution(&self) -> Option<f64> {
         self.pooled.usual().map(|error| error.reach(interval::RISK).exp_m1())
-    }
-
-    /// Returns the winners: the point of least level, and every other that is not surely slower by more than
-    /// `resolution` (0.01 is 1%).
-    pub fn ranking(&self, resolution: f64) -> Ranking<usize> {
-        let level = |place: usize| self.points[place].as_ref().map(Point::level);
-        let ties = |place: usize, best: usize| {
-            self.ratio(place, best).is_some_and(|ratio| ratio.low <= 1.0 + resolution)
-        };
-        Ranking::by((0..self.points.len()).map(|place| (place, level(place))), ties)
     }
 }
 

@@ -1,24 +1,27 @@
-//! A terminal as a screen: each character shows two pixels, as the colours of the upper and the lower half of
-//! a half block.
+//! A terminal as a screen, in half blocks or in pixels.
 
-use super::{Input, Screen};
+use super::{Graphics, Input, Screen};
 use crate::error::{Error, Result};
 use crate::view::keys::Key;
 use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind};
 use crossterm::{cursor, execute, terminal};
 use image::RgbImage;
-use std::fmt::Write as _;
 use std::io::{ErrorKind, IsTerminal as _, Stdout, Write as _};
 use std::time::Duration;
 
 /// Characters across and down if the terminal does not report them.
-const USUAL: [u16; 2] = [80, 24];
+const USUAL_CELLS: [u16; 2] = [80, 24];
+/// Size of a character in pixels if the terminal does not report it.
+const USUAL_CELL_PIXELS: [u32; 2] = [8, 16];
 
 /// The terminal at standard output, or a file that will be shown on a terminal.
 pub struct Terminal {
     out: Stdout,
     /// Characters across and down.
     cells: [u16; 2],
+    /// Size of a character in pixels.
+    cell_pixels: [u32; 2],
+    graphics: Graphics,
     /// True if a user can press keys.
     is_interactive: bool,
     /// The button that is down, and its last position.
@@ -28,17 +31,29 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Takes the whole terminal until it is dropped.
-    pub fn open() -> Result<Self> {
+    /// Takes the whole terminal until it is dropped. Without a form to show pictures in, the terminal is asked
+    /// for one.
+    pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
-        let cells = if out.is_terminal() { terminal::size().map_or(USUAL, <[u16; 2]>::from) } else { USUAL };
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
-        let mut opened =
-            Self { out, cells, is_interactive, dragged: None, pointer: None, line: String::new() };
+        let (cells, cell_pixels) = if out.is_terminal() { sizes() } else { (USUAL_CELLS, None) };
+        let mut opened = Self {
+            out,
+            cells,
+            cell_pixels: cell_pixels.unwrap_or(USUAL_CELL_PIXELS),
+            graphics: graphics.unwrap_or(Graphics::Blocks),
+            is_interactive,
+            dragged: None,
+            pointer: None,
+            line: String::new(),
+        };
         if is_interactive {
             terminal::enable_raw_mode().map_err(failed)?;
             let screen = (terminal::EnterAlternateScreen, cursor::Hide, event::EnableMouseCapture);
             execute!(opened.out, screen.0, screen.1, screen.2).map_err(failed)?;
+            if graphics.is_none() && cell_pixels.is_some() {
+                opened.graphics = Graphics::of_terminal();
+            }
         }
         Ok(opened)
     }
@@ -46,7 +61,7 @@ impl Terminal {
     /// Returns the pixels across and down; one line is left for text.
     pub fn size(&self) -> [u32; 2] {
         let [across, down] = self.cells.map(u32::from);
-        [across.max(1), 2 * down.saturating_sub(1).max(1)]
+        self.graphics.size([across.max(1), down.saturating_sub(1).max(1)], self.cell_pixels)
     }
 
     fn write(&mut self, text: &str) -> Result<()> {
@@ -57,15 +72,15 @@ impl Terminal {
     }
 
     fn mouse(&mut self, input: &mut Input, kind: MouseEventKind, at: [u16; 2]) {
-        let height = f64::from(self.size()[1]);
+        let [width, height] = self.size();
+        let pixels = self.graphics.pixels_of(self.cell_pixels);
         match kind {
             MouseEventKind::Down(button) => self.dragged = Some((button, at)),
             MouseEventKind::Up(_) => self.dragged = None,
             MouseEventKind::Drag(button) => {
                 if let Some((_, from)) = self.dragged.replace((button, at)) {
-                    // A character is as high as two pixels.
-                    let by = |axis: usize| f64::from(at[axis]) - f64::from(from[axis]);
-                    let by = [by(0) / height, 2.0 * by(1) / height];
+                    let cells = |axis: usize| f64::from(at[axis]) - f64::from(from[axis]);
+                    let by = [0, 1].map(|axis| cells(axis) * f64::from(pixels[axis]) / f64::from(height));
                     let drag = if button == MouseButton::Left { &mut input.orbit } else { &mut input.pan };
                     *drag = [drag[0] + by[0], drag[1] + by[1]];
                 }
@@ -74,8 +89,9 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        let [x, y] = [u32::from(at[0]), 2 * u32::from(at[1])];
-        self.pointer = (x < self.size()[0] && y < self.size()[1]).then_some([x, y]);
+        // The middle of the character, which is its upper pixel or close below it.
+        let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
+        self.pointer = (x < width && y < height).then_some([x, y]);
     }
 }
 
@@ -83,7 +99,8 @@ impl Screen for Terminal {
     fn show(&mut self, picture: &RgbImage) -> Result<()> {
         let end = if self.is_interactive { "\r\n" } else { "\n" };
         let home = if self.is_interactive { "\x1b[H" } else { "" };
-        self.write(&format!("{home}{}", blocks(picture, end)))
+        let shown = self.graphics.text(picture, end)?;
+        self.write(&format!("{home}{shown}"))
     }
 
     fn tell(&mut self, line: &str) -> Result<()> {
@@ -117,11 +134,23 @@ impl Drop for Terminal {
     fn drop(&mut self) {
         if self.is_interactive {
             // A failure here cannot be shown to anybody.
+            let _ = self.write(self.graphics.end());
             let _ =
                 execute!(self.out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen);
             let _ = terminal::disable_raw_mode();
         }
     }
+}
+
+/// Returns the characters across and down, and the size of a character in pixels if the terminal reports it.
+fn sizes() -> ([u16; 2], Option<[u32; 2]>) {
+    let Ok(window) = terminal::window_size() else {
+        return (terminal::size().map_or(USUAL_CELLS, <[u16; 2]>::from), None);
+    };
+    let cells = [window.columns, window.rows];
+    let pixels = [window.width, window.height];
+    let cell = [0, 1].map(|axis| u32::from(pixels[axis] / cells[axis].max(1)));
+    (cells, (cell[0] > 0 && cell[1] > 0).then_some(cell))
 }
 
 fn failed(error: std::io::Error) -> Error {
@@ -142,42 +171,9 @@ fn meant(code: KeyCode) -> Option<Key> {
     }
 }
 
-/// Returns a picture as lines of half blocks, one line for two rows. A colour that stays the same is not
-/// written again.
-fn blocks(picture: &RgbImage, end: &str) -> String {
-    let [width, height] = [picture.width(), picture.height()];
-    let mut text = String::new();
-    for top in (0..height).step_by(2) {
-        let mut last = None;
-        for x in 0..width {
-            let below = (top + 1).min(height - 1);
-            let colours = [picture.get_pixel(x, top).0, picture.get_pixel(x, below).0];
-            if last != Some(colours) {
-                let [[r, g, b], [red, green, blue]] = colours;
-                // Writing to a String cannot fail.
-                let _ = write!(text, "\x1b[38;2;{r};{g};{b};48;2;{red};{green};{blue}m");
-                last = Some(colours);
-            }
-            text.push('▀');
-        }
-        let _ = write!(text, "\x1b[0m{end}");
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::Rgb;
-
-    #[test]
-    fn two_rows_are_a_line_and_a_colour_is_told_once() {
-        let mut picture = RgbImage::from_pixel(3, 3, Rgb([1, 2, 3]));
-        picture.put_pixel(2, 1, Rgb([9, 8, 7]));
-        let lines = "\x1b[38;2;1;2;3;48;2;1;2;3m▀▀\x1b[38;2;1;2;3;48;2;9;8;7m▀\x1b[0m\n\
-                     \x1b[38;2;1;2;3;48;2;1;2;3m▀▀▀\x1b[0m\n";
-        assert_eq!(blocks(&picture, "\n"), lines);
-    }
 
     #[test]
     fn keys_mean_what_they_mean_in_the_window() {
