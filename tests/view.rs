@@ -4,6 +4,7 @@ use crate::binary::{NO_SETTINGS, Place, TRIANGLE, device, finish, has, program, 
 use crate::x_server::Server;
 use image::RgbImage;
 use serde_json::Value;
+use std::io::Read as _;
 use std::process::{Child, Command, Stdio};
 use std::sync::Mutex;
 
@@ -32,7 +33,11 @@ fn start(place: &Place, server: &Server, options: &[&str]) -> Child {
 
 /// What `render` writes of the same scene.
 fn rendered(place: &Place, options: &[&str]) -> RgbImage {
-    let [width, height] = SIZE.map(|side| side.to_string());
+    rendered_in(place, SIZE, options)
+}
+
+fn rendered_in(place: &Place, size: [u32; 2], options: &[&str]) -> RgbImage {
+    let [width, height] = size.map(|side| side.to_string());
     let device = device();
     let all = ["render", "scene.toml", "-o", "still.png", "--force", "--device", &device];
     place.output(&[&all[..], &["--width", &width, "--height", &height], options].concat());
@@ -156,6 +161,44 @@ fn a_pipe_gets_half_blocks() {
     assert!(text.contains("\nspeed     "), "{text}");
 }
 
+/// Returns what a form of `--terminal` writes for one frame, before the report.
+fn frame(place: &Place, form: &str) -> Vec<u8> {
+    let terminal = format!("--terminal={form}");
+    let output = finish(
+        view(place, &[&terminal, "--frames", "1", "--samples", "1", "--quiet"]).spawn().expect("it starts"),
+    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+#[test]
+fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
+    let place = place();
+    // 80 x 23 characters of 8 x 16 pixels.
+    let expected = rendered_in(&place, [640, 368], &[]);
+    let text = String::from_utf8(frame(&place, "kitty")).expect("UTF-8");
+    let data: String = text
+        .split_terminator("\x1b\\")
+        .filter_map(|command| command.strip_prefix("\x1b_G")?.split_once(';'))
+        .map(|(_, data)| data)
+        .collect();
+    let deflated = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, data).expect("base64");
+    let mut bytes = Vec::new();
+    flate2::read::ZlibDecoder::new(&deflated[..]).read_to_end(&mut bytes).expect("zlib");
+    let shown = RgbImage::from_raw(640, 368, bytes).expect("a picture of this size");
+    assert_eq!(differences(&shown, &expected), 0);
+    let sixels = icy_sixel::SixelImage::decode(&frame(&place, "sixel")).expect("sixels");
+    assert_eq!(sixels.width, 640);
+    let off: u64 = sixels
+        .pixels
+        .chunks_exact(4)
+        .zip(expected.pixels())
+        .flat_map(|(rgba, pixel)| [0, 1, 2].map(|channel| u64::from(rgba[channel].abs_diff(pixel[channel]))))
+        .sum();
+    // 256 colours; neighbours share what a colour is off.
+    assert!(off < 6 * 3 * 640 * 368, "{off}");
+}
+
 /// A terminal of tmux's own, in which a command runs; it ends when it is dropped.
 struct Tmux(String);
 
@@ -216,10 +259,7 @@ impl Drop for Tmux {
 fn a_terminal_shows_the_picture_and_takes_keys() {
     let place = place();
     let device = device();
-    let still =
-        ["render", "scene.toml", "-o", "still.png", "--device", &device, "--width", "80", "--height", "46"];
-    place.output(&still);
-    let expected = image::open(place.path("still.png")).expect("a picture").to_rgb8();
+    let expected = rendered_in(&place, [80, 46], &[]);
     let scene = place.path("scene.toml").display().to_string();
     let program = env!("CARGO_BIN_EXE_raycl");
     let report = place.path("report.txt").display().to_string();
