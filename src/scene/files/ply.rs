@@ -1,5 +1,7 @@
 //! PLY, ASCII and binary of both byte orders, read by `ply-rs-bw`.
 
+mod header;
+
 use super::origin::settle;
 use super::{MeshFile, colours, mistake};
 use crate::error::{Error, Result};
@@ -7,6 +9,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::triangulate;
+use crate::words::counted;
 use glam::{DVec3, Vec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
@@ -15,13 +18,18 @@ use std::io::Cursor;
 /// Reads a file named `name`.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     let failed = |error: ParseError| misread(name, &error);
-    let mut reader = Reader::new(Cursor::new(bytes));
+    let (bytes, strange) = header::tidied(bytes);
+    let mut reader = Reader::new(Cursor::new(&bytes[..]));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(failed)?;
     let mut parts = Parts::default();
     for element in header.elements.values() {
         parts.read(element, &header, &mut reader).map_err(failed)?;
     }
-    parts.mesh(name, &header)
+    let mut file = parts.mesh(name, &header)?;
+    if strange > 0 {
+        file.notes.push(format!("{} in the header: not PLY, ignored", counted(strange, "line")));
+    }
+    Ok(file)
 }
 
 /// Returns the error with its line, if the reader reports one, and without the file's text.

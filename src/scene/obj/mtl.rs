@@ -112,7 +112,8 @@ impl Materials {
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
         for (material, Extras { mut asked, model, colour, mask }) in list.iter().zip(checked.extras) {
-            self.by_name.insert(material.name.clone(), self.list.len() as u32);
+            let own = if material.name == NAMELESS { "" } else { &material.name };
+            self.by_name.insert(own.to_owned(), self.list.len() as u32);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
             let at = |offset| format!("{name}:{}", source.line(offset));
             let told = |map: Option<(usize, Map)>| map.map(|(offset, map)| map.told(at(offset), alone));
@@ -125,6 +126,9 @@ impl Materials {
         Ok(())
     }
 }
+
+/// Stands for the empty name, which some exporters write and `tobj` refuses.
+const NAMELESS: &str = "\u{1}";
 
 /// A checked material file.
 #[derive(Default)]
@@ -169,11 +173,11 @@ fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
     for chunk in super::text::chunks(text) {
         for (offset, line) in chunk.lines() {
             match keyword(line) {
-                (b"newmtl", rest) if !rest.trim_ascii().is_empty() => {
-                    plain.push_str(&format!("newmtl {}\n", words(rest)));
+                (b"newmtl", rest) => {
+                    let name = words(rest);
+                    plain.push_str(&format!("newmtl {}\n", if name.is_empty() { NAMELESS } else { &name }));
                     extras.push(Extras::default());
                 }
-                (b"newmtl", _) => return Err(Mistake::new(offset, "`newmtl` without a name")),
                 (name @ (b"Kd" | b"Ks"), rest) => {
                     let [r, g, b] = colour(name, rest).map_err(|message| Mistake::new(offset, message))?;
                     plain.push_str(&format!("{} {r} {g} {b}\n", words(name)));

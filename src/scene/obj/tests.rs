@@ -180,6 +180,19 @@ fn what_a_material_asks_for_is_told_by_name_and_count() {
 }
 
 #[test]
+fn a_material_may_have_the_empty_name() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.mtl"), "newmtl b\nKd 1 0 0\nnewmtl \nKd 0 1 0\n").unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, format!("mtllib a.mtl\nusemtl \n{CORNERS}f 1 2 3\n")).unwrap();
+    let opened = Opened::at(&path).unwrap();
+    let permitted = Permitted { beyond: false, quotes: true };
+    let file = files::read(&path, opened, crate::filetype::MeshFormat::Obj, permitted).unwrap();
+    assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::Y);
+    assert_eq!(file.notes, Vec::<String>::new());
+}
+
+#[test]
 fn what_a_material_has_and_needs_not_be_done_is_not_told() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Kd\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";

@@ -31,7 +31,8 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let (json, binary) = split(name, bytes)?;
     let root: Root = serde_json::from_slice(&json).map_err(|error| misread(name, &json, &error))?;
     refuse_required(name, &root)?;
-    let buffers = buffers::load(&root, reach, binary).map_err(|what| mistake(name, what))?;
+    let buffers =
+        buffers::load(&root, reach, binary).map_err(|what| mistake(name, what).with_help(BUFFERS))?;
     let materials = materials::read(&root);
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let maps = Files { root: &root, buffers: &buffers, reach }.colour_maps(&mut pictures, &mut notes);
@@ -44,6 +45,10 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     file.notes.extend(passed_over(&root));
     Ok(file)
 }
+
+/// The remedy for a buffer that cannot be read.
+const BUFFERS: &str =
+    "keep the files that a .gltf file names in its folder, or export everything as one .glb file";
 
 /// The JSON and, of a binary file, its first buffer.
 type Halves<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
@@ -68,7 +73,10 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
                 .with_help("export it as glTF 2.0")
         }
         _ => {
-            mistake(&format!("{name}:{}", error.line()), format!("no glTF 2.0: {:?} error", error.classify()))
+            let message = error.to_string();
+            // The line is said before the message.
+            let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
+            mistake(&format!("{name}:{}", error.line()), format!("not valid glTF 2.0: {what}"))
         }
     }
 }
@@ -101,8 +109,16 @@ fn refuse_required(name: &str, root: &Root) -> Result<()> {
         return Ok(());
     }
     let what = if lacking.len() == 1 { "the extension" } else { "the extensions" };
+    let is_compression =
+        |extension: &String| ["draco", "meshopt", "basisu"].iter().any(|word| extension.contains(word));
+    let remedy = match root.extensions_required.iter().any(is_compression) {
+        true => "export it without compression, with `gltf-transform copy` or Blender for example",
+        false => {
+            "export it without this extension, or remove it from `extensionsRequired` if the mesh makes sense without it"
+        }
+    };
     Err(Error::input(format!("{name} requires {what} {}, which raycl does not support", lacking.join(", ")))
-        .with_help("export it without compression, with `gltf-transform copy` or Blender for example"))
+        .with_help(remedy))
 }
 
 fn animations(root: &Root) -> Option<String> {

@@ -153,6 +153,9 @@ fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
         .unwrap()
         .to_string();
     assert!(error.contains("the extensions `KHR_draco_mesh_compression`, `X_y`"), "{error}");
+    let help = |names: &str| miette::Diagnostic::help(&required(names).err().unwrap()).unwrap().to_string();
+    assert!(help(r#""KHR_draco_mesh_compression", "X_y""#).contains("without compression"));
+    assert!(help(r#""KHR_technique_webgl""#).contains("without this extension"));
     assert!(required(r#""KHR_materials_unlit", "KHR_mesh_quantization""#).is_ok());
     let used =
         read(&triangle().replacen('{', "{\"extensionsUsed\": [\"EXT_mesh_gpu_instancing\"], ", 1)).unwrap();
@@ -182,7 +185,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ("data:application/octet-stream;base64,", "http://x/", "nothing is downloaded"),
         ("data:application/octet-stream;base64,", "../../etc/passwd?", "buffer 0"),
         ("\"version\": \"2.0\"", "\"version\": \"1.0\"", "a.gltf"),
-        ("\"scenes\"", "\"scenes", "a.gltf:2: no glTF 2.0"),
+        ("\"scenes\"", "\"scenes", "a.gltf:2: not valid glTF 2.0: "),
     ] {
         let text = triangle().replacen(from, to, 1);
         let found = read(&text).err().map(|error| error.to_string()).unwrap_or_default();

@@ -61,3 +61,14 @@ fn mistakes_are_told_without_the_files_text() {
         assert!(error.contains(message) && !error.contains("secret") && !error.contains('\n'), "{error}");
     }
 }
+
+#[test]
+fn a_line_that_is_not_plys_is_ignored_with_a_note() {
+    let file = parse("a.ply", SQUARE.replacen("comment made", "Created", 1).as_bytes()).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 2);
+    assert!(
+        file.notes.iter().any(|note| note == "1 line in the header: not PLY, ignored"),
+        "{:?}",
+        file.notes
+    );
+}
