@@ -1,6 +1,6 @@
 //! Soft lights and the sky, in every family that takes them.
 
-use crate::binary::{Place, device, has};
+use crate::binary::{Place, device, has, repository};
 use image::RgbImage;
 
 /// A square over the ground, and a light above it.
@@ -129,6 +129,22 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
     let place = Place::with(&[("scene.toml", &of_both)]);
     picture(&place, &["--strategy", "tile-group", "--samples", "2", "--verify=500"]);
+}
+
+/// The scene of tests/data/lights.toml, whose bias is large, with a sky that reaches about as far as to the panel, and lights
+/// that are hardly balls.
+fn where_shadow_rays_end() -> Place {
+    let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
+    let soft = lights.replace("power =", "radius = 0.02\npower =");
+    Place::with(&[("scene.toml", &format!("{soft}\n[sky]\nzenith = 0.5\nhorizon = 0.3\nreach = 1.2\n"))])
+}
+
+#[test]
+fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
+    let place = where_shadow_rays_end();
+    for strategy in FAMILIES {
+        picture(&place, &["--strategy", strategy, "--samples", "2", "--verify"]);
+    }
 }
 
 /// Another point of the sequence, of the ball and of the hemisphere; what is in the way and what is not; a leaf cut short.
