@@ -101,6 +101,26 @@ fn what_is_wrong_with_a_sky_is_told() {
     has(&place(SCENE).mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
 }
 
+/// Which pixels saw the sky in the last frame is none of the next one's business.
+#[test]
+fn a_frame_is_the_same_after_another_one_as_alone() {
+    let place = place(SCENE);
+    let device = device();
+    let frames = |name: &str, strategy: &str, more: &[&str]| {
+        let usual =
+            ["render", "scene.toml", "--turntable", "3", "--samples", "4", "--width", "61", "--height", "43"];
+        let ends = ["--device", &device, "--strategy", strategy, "-o", name, "--force"];
+        place.output(&[&usual[..], &ends, more].concat());
+    };
+    for strategy in ["deferred", "tile"] {
+        frames("all.png", strategy, &[]);
+        frames("last.png", strategy, &["--frames", "3..3"]);
+        let read = |name: &str| image::open(place.path(name)).expect("a picture").to_rgb8();
+        assert!(read("all-0003.png") == read("last-0003.png"), "{strategy}");
+        assert!(read("all-0002.png") != read("all-0003.png"), "{strategy}");
+    }
+}
+
 /// Another channel, another row, half a texel aside, the sky shown before surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {

@@ -89,6 +89,16 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
+/// In any other test a picture is wider than high, where a limit that is taken from the wrong side cuts nothing off.
+#[test]
+fn a_picture_that_is_higher_than_wide() {
+    apart!();
+    let mut stand = Stand::new(scene("still-life.toml"), [SIZE[1], 2 * SIZE[0]]);
+    let names = ["deferred", "wide-common-origin", "bvh", "bvh-packet", "raster", "tile"];
+    let strategies = names.map(|name| preset(name).expect("a preset").strategy);
+    all_agree(&mut stand, strategies.map(|strategy| (strategy, [4, 2])), none);
+}
+
 #[test]
 fn presets_that_share_tiles() {
     apart!();

@@ -67,6 +67,23 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
 }
 
 #[test]
+fn frames_of_other_kernels_are_other_frames_whatever_their_folder() {
+    let place = place();
+    let two = ["scene.toml", "--turntable", "2"];
+    turn(&place, &two);
+    let file = "common/store_radiance.cl";
+    // A folder whose kernels compute the same is another all the same, and so are others in the same folder.
+    let kernels = place.kernels(file, "(varying)(1.0f)", "(varying)(1)");
+    let with = [&two[..], &["--cl-dir", &kernels]].concat();
+    let refused = || place.mistake(&[&["render"], &with[..], &SIZE].concat(), 2);
+    has(&refused(), &["is not frame 1"]);
+    turn(&place, &[&with[..], &["--force"]].concat());
+    assert_eq!(turn(&place, &with)["skipped"], 2);
+    place.kernels(file, "(varying)(1.0f)", "(varying)(2 - 1)");
+    has(&refused(), &["is not frame 1"]);
+}
+
+#[test]
 fn a_bare_mesh_is_lit_from_the_camera_all_around() {
     let place = place();
     turn(&place, &["mesh.obj", "--turntable", "3", "--background", "black"]);

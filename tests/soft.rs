@@ -1,6 +1,6 @@
 //! Soft lights and the sky, in every family that takes them.
 
-use crate::binary::{Place, device, has};
+use crate::binary::{Place, device, has, repository};
 use image::RgbImage;
 
 /// A square over the ground, and a light above it.
@@ -126,9 +126,31 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
 /// Once, as it takes PoCL long to compile: without this a kernel that is always wrong would pass for a broken one below.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
-    let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
-    let place = Place::with(&[("scene.toml", &of_both)]);
-    picture(&place, &["--strategy", "tile-group", "--samples", "2", "--verify=500"]);
+    let place = where_shadow_rays_end();
+    let (device, cache) = (device(), place.path("cache"));
+    let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
+    let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
+    // The second picture finds the program of the first: a sky that reaches less far than the bias is never hidden.
+    for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
+        let mut command = place.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
+        command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
+    }
+}
+
+/// The scene of tests/data/lights.toml, whose bias is large, with a sky that reaches about as far as to the panel, and lights
+/// that are hardly balls.
+fn where_shadow_rays_end() -> Place {
+    let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
+    let soft = lights.replace("power =", "radius = 0.02\npower =");
+    Place::with(&[("scene.toml", &format!("{soft}\n[sky]\nzenith = 0.5\nhorizon = 0.3\nreach = 1.2\n"))])
+}
+
+#[test]
+fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
+    let place = where_shadow_rays_end();
+    for strategy in FAMILIES {
+        picture(&place, &["--strategy", strategy, "--samples", "2", "--verify"]);
+    }
 }
 
 /// Another point of the sequence, of the ball and of the hemisphere; what is in the way and what is not; a leaf cut short.
@@ -159,6 +181,67 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("tile_gpu/soft.cl", "faces_it && !is_stopped", "faces_it && is_stopped", "tile-group"),
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
+    }
+}
+
+/// A floor between three walls: in every tile some rays to the sky are stopped and some are
+/// not, and their number is no multiple of a packet.
+const HALF_OPEN: &str = "[camera]
+position = [0, 1.5, 4]
+look_at = [0, 0.5, 0]
+[sky]
+zenith = 0.05
+horizon = [0.02, 0.03, 0.04]
+[[object]]
+vertices = [[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]]
+faces = [[0, 1, 2, 3]]
+[[object]]
+vertices = [[-2, 0, -2], [2, 0, -2], [2, 3, -2], [-2, 3, -2]]
+faces = [[0, 1, 2, 3]]
+[[object]]
+vertices = [[2, 0, 2], [2, 0, -2], [2, 3, -2], [2, 3, 2]]
+faces = [[0, 1, 2, 3]]
+[[object]]
+vertices = [[-2, 0, 2], [-2, 0, -2], [-2, 3, -2], [-2, 3, 2]]
+faces = [[0, 1, 2, 3]]
+";
+
+#[test]
+fn a_stopped_ray_to_the_sky_stops_no_other() {
+    let place = Place::with(&[("scene.toml", HALF_OPEN)]);
+    let device = device();
+    for strategy in ["bvh-packet", "tile", "tile,passes=separate"] {
+        let usual =
+            ["render", "scene.toml", "--width", "161", "--height", "93", "--device", &device, "--force"];
+        place.output(&[&usual[..], &["-o", "a.png", "--verify", "--strategy", strategy]].concat());
+    }
+}
+
+/// Rays that go on by the bias too far.
+#[test]
+fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
+    let place = where_shadow_rays_end();
+    for (file, from, to, strategy) in [
+        (
+            "cast/soft.cl",
+            "(varying)(reach_of_sky(&scene->soft) - scene->bias)",
+            "(varying)(reach_of_sky(&scene->soft))",
+            "bvh",
+        ),
+        (
+            "tile_cpu/soft.cl",
+            "from, way, distance - lighting->bias, lit)",
+            "from, way, distance, lit)",
+            "tile",
+        ),
+        (
+            "tile_cpu/sky.cl",
+            "reach_of_sky(&lighting->soft) - lighting->bias",
+            "reach_of_sky(&lighting->soft)",
+            "tile",
+        ),
+    ] {
+        place.notices((file, from, to), strategy, &["--verify", "--samples", "2"]);
     }
 }
 

@@ -239,12 +239,17 @@ mod tests {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
         };
         assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
-        mode(&folder, 0o777);
-        assert_eq!(cache.get("program", "key"), None);
-        mode(&folder, 0o700);
-        mode(&file, 0o666);
-        assert_eq!(cache.get("program", "key"), None);
-        mode(&file, 0o600);
+        // Neither the group nor all others may write; to read is harmless.
+        for others in [0o777, 0o720, 0o702] {
+            mode(&folder, others);
+            assert_eq!(cache.get("program", "key"), None, "a folder of {others:o}");
+        }
+        mode(&folder, 0o755);
+        for others in [0o666, 0o620, 0o602] {
+            mode(&file, others);
+            assert_eq!(cache.get("program", "key"), None, "a file of {others:o}");
+        }
+        mode(&file, 0o644);
         assert!(cache.get("program", "key").is_some());
         let elsewhere = place.path().join("elsewhere");
         std::fs::rename(&file, &elsewhere).unwrap();

@@ -125,4 +125,25 @@ mod tests {
         assert_eq!((mean.clock_mhz, mean.throttled, record.throttled_samples), (Some(1500.0), true, Some(1)));
         assert!(record.warning.expect("a warning").contains("1 of 2 samples"));
     }
+    /// Where passes are timed apart, rays from the eye are no slower for the shadow rays after them.
+    #[test]
+    fn rates_are_of_the_pass_that_casts_the_rays() {
+        let frame =
+            FrameTimes { primary_ms: Some(2.0), shadow_ms: Some(4.0), ..FrameTimes::whole(10.0, 10.1) };
+        let record = Record {
+            device: "gpu".into(),
+            image_size: [8, 5],
+            triangles: Some(7),
+            shadow_rays: Some(60),
+            strategy: "traversal=exhaustive".into(),
+            ..Record::default()
+        };
+        let completed = |times: FrameTimes| {
+            let mut record = record.clone();
+            complete(&mut record, &[taken(times); 5], Some(StopReason::Precise));
+            [record.rays_per_s, record.tests_per_s, record.shadow_rays_per_s]
+        };
+        assert_eq!(completed(frame), [Some(20e3), Some(140e3), Some(15e3)]);
+        assert_eq!(completed(FrameTimes::whole(10.0, 10.1)), [Some(4e3), Some(28e3), None]);
+    }
 }

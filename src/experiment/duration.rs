@@ -178,3 +178,60 @@ impl fmt::Display for Expected {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::device_lock::Locks;
+    use crate::program::Sources;
+    use std::path::Path;
+
+    /// Three points: two were sampled four times per launch, the third takes its rounds from them.
+    const POINTS: [Known; 3] = [
+        Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
+        Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },
+        Known { sample_ms: 13.0, check_ms: [70.0, 100.0], rounds: None },
+    ];
+
+    /// Returns the expected time of the points, in this many launches with this many warm-up frames.
+    fn group_ms(launches: u32, warmup: u32) -> f64 {
+        let text = format!(
+            "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\
+             image_sizes = [[8, 5]]\nlocal_sizes = [4]\n\
+             timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}\n"
+        );
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+        let experiment = config::parse(&config, text, &[]).unwrap();
+        let run = Run {
+            experiment: &experiment,
+            overrides: &[],
+            devices: &[],
+            sources: &Sources::Embedded,
+            other_sources: None,
+            limit: Duration::MAX,
+            retry_failed: false,
+            locks: &Locks::in_folder(Path::new("no-locks"), false),
+            spread: false,
+            blocks: None,
+            ahead: None,
+        };
+        run.group_ms(&POINTS)
+    }
+
+    #[test]
+    fn every_launch_checks_its_points_and_only_the_first_compares_them_with_the_reference() {
+        // A start, and four rounds of 20 ms.
+        let launch_ms = START_MS + 4.0 * 20.0;
+        assert_eq!(group_ms(1, 0), launch_ms + 800.0);
+        assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);
+    }
+
+    #[test]
+    fn a_warm_up_of_long_frames_ends_early() {
+        // Two frames each of 2 and 5 ms, but of 13 ms only what begins in a tenth of the limit of 30 ms.
+        let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
+        assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
+    }
+}

@@ -3,6 +3,9 @@
 //! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on that device; it turns a strategy
 //! into a [`Caster`], which can cast the frame of one point repeatedly.
 
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+pub(crate) mod alone;
 mod arguments;
 mod ask;
 mod band;

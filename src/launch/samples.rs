@@ -104,11 +104,14 @@ mod tests {
     use crate::device::discover;
     use crate::image::Radiance;
     use crate::launch::Session;
-    use crate::manifest::ROUGH_STEPS;
+    use crate::launch::alone::Alone;
+    use crate::launch::buffers::upload;
+    use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
     use crate::program::Sources;
     use crate::reference::rough::steps_of_blocks;
     use crate::scene::{SampleCounts, Sampling, load_scene};
     use crate::strategy::preset;
+    use ocl::prm::{Float4, Int2};
     use std::path::Path;
     use std::sync::Arc;
 
@@ -143,5 +146,87 @@ mod tests {
         let rough = steps.iter().filter(|steps| **steps > limit).count();
         assert!((20..steps.len() - 20).contains(&rough), "{rough} of {}", steps.len());
         assert!(counts.are_of(&adaptive) && !counts.are_of(&Sampling::all(8)));
+    }
+    /// A picture of 13 x 9 pixels, marked by the kernel alone.
+    struct Marking {
+        device: Alone,
+    }
+
+    impl Marking {
+        const SIDES: [usize; 2] = [13, 9];
+        /// A black or a white channel at this exposure.
+        const EXPOSURE: f32 = 15.0;
+
+        fn new() -> Self {
+            let before = "#define MARK_ROUGH_PARAMETERS __global uint *wanted, const __global float4 *means, \
+                          int2 image_size, float exposure, uint first, uint most";
+            let options = format!("-D SAMPLED_BLOCK={SAMPLED_BLOCK} -D ROUGH_STEPS={ROUGH_STEPS}");
+            let files = ["common/samples.cl", "common/mark_rough.cl"];
+            Self { device: Alone::of([before, ""], &files, &options) }
+        }
+
+        /// Returns the columns and rows of the blocks that get more samples.
+        fn rough(&self, pixel: impl Fn(usize, usize) -> [f32; 3]) -> Vec<[usize; 2]> {
+            let [width, height] = Self::SIDES;
+            let means: Vec<Float4> = (0..width * height)
+                .map(|at| pixel(at % width, at / width))
+                .map(|[red, green, blue]| Float4::new(red, green, blue, 1.0))
+                .collect();
+            let means = upload(&self.device.queue, &means).unwrap();
+            let across = width.div_ceil(SAMPLED_BLOCK as usize);
+            let blocks = across * height.div_ceil(SAMPLED_BLOCK as usize);
+            let size = Int2::new(width as i32, height as i32);
+            let wanted: Vec<u32> = self.device.results(blocks, |wanted| {
+                let mut kernel = self.device.kernel("mark_rough", blocks);
+                kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(2_u32).arg(8_u32).build()
+            });
+            assert!(wanted.iter().all(|wanted| [2, 8].contains(wanted)), "{wanted:?}");
+            let rough = wanted.iter().enumerate().filter(|(_, wanted)| **wanted == 8);
+            rough.map(|(block, _)| [block % across, block / across]).collect()
+        }
+    }
+
+    /// An edge lies between a pixel and the one before it, across or down: the blocks that have both, or touch both, are rough.
+    #[test]
+    fn an_edge_is_in_the_blocks_on_both_its_sides() {
+        let marking = Marking::new();
+        let side = SAMPLED_BLOCK as usize;
+        for axis in 0..2 {
+            for edge in 1..Marking::SIDES[axis] {
+                for channel in 0..3 {
+                    let rough = marking.rough(|x, y| {
+                        let mut colour = [0.01; 3];
+                        colour[channel] *= f32::from(u8::from([x, y][axis] >= edge));
+                        colour
+                    });
+                    let blocks = |sides: usize| 0..Marking::SIDES[sides].div_ceil(side);
+                    let touches =
+                        |block: &[usize; 2]| (side * block[axis]..=side * block[axis] + side).contains(&edge);
+                    let all = blocks(1).flat_map(|y| blocks(0).map(move |x| [x, y]));
+                    assert_eq!(
+                        rough,
+                        all.filter(touches).collect::<Vec<_>>(),
+                        "axis {axis}, edge {edge}, channel {channel}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// What is shown decides: differences beyond white are none, and a gamma of 2 makes those near black larger.
+    #[test]
+    fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
+        let marking = Marking::new();
+        let steps = |a: f32, b: f32| {
+            let radiance = |shown: f32| (shown / 255.0).powi(2) / Marking::EXPOSURE;
+            let colours = [a, b].map(|shown| [radiance(shown); 3]);
+            !marking.rough(|x, _| colours[usize::from(x == 6)]).is_empty()
+        };
+        let limit = ROUGH_STEPS as f32;
+        for shown in [0.0, 100.0, 255.0 - limit - 0.1] {
+            assert!(!steps(shown, shown + limit - 0.1) && steps(shown, shown + limit + 0.1), "{shown}");
+            assert!(!steps(shown + limit - 0.1, shown) && steps(shown + limit + 0.1, shown), "{shown}");
+        }
+        assert!(!steps(255.0, 1000.0) && !steps(1000.0, 255.0 - limit + 0.1));
     }
 }

@@ -126,8 +126,10 @@ mod tests {
         /*0030*/                   STS [R4], R3 ;
         /*0040*/              @!P0 BRA `(.L_x_0) ;
         /*0050*/                   NOP;
+	//## File "/tmp/x/kernel.cl", line 0
+        /*0060*/                   EXIT ;
 	.section	.debug_line,"",@progbits
-        /*0060*/                   LDL R1, [R1] ;
+        /*0070*/                   LDL R1, [R1] ;
 "#;
 
     #[test]
@@ -146,6 +148,7 @@ mod tests {
             ("STS", None, ".L_x_0", Some(Kind::Store(Memory::Local))),
             ("BRA", None, ".L_x_0", Some(Kind::Branch)),
             ("NOP", None, ".L_x_0", None),
+            ("EXIT", None, ".L_x_0", Some(Kind::Branch)),
         ];
         assert_eq!(told, expected);
     }

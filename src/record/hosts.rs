@@ -142,4 +142,21 @@ mod tests {
     fn what_no_other_block_measured_is_no_control() {
         assert!(controls(&judged([measured("gpu", "naive", 8, 10.0)]), &[]).is_empty());
     }
+    #[test]
+    fn machines_are_told_apart_by_their_names_and_devices_of_one_machine_by_theirs() {
+        let with = |host: Option<&str>, device: Option<&str>, launch: u32| Record {
+            host: host.map(str::to_owned),
+            measured_on: device.map(str::to_owned),
+            ..on("", 10.0, launch)
+        };
+        let hosts = |records: &[Record]| -> Vec<String> {
+            let [control] = &controls(&judged(records), &[])[..] else { panic!("one point") };
+            control.hosts.iter().map(|at| at.host.clone()).collect()
+        };
+        // Two machines may each call their device the first.
+        let both = [with(Some("n1"), Some("gpu 1"), 0), with(Some("n2"), Some("gpu 1"), 1)];
+        assert_eq!(hosts(&both), ["n1", "n2"]);
+        assert_eq!(hosts(&[with(None, Some("gpu 1"), 0), with(None, Some("gpu 2"), 1)]), ["gpu 1", "gpu 2"]);
+        assert_eq!(hosts(&[with(None, None, 0)]), ["this machine"]);
+    }
 }

@@ -131,20 +131,23 @@ pub fn summary_csv(records: &[Record]) -> Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{infeasible, measured};
+    use super::super::summary::tests::{infeasible, judged, measured};
     use super::*;
 
     #[test]
     fn rows_have_a_header_and_quote_what_needs_it() {
-        let records =
-            [measured("pocl", "naive", 8, 1.5), infeasible("pocl", "wide", 1, "too \"big\", really")];
+        let wide =
+            Record { local_size: Some([16, 2]), ..infeasible("pocl", "wide", 1, "too \"big\", really") };
+        let records = judged([measured("pocl", "naive", 8, 100.0), wide]);
         let bytes = summary_csv(&records).unwrap();
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
         let header = reader.headers().unwrap().clone();
         let rows: Vec<_> = reader.records().collect::<std::result::Result<_, _>>().unwrap();
         let cell = |row: usize, name: &str| &rows[row][header.iter().position(|head| head == name).unwrap()];
-        assert_eq!(cell(0, "median_ms"), "1.5");
-        assert_eq!(cell(0, "local_size_y"), "8");
+        assert_eq!(["q1_ms", "median_ms", "q3_ms"].map(|name| cell(0, name)), ["99.0", "100.0", "101.0"]);
+        // Across comes before down.
+        assert_eq!(["local_size_x", "local_size_y"].map(|side| cell(1, side)), ["16", "2"]);
+        assert_eq!(["image_width", "image_height"].map(|side| cell(1, side)), ["800", "500"]);
         assert_eq!(cell(1, "median_ms"), "");
         assert_eq!(cell(1, "reason"), "too \"big\", really");
     }

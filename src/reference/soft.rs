@@ -121,7 +121,10 @@ fn unit(bits: u32) -> f64 {
 mod tests {
     use super::super::fixtures;
     use super::*;
+    use crate::launch::alone::Alone;
+    use crate::manifest::SOFT_HEAD_FLOATS;
     use glam::Vec3;
+    use ocl::prm::Uint2;
     use std::collections::BTreeSet;
 
     const RADIUS: f32 = 2.0;
@@ -191,6 +194,40 @@ mod tests {
             let cells: BTreeSet<_> =
                 of_pixel.iter().map(|[a, b, _]| ((a * 4.0) as u32, (b * 4.0) as u32)).collect();
             assert_eq!(cells.len(), 16);
+        }
+    }
+
+    /// Otherwise a device would be judged by other rays than it casts.
+    #[test]
+    fn devices_compute_the_same_bits() {
+        const SIZE: [u32; 2] = [23, 67];
+        let before = "#define TO_FLOAT(i) convert_float(i)\n";
+        let kernel = "__kernel void numbers(__global float *out, int source, uint2 sample, int width) {\n\
+                      Soft soft;\nsoft.numbers = 0;\nsoft.sample = sample;\nconst int at = get_global_id(0);\n\
+                      const Vec3 u = numbers_of(&soft, source, at % width, at / width);\n\
+                      out[3 * at] = u.x, out[3 * at + 1] = u.y, out[3 * at + 2] = u.z;\n}\n";
+        let options = format!(
+            "-D WIDTH=1 -D BLOCK_X=1 -D REDUCE_BUILTIN=0 -D ROUNDING=0 -D CULL_BACK=0 -D SKY=0 -D RECORD_FLOATS=12 \
+             -D SOFT_HEAD_FLOATS={SOFT_HEAD_FLOATS}"
+        );
+        let files = ["common/width.cl", "common/vec3.cl", "common/rows.cl", "common/soft.cl"];
+        let device = Alone::of([before, kernel], &files, &options);
+        let pixels = || (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| [x, y]));
+        for (source, number, count) in [(0_i32, 0, 1), (1, 3, 16), (2, 15, 16), (7, 40, 64)] {
+            let items = pixels().count();
+            let found: Vec<f32> = device.results(3 * items, |found| {
+                let mut kernel = device.kernel("numbers", items);
+                kernel.arg(found).arg(source).arg(Uint2::new(number, count)).arg(SIZE[0] as i32).build()
+            });
+            let sample = Sample { number, count, ..Sample::CENTRE };
+            for (pixel, found) in pixels().zip(found.chunks(3)) {
+                let expected = numbers(source as u32, sample, pixel);
+                assert_eq!(
+                    found.iter().map(|&number| f64::from(number)).collect::<Vec<_>>(),
+                    expected,
+                    "{source} {pixel:?}"
+                );
+            }
         }
     }
 

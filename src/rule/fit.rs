@@ -147,4 +147,22 @@ mod tests {
             assert_eq!(fitted(&[], Class::SharedTiles, watertight), constants);
         }
     }
+    /// A choice that a device refused counts like one that takes a hundred times as long, and no more: else the constants would
+    /// not be compared where some case is refused whatever they are.
+    #[test]
+    fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
+        let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];
+        let (tiny, small) = (times(1.0, 2.0), times(4.0, 2.0));
+        let refused = [("large-tiles", 5.0)];
+        let all = [
+            (4, 400_000, &tiny[..]),
+            (9, 400_000, &small[..]),
+            // All that the rule could choose was refused.
+            (400_000, 400_000, &refused[..]),
+        ];
+        let sweep = sweep(&all);
+        let constants = fitted(std::slice::from_ref(&sweep), Class::TilesInVectors, false).unwrap();
+        assert_eq!(constants.tree_triangles, 6.0);
+        assert!((loss_of(&[&sweep], constants, false) - REFUSED.ln()).abs() < 1e-9);
+    }
 }

@@ -99,3 +99,57 @@ fn making(object: &Value, crease: Option<&Value>) -> String {
         .collect();
     format!("{making:?} {crease:?}")
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    const OBJECT: &str = "crease = 30\n[[object]]\nfile = 'a.obj'\nscale = 1\n";
+
+    /// Returns whether an object's mesh is made again for a frame that follows that of `OBJECT`.
+    fn is_made_again(text: &str) -> bool {
+        let mut kept = Kept::default();
+        let mut made = 0;
+        for text in [OBJECT, text] {
+            kept.begin(&text.parse().unwrap(), true);
+            let make = || {
+                made += 1;
+                Ok(MeshFile::default())
+            };
+            kept.mesh(0, make).unwrap();
+        }
+        made > 1
+    }
+
+    #[test]
+    fn a_mesh_is_made_again_where_what_makes_it_changes_and_not_where_it_only_moves() {
+        assert!(!is_made_again(OBJECT));
+        for placing in ["scale = 2", "scale = 1\ntranslation = [1, 2, 3]", "scale = 1\nmaterial = 'red'"] {
+            assert!(!is_made_again(&OBJECT.replace("scale = 1", placing)), "{placing}");
+        }
+        for (from, to) in [("a.obj", "b.obj"), ("crease = 30", "crease = 60"), ("crease = 30\n", "")] {
+            assert!(is_made_again(&OBJECT.replace(from, to)), "{to}");
+        }
+    }
+
+    #[test]
+    fn another_picture_of_the_sky_is_read() {
+        let place = tempfile::tempdir().unwrap();
+        let [dark, bright] = [("dark.exr", 0.25), ("bright.exr", 4.0)].map(|(name, value)| {
+            let path = place.path().join(name);
+            image::Rgb32FImage::from_pixel(4, 2, image::Rgb([value; 3])).save(&path).unwrap();
+            path
+        });
+        let mut kept = Kept::default();
+        kept.begin(&Table::new(), true);
+        let red = |kept: &mut Kept, path: &Path| kept.picture(path).unwrap().1[0][0];
+        assert_eq!(
+            [red(&mut kept, &dark), red(&mut kept, &bright), red(&mut kept, &dark)],
+            [0.25, 4.0, 0.25]
+        );
+        // The last one is not read again.
+        std::fs::remove_file(&dark).unwrap();
+        assert_eq!(red(&mut kept, &dark), 0.25);
+    }
+}

@@ -219,4 +219,10 @@ mod tests {
             words("raycl run a.toml --out o")
         );
     }
+    #[test]
+    fn an_option_whose_name_begins_like_another_stays() {
+        let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        let given = words("raycl run a.toml --device gpu --device-list --device=cpu --devices 2");
+        assert_eq!(without(&given, "--device"), words("raycl run a.toml --device-list --devices 2"));
+    }
 }

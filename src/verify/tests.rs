@@ -213,6 +213,21 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
+/// Like a certain pixel, it may differ by a thousandth of the floor, which all that is darker is compared with.
+#[test]
+fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
+    let mut reference = judged();
+    doubt_first(&mut reference, 1);
+    reference.floor = 1e-2;
+    reference.doubts.iter_mut().for_each(|doubt| (doubt.low, doubt.high) = ([1e-6; 3], [2e-6; 3]));
+    let strays = |found: f32| {
+        let mut image = reference.radiance.clone();
+        image.pixels[0] = [found; 3];
+        judge(&image, &reference).unexplained_pixels
+    };
+    assert_eq!([1.1e-5, 1.3e-5, 0.0].map(strays), [0, 1, 0]);
+}
+
 #[test]
 fn a_doubtful_pixel_may_be_too_dark() {
     let mut reference = judged();

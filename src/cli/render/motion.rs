@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> Result<()> {
     if first.transparent {
         sink.check_alpha()?;
     }
-    let mut keys = Keys::of(args, &film, sampling, &strategy);
+    let mut keys = Keys::of(args, &film, sampling, &strategy, &sources);
     let missing = match &sink {
         Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number)))?,
         Sink::Movie(_) => wanted.numbers().collect(),

@@ -66,4 +66,13 @@ mod tests {
             assert!((left - reference - expected).abs() < 1e-9, "{sample:?}: {left}");
         }
     }
+    /// A point that a launch has no sample of tells nothing of the machine then.
+    #[test]
+    fn only_points_with_samples_count_as_neighbours() {
+        // One of two points takes longer and longer, then all of a sudden as long as before.
+        let ms = |place: usize| 1.0 + if place < 15 { place as f64 } else { 0.0 };
+        let sample = |place: usize| PairedSample { point: place % 2, launch: 0, ms: ms(place) };
+        let samples: Vec<_> = (0..30).map(sample).collect();
+        assert_eq!(without_drift(&samples, 40), without_drift(&samples, 2));
+    }
 }

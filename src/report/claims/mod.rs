@@ -182,6 +182,31 @@ mod tests {
     }
 
     #[test]
+    fn a_point_runs_if_it_runs_at_one_of_its_sizes_and_that_one_is_named() {
+        let records = [
+            infeasible("gpu", "naive", 4, "scratch: 9 GiB"),
+            few("gpu", "naive", 8, 3.0, 1),
+            few("gpu", "naive", 16, 2.0, 1),
+            infeasible("gpu", "naive", 32, "scratch: 9 GiB"),
+        ];
+        let told = |runs: bool, records: &[Record]| {
+            let test = format!("kind = 'runs', points = ['naive square on teapot'], runs = {runs}");
+            claim(&test, &[records])
+        };
+        let held = told(true, &records);
+        assert_eq!(
+            (held.verdict, held.lines[0].text.contains("at 8 x 8")),
+            (Verdict::Held, true),
+            "{held:?}"
+        );
+        assert_eq!(told(false, &records).verdict, Verdict::NotHeld);
+        // Where it runs at none, its smallest size is named.
+        let neither = told(false, &[records[3].clone(), records[0].clone()]);
+        assert_eq!(neither.verdict, Verdict::Held);
+        assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");
+    }
+
+    #[test]
     fn one_part_that_fails_is_enough_and_all_have_to_hold() {
         let of = |parts: &[Verdict]| Verdict::of_all(parts.iter().copied());
         use Verdict::{Cannot, Held, NotHeld, Unclear};

@@ -33,3 +33,36 @@ pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let text = serde_json::to_vec_pretty(&environment).map_err(|error| Error::run(error.to_string()))?;
     write_whole(&out.join("environment.json"), &text)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::shard::About;
+
+    #[test]
+    fn the_first_environment_stays_and_every_machine_is_listed_once() {
+        let place = tempfile::tempdir().unwrap();
+        for (shard, host, started) in [(1, "n2", "early"), (2, "n1", "late"), (3, "n2", "later")] {
+            let about = About { shard, of: 4, host: host.into(), job: "0".into(), ..About::default() };
+            let attempt = Attempt::begin(place.path(), &about).unwrap();
+            let environment = json!({
+                "started": started, "host": { "cpu": "a cpu", "cores": 4, "os": "an os" },
+                "devices": [{ "device": "a gpu" }], "git_revision": "r",
+            });
+            std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
+        }
+        // One that was killed before it wrote anything.
+        Attempt::begin(place.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
+        write(place.path(), &Attempt::all(place.path())).unwrap();
+        let text = std::fs::read(place.path().join("environment.json")).unwrap();
+        let merged: Value = serde_json::from_slice(&text).unwrap();
+        assert_eq!(merged["started"], "early");
+        let host = |name: &str| {
+            json!({
+                "name": name, "cpu": "a cpu", "cores": 4, "os": "an os", "devices": ["a gpu"], "git_revision": "r",
+            })
+        };
+        assert_eq!(merged["hosts"], json!([host("n2"), host("n1")]));
+    }
+}

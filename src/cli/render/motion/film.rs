@@ -2,6 +2,7 @@
 
 use super::super::Args;
 use crate::error::{Error, Result};
+use crate::program::Sources;
 use crate::scene::{Animation, Camera, Display, Loaded, Mesh, Orbit, Sampling, Scene};
 use crate::strategy::Strategy;
 use glam::Vec3;
@@ -79,7 +80,8 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames: hashes of the scene's content, the strategy, the number and raycl's version.
+/// Makes the keys of frames: hashes of the scene's content, the strategy, the number, raycl's version and the kernels
+/// of a folder.
 pub struct Keys {
     shared: String,
     /// The last mesh, and its hash.
@@ -87,15 +89,14 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Makes the keys of a film.
-    pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy) -> Self {
+    /// Makes the keys of a film, which is cast with these kernels.
+    pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy, kernels: &Sources) -> Self {
         let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
         let Sampling { first, most } = sampling;
-        let kernels = args.subject.cl_dir.as_ref().map(|folder| folder.display().to_string());
         let shared = format!(
             "{version} {strategy} {width}x{height} samples {first}-{most} {} {}",
             film.kind(),
-            kernels.unwrap_or_default()
+            kernels.hash().unwrap_or_default()
         );
         Self { shared, mesh: None }
     }

@@ -1,0 +1,51 @@
+//! Runs kernels that a test makes of a few kernel files, so that what they compute is compared with its counterpart on
+//! the host.
+
+use super::Queue;
+use super::buffers::allocate;
+use crate::device::discover;
+use crate::program::Sources;
+use ocl::builders::KernelBuilder;
+use ocl::{Buffer, Kernel, OclPrm, Program};
+
+/// A program on the first device.
+pub struct Alone {
+    /// The device.
+    pub queue: Queue,
+    program: Program,
+}
+
+impl Alone {
+    /// Builds kernel files between two texts: macros that the files need, and kernels that use them.
+    pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let queue = Queue::open(device.platform, device.device).unwrap();
+        let read = |name: &&str| Sources::Embedded.read_joined(name).unwrap();
+        let source = [before, &files.iter().map(read).collect::<String>(), after].join("\n");
+        let program =
+            Program::builder().src(source).cmplr_opt(options).devices(queue.device).build(&queue.context);
+        Self { program: program.unwrap(), queue }
+    }
+
+    /// Returns the builder of a kernel with this many work-items.
+    pub fn kernel<'b>(&'b self, name: &str, items: usize) -> KernelBuilder<'b> {
+        let mut builder = Kernel::builder();
+        builder.program(&self.program).name(name).queue(self.queue.commands.clone()).global_work_size(items);
+        builder
+    }
+
+    /// Returns what a kernel writes to its buffer of `len` results.
+    pub fn results<T: OclPrm>(
+        &self,
+        len: usize,
+        kernel: impl FnOnce(&Buffer<T>) -> ocl::Result<Kernel>,
+    ) -> Vec<T> {
+        let found: Buffer<T> = allocate(&self.queue, len).unwrap();
+        let kernel = kernel(&found).unwrap();
+        // SAFETY: a test sets the arguments that its own text declares, and writes as many results.
+        unsafe { kernel.enq().unwrap() };
+        let mut all = vec![T::default(); len];
+        found.read(&mut all).enq().unwrap();
+        all
+    }
+}
