@@ -6,8 +6,8 @@ use image::{Rgb, RgbImage};
 /// A chequered floor that is seen at a grazing angle, and a wall before it.
 const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
 const OFF: [&str; 2] = ["--set", "mip_levels=false"];
-/// Rows of a picture where the floor is far away: a picture on it covers one pixel or less.
-const FAR: std::ops::Range<u32> = 25..34;
+/// Rows of a picture where the floor is far away: a pixel is longer than a square.
+const FAR: std::ops::Range<u32> = 25..30;
 
 fn floor() -> Place {
     let place = Place::new();
@@ -28,9 +28,9 @@ fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
     place.write(name, &text);
 }
 
-/// The root of the mean squared difference of channels, in steps of 256, in some rows.
+/// The root of the mean squared difference of channels, in steps of 256, in some rows right of the wall.
 fn error(a: &RgbImage, b: &RgbImage, rows: std::ops::Range<u32>) -> f64 {
-    let places: Vec<_> = rows.flat_map(|y| (0..a.width()).map(move |x| (x, y))).collect();
+    let places: Vec<_> = rows.flat_map(|y| (36..a.width()).map(move |x| (x, y))).collect();
     let squared = |place: &(u32, u32)| {
         let channels = a.get_pixel(place.0, place.1).0.into_iter().zip(b.get_pixel(place.0, place.1).0);
         channels.map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>()
