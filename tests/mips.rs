@@ -127,12 +127,12 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
 fn a_broken_level_is_a_wrong_picture() {
     let place = floor();
     for (from, to) in [
-        ("log2(footprint.width / across)", "log2(footprint.width / across) + 0.5f"),
-        ("log2(footprint.width / across)", "log2(footprint.width)"),
-        ("const float rest = 1.0f - part;", "const float rest = part;"),
+        ("log2(width / across)", "log2(width / across) + 0.5f"),
+        ("log2(width / across)", "log2(width)"),
+        ("rest = 1.0f - part;", "rest = part;"),
         ("const int last = (int)(head[3] >> 12 & 15);", "const int last = (int)(head[3] >> 13 & 15);"),
         ("level.first += (uint)(level.width * level.height);", "level.first += (uint)level.width;"),
-        ("width.all = t *", "width.all ="),
+        ("const varying width = t *", "const varying width ="),
     ] {
         for strategy in ["deferred", "tile"] {
             place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);

@@ -107,36 +107,40 @@ Uniform3 mixed_colour(const __global uint *words, Texels at) {
                     at.ka * a.z + at.kb * b.z + at.kd * d.z + at.ke * e.z);
 }
 
-// The cone of a pixel where it meets a surface: its unit direction, and its width.
-typedef struct {
-    Uniform3 way;
-    float width;
-} Footprint;
-
 #if MIPS
-// Returns a mip level: each is half as large as the one before it, rounded down, and follows it.
-Level mip_level(const __global uint *head, int number) {
-    Level level = whole_texture(head);
-    for (; number > 0; number--) {
-        level.first += (uint)(level.width * level.height);
-        level.width = max(level.width / 2, 1), level.height = max(level.height / 2, 1);
-    }
+// Returns the next mip level: it is half as large, rounded down, and follows this one.
+Level next_level(Level level) {
+    level.first += (uint)(level.width * level.height);
+    level.width = max(level.width / 2, 1), level.height = max(level.height / 2, 1);
     return level;
 }
 
-// Returns the level whose texels are as large as a pixel, between two levels; less than 0 where those of level 0 are larger.
-// `texel` is the last float4 of a triangle's row (Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray
-// Tracing", Ray Tracing Gems, 2019).
-float level_for(float4 texel, Footprint footprint) {
+// Returns for each lane the level whose texels are as large as a pixel, between two levels; less than 0 where those of level 0
+// are larger. Rays from the eye meet the triangles at distance t (Akenine-Moeller et al., "Texture Level of Detail Strategies
+// for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
+varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, varying t) {
+    IntLanes id;
+    Lanes x, y, z;
+    id.all = triangle;
+    x.all = y.all = z.all = (varying)(1.0f);
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (id.each[lane] == NO_HIT) continue;
+        const float4 texel = textures->rows[MAPPED_QUADS * (size_t)id.each[lane] + 2];
+        x.each[lane] = texel.x, y.each[lane] = texel.y, z.each[lane] = texel.z;
+    }
+    const float4 cone = textures->cone;
+    const varying width = t * (way.x * cone.x + way.y * cone.y + way.z * cone.z);
     // On a surface that is seen at an angle, the cone is longer than it is wide: by 1 / cosine.
-    const float across = fabs(uniform_dot(uniform3(texel.x, texel.y, texel.z), footprint.way));
-    return log2(footprint.width / across);
+    const varying across = fabs(dot3(vec3(x.all, y.all, z.all), way));
+    return log2(width / across);
 }
+#else
+#define levels_for(textures, triangle, way, t) (varying)(0.0f)
 #endif
 
-// Returns the texture's colour at a point of a triangle with these weights, from the level whose texels are as large as the
-// pixel there: a mean of the two nearest levels. White without a texture.
-Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, Footprint footprint) {
+// Returns the texture's colour at a point of a triangle with these weights, as a mean of the two levels nearest to this one.
+// White without a texture.
+Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const __global uint *words = textures->words;
     const float4 ab = row[0], c = row[1];
@@ -145,16 +149,16 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
     const __global uint *head = texture_head(textures, number);
 #if MIPS
     const int last = (int)(head[3] >> 12 & 15);
-    const float level = clamp(level_for(row[2], footprint), 0.0f, (float)last);
+    const float between = clamp(wanted, 0.0f, (float)last);
     // For any level, no texel outside the texture is read.
-    const int finer = clamp((int)level, 0, last);
-    const float part = level - (float)finer;
-    const Uniform3 colour = mixed_colour(words, texels_at(mip_level(head, finer), head[3], ab, c, w1, w2));
+    const int finer = clamp((int)between, 0, last);
+    Level level = whole_texture(head);
+    for (int i = 0; i < finer; i++) level = next_level(level);
+    const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
+    const float part = between - (float)finer, rest = 1.0f - part;
     // Most pixels near the eye are in level 0 alone.
-    if (!(part > 0.0f)) return colour;
-    const Level coarser = mip_level(head, min(finer + 1, last));
-    const Uniform3 other = mixed_colour(words, texels_at(coarser, head[3], ab, c, w1, w2));
-    const float rest = 1.0f - part;
+    if (finer == last || !(part > 0.0f)) return colour;
+    const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
     return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);
 #else
     return mixed_colour(words, texels_at(whole_texture(head), head[3], ab, c, w1, w2));
@@ -165,19 +169,15 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 // distance t. Lanes whose triangle is NO_HIT keep their colour.
 Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 way, varying t) {
     IntLanes id;
-    Lanes second, third, x, y, z, width, red, green, blue;
+    Lanes second, third, level, red, green, blue;
     id.all = triangle;
     second.all = w1, third.all = w2;
-    x.all = way.x, y.all = way.y, z.all = way.z;
-    const float4 cone = textures->cone;
-    width.all = t * (way.x * cone.x + way.y * cone.y + way.z * cone.z);
+    level.all = levels_for(textures, triangle, way, t);
     red.all = green.all = blue.all = (varying)(1.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;
-        Footprint footprint;
-        footprint.way = uniform3(x.each[lane], y.each[lane], z.each[lane]);
-        footprint.width = width.each[lane];
-        const Uniform3 colour = texture_colour(textures, id.each[lane], second.each[lane], third.each[lane], footprint);
+        const Uniform3 colour =
+            texture_colour(textures, id.each[lane], second.each[lane], third.each[lane], level.each[lane]);
         red.each[lane] = colour.x, green.each[lane] = colour.y, blue.each[lane] = colour.z;
     }
     surface.lambertian = multiply(surface.lambertian, vec3(red.all, green.all, blue.all));
