@@ -35,6 +35,7 @@ mod launches;
 mod layers;
 mod meshes;
 mod microscope;
+mod mips;
 mod motion;
 mod mutants;
 mod near;

@@ -26,13 +26,12 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
 /// No row changes them. The probe is there to find wrong answers; the anchor is never replaced by a folder of kernels, and is broken
 /// by a test beside it (src/anchor.rs).
-/// Textures, cut-outs, soft lights, skies that are pictures and several samples are in scenes or pictures that have them alone;
-/// tests/textures.rs, tests/cutouts.rs, tests/soft.rs, tests/environment.rs and tests/samples.rs break them. What is shown is no radiance, and is
+/// Cut-outs, soft lights, skies that are pictures and several samples are in scenes or pictures that have them alone;
+/// tests/cutouts.rs, tests/soft.rs, tests/environment.rs and tests/samples.rs break them. What is shown is no radiance, and is
 /// broken by a test beside it (src/launch/show.rs).
-const UNTOUCHED: [&str; 14] = [
+const UNTOUCHED: [&str; 13] = [
     "probe/lanes.cl",
     "anchor/spheres.cl",
-    "common/textures.cl",
     "common/cutouts.cl",
     "common/environment.cl",
     "common/show_sky.cl",
@@ -151,9 +150,9 @@ fn with_values(base: &str, with: &str) -> Strategy {
     strategy
 }
 
-/// The files that a strategy's program is made of.
+/// The files that a strategy's program is made of for a scene with textures.
 fn files(strategy: &Strategy) -> Vec<String> {
-    let workload = Workload { local_size: [32, 1], ..Workload::CUBE };
+    let workload = Workload { local_size: [32, 1], texture_words: 1, mip_levels: true, ..Workload::CUBE };
     let builtins = *BUILTINS.get_or_init(|| common::device().info.builtins());
     ProgramSpec::new(&Sources::Embedded, strategy, &workload, builtins).expect("a program").files
 }

@@ -36,7 +36,7 @@
 #if TEXTURES
 #include "common/textures.cl"
 #else
-#define TEXTURED(surface, textures, triangle, w1, w2) surface
+#define TEXTURED(surface, textures, triangle, w1, w2, way, t) surface
 #endif
 #if SOFT
 #include "common/soft.cl"
@@ -101,7 +101,8 @@
 #if TEXTURES
 #define BIND_TEXTURES(scene)            \
     scene.textures.rows = texture_rows; \
-    scene.textures.words = texture_words;
+    scene.textures.words = texture_words; \
+    scene.textures.cone = cone;
 #else
 #define BIND_TEXTURES(scene)
 #endif

@@ -7,27 +7,35 @@
 
 // The word of a head that has the wrap modes also has, from bit 16 on, the least alpha of a point of the surface:
 //
-//     31 ........ 16 | 15 .. 8 | 7 ... 0
-//     least alpha    | wrap v  | wrap u
+//     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
+//     least alpha    | last level | wrap v | wrap u
 //
 // It counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 stands for an alpha of 1.
+//
+// Masks have no mip levels: a mean of alpha would be above or below the least one for whole regions, so that distant leaves
+// would grow or vanish.
 
 // Returns whether a point of a triangle, with these weights, is on its surface and not in a hole.
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {
-    const float4 c = textures->rows[2 * (size_t)triangle + 1];
+    const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
+    const float4 c = row[1];
     const int mask = as_int(c.w); // 0 for none, else one more than its number
     if (!mask) return 1;
     const __global uint *head = texture_head(textures, mask - 1), *words = textures->words;
-    const Texels at = texels_at(head, textures->rows[2 * (size_t)triangle], c, w1, w2);
+    const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
     // Less one step, so that rounding makes no holes where the alpha is the least one everywhere.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 
+int has_mask(const Textures *textures, int triangle) {
+    return as_int(textures->rows[MAPPED_QUADS * (size_t)triangle + 1].w) != 0;
+}
+
 // Returns those lanes of `hits` that hit the surface of a triangle, at these weights.
 Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2, Mask hits) {
-    if (!ANY(hits) || !as_int(textures->rows[2 * (size_t)triangle + 1].w)) return hits;
+    if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     IntLanes solid;
     Lanes second, third;
     solid.all = hits;
@@ -39,7 +47,7 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
 
 // Does the same for rays whose weights are not known yet.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 way, Mask hits) {
-    if (!ANY(hits) || !as_int(textures->rows[2 * (size_t)triangle + 1].w)) return hits;
+    if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));
     const Hit hit = meet_plane(splat(corners.a), e1, e2, from, way);
     return solid_lanes(textures, triangle, hit.w1, hit.w2, hits);

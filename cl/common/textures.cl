@@ -7,19 +7,28 @@
 #if !defined(WRAP_REPEAT) || !defined(WRAP_CLAMP) || !defined(WRAP_MIRROR)
 #error "WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR: numbers of what a texture is beyond its edges"
 #endif
+#ifndef MIPS
+#error "MIPS: 0 or 1: whether textures have mip levels"
+#endif
 
 // The buffer, in words, as src/launch/textures.rs writes it:
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
-// The floats are the linear light of each 8-bit value (sRGB). A head is a texture's first texel, its width, its height, and how
-// it wraps beyond its edges: u in the lowest 8 bits, v in the next; the rest is common/cutouts.cl's. A texel has red in the
-// lowest 8 bits, then green, blue and alpha.
+// The floats are the linear light of each 8-bit value (sRGB). A head is a texture's first texel, its width, its height, and a
+// word: how it wraps beyond its edges, u in the lowest 8 bits, v in the next 4; then the number of its last mip level in 4
+// bits; the rest is common/cutouts.cl's. A texel has red in the lowest 8 bits, then green, blue and alpha. Mip levels follow
+// the texels of their texture, each half as large as the one before.
 #define CHANNEL_VALUES 256
 
+// Float4s of a triangle's row: u and v of its corners, the texture's number or -1, the mask's; with mip levels, also its unit
+// normal times the side of a texel on it, in the scene's units.
+#define MAPPED_QUADS (2 + MIPS)
+
 typedef struct {
-    const __global float4 *rows; // two per triangle: u and v of its corners, the texture's number or -1, the mask's
+    const __global float4 *rows;
     const __global uint *words;
+    float4 cone; // times the vector from the eye to a point: the width of a pixel's cone there
 } Textures;
 
 // Returns a texture coordinate wrapped to the range from 0 to 1.
@@ -49,24 +58,38 @@ const __global uint *texture_head(const Textures *textures, int number) {
     return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
 }
 
+// A mip level of a texture: its first texel, and its size.
+typedef struct {
+    uint first;
+    int width, height;
+} Level;
+
+// Returns level 0, which is the texture itself.
+Level whole_texture(const __global uint *head) {
+    Level level;
+    level.first = head[0], level.width = (int)head[1], level.height = (int)head[2];
+    return level;
+}
+
 // The four texels around a point of a texture, as indices of words, and the share of each.
 typedef struct {
     uint a, b, d, e;
     float ka, kb, kd, ke;
 } Texels;
 
-// Returns the texels at the point of a triangle with these weights; `ab` and `c` are the triangle's row.
-Texels texels_at(const __global uint *head, float4 ab, float4 c, float w1, float w2) {
-    const int width = (int)head[1], height = (int)head[2];
-    const uint across = head[3] & 255, down = head[3] >> 8 & 255;
+// Returns the texels of a level at the point of a triangle with these weights; `ab` and `c` are the triangle's row, `wrap` is
+// the last word of the texture's head.
+Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2) {
+    const int width = level.width, height = level.height;
+    const uint across = wrap & 255, down = wrap >> 8 & 15;
     // Centres of texels lie at half-integers, like those of pixels.
     const float w0 = 1.0f - w1 - w2;
     const float x = place_in_texture(w0 * ab.x + w1 * ab.z + w2 * c.x, across) * (float)width - 0.5f;
     const float y = place_in_texture(w0 * ab.y + w1 * ab.w + w2 * c.y, down) * (float)height - 0.5f;
     const float left = floor(x), top = floor(y);
     const int x0 = texel_in_texture((int)left, width, across), x1 = texel_in_texture((int)left + 1, width, across);
-    const uint row0 = head[0] + (uint)(texel_in_texture((int)top, height, down) * width);
-    const uint row1 = head[0] + (uint)(texel_in_texture((int)top + 1, height, down) * width);
+    const uint row0 = level.first + (uint)(texel_in_texture((int)top, height, down) * width);
+    const uint row1 = level.first + (uint)(texel_in_texture((int)top + 1, height, down) * width);
     const float to_right = x - left, to_bottom = y - top;
     Texels texels;
     texels.a = row0 + x0, texels.b = row0 + x1, texels.d = row1 + x0, texels.e = row1 + x1;
@@ -75,35 +98,90 @@ Texels texels_at(const __global uint *head, float4 ab, float4 c, float w1, float
     return texels;
 }
 
-// Returns the texture's colour at a point of a triangle with these weights: four texels, mixed in linear light. White
-// without a texture.
-Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2) {
-    const float4 ab = textures->rows[2 * (size_t)triangle], c = textures->rows[2 * (size_t)triangle + 1];
-    const int number = as_int(c.z);
-    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
-    const Texels at = texels_at(texture_head(textures, number), ab, c, w1, w2);
-    const Uniform3 a = texel_colour(textures->words, at.a), b = texel_colour(textures->words, at.b);
-    const Uniform3 d = texel_colour(textures->words, at.d), e = texel_colour(textures->words, at.e);
+// Returns the mean of four texels, mixed in linear light.
+Uniform3 mixed_colour(const __global uint *words, Texels at) {
+    const Uniform3 a = texel_colour(words, at.a), b = texel_colour(words, at.b);
+    const Uniform3 d = texel_colour(words, at.d), e = texel_colour(words, at.e);
     return uniform3(at.ka * a.x + at.kb * b.x + at.kd * d.x + at.ke * e.x,
                     at.ka * a.y + at.kb * b.y + at.kd * d.y + at.ke * e.y,
                     at.ka * a.z + at.kb * b.z + at.kd * d.z + at.ke * e.z);
 }
 
-// Returns a surface whose colour is multiplied by the texture of each lane's triangle. Lanes whose triangle is NO_HIT
-// keep their colour.
-Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2) {
+#if MIPS
+// Returns the next mip level: it is half as large, rounded down, and follows this one.
+Level next_level(Level level) {
+    level.first += (uint)(level.width * level.height);
+    level.width = max(level.width / 2, 1), level.height = max(level.height / 2, 1);
+    return level;
+}
+
+// Returns for each lane the level whose texels are as large as a pixel, between two levels; less than 0 where those of level 0
+// are larger. Rays from the eye meet the triangles at distance t (Akenine-Moeller et al., "Texture Level of Detail Strategies
+// for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
+varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, varying t) {
     IntLanes id;
-    Lanes second, third, red, green, blue;
+    Lanes x, y, z;
+    id.all = triangle;
+    x.all = y.all = z.all = (varying)(1.0f);
+    for (int lane = 0; lane < WIDTH; lane++) {
+        if (id.each[lane] == NO_HIT) continue;
+        const float4 texel = textures->rows[MAPPED_QUADS * (size_t)id.each[lane] + 2];
+        x.each[lane] = texel.x, y.each[lane] = texel.y, z.each[lane] = texel.z;
+    }
+    const float4 cone = textures->cone;
+    const varying width = t * (way.x * cone.x + way.y * cone.y + way.z * cone.z);
+    // On a surface that is seen at an angle, the cone is longer than it is wide: by 1 / cosine.
+    const varying across = fabs(dot3(vec3(x.all, y.all, z.all), way));
+    return log2(width / across);
+}
+#else
+#define levels_for(textures, triangle, way, t) (varying)(0.0f)
+#endif
+
+// Returns the texture's colour at a point of a triangle with these weights, as a mean of the two levels nearest to this one.
+// White without a texture.
+Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
+    const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
+    const __global uint *words = textures->words;
+    const float4 ab = row[0], c = row[1];
+    const int number = as_int(c.z);
+    if (number < 0) return uniform3(1.0f, 1.0f, 1.0f);
+    const __global uint *head = texture_head(textures, number);
+#if MIPS
+    const int last = (int)(head[3] >> 12 & 15);
+    const float between = clamp(wanted, 0.0f, (float)last);
+    // For any level, no texel outside the texture is read.
+    const int finer = clamp((int)between, 0, last);
+    Level level = whole_texture(head);
+    for (int i = 0; i < finer; i++) level = next_level(level);
+    const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
+    const float part = between - (float)finer, rest = 1.0f - part;
+    // Most pixels near the eye are in level 0 alone.
+    if (finer == last || !(part > 0.0f)) return colour;
+    const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
+    return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);
+#else
+    return mixed_colour(words, texels_at(whole_texture(head), head[3], ab, c, w1, w2));
+#endif
+}
+
+// Returns a surface whose colour is multiplied by the texture of each lane's triangle, which a ray from the eye meets at
+// distance t. Lanes whose triangle is NO_HIT keep their colour.
+Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 way, varying t) {
+    IntLanes id;
+    Lanes second, third, level, red, green, blue;
     id.all = triangle;
     second.all = w1, third.all = w2;
+    level.all = levels_for(textures, triangle, way, t);
     red.all = green.all = blue.all = (varying)(1.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;
-        const Uniform3 colour = texture_colour(textures, id.each[lane], second.each[lane], third.each[lane]);
+        const Uniform3 colour =
+            texture_colour(textures, id.each[lane], second.each[lane], third.each[lane], level.each[lane]);
         red.each[lane] = colour.x, green.each[lane] = colour.y, blue.each[lane] = colour.z;
     }
     surface.lambertian = multiply(surface.lambertian, vec3(red.all, green.all, blue.all));
     return surface;
 }
 
-#define TEXTURED(surface, textures, triangle, w1, w2) textured(surface, textures, triangle, w1, w2)
+#define TEXTURED(surface, textures, triangle, w1, w2, way, t) textured(surface, textures, triangle, w1, w2, way, t)

@@ -24,7 +24,7 @@
 #if TEXTURES
 #include "common/textures.cl"
 #else
-#define TEXTURED(surface, textures, triangle, w1, w2) surface
+#define TEXTURED(surface, textures, triangle, w1, w2, way, t) surface
 #endif
 #if SOFT
 #include "common/soft.cl"

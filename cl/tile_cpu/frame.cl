@@ -28,7 +28,8 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #if TEXTURES
 #define BIND_TEXTURES(lighting)            \
     lighting.textures.rows = texture_rows; \
-    lighting.textures.words = texture_words;
+    lighting.textures.words = texture_words; \
+    lighting.textures.cone = cone;
 #else
 #define BIND_TEXTURES(lighting)
 #endif

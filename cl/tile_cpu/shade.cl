@@ -89,7 +89,7 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, var
     shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
     shaded->to_eye = negate(ray.direction);
     shaded->surface = TEXTURED(gather_materials(lighting, corner[7], hits), &lighting->textures,
-                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2);
+                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, ray.direction, hit.t);
 }
 
 // Converts a vector of hits to rays from a light to them, their interval of directions, and the radiance that arrives

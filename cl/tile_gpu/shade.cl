@@ -101,8 +101,8 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 
 // The additional parameters of shading with textures, including the comma.
 #if TEXTURES
-#define TEXTURE_PARAMETERS const __global float4 *texture_rows, const __global uint *texture_words,
-#define TEXTURE_ARGUMENTS texture_rows, texture_words,
+#define TEXTURE_PARAMETERS const __global float4 *texture_rows, const __global uint *texture_words, float4 cone,
+#define TEXTURE_ARGUMENTS texture_rows, texture_words, cone,
 #else
 #define TEXTURE_PARAMETERS
 #define TEXTURE_ARGUMENTS
@@ -124,7 +124,8 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     Textures textures;
     textures.rows = texture_rows;
     textures.words = texture_words;
-    surface = TEXTURED(surface, &textures, meeting.triangle, meeting.w1, meeting.w2);
+    textures.cone = cone;
+    surface = TEXTURED(surface, &textures, meeting.triangle, meeting.w1, meeting.w2, from_eye.direction, meeting.t);
 #endif
     Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
 #if ENVIRONMENT

@@ -30,6 +30,7 @@ typedef struct {
 #if TEXTURES
     int triangle;
     float w1, w2; // the weights of its second and third corner
+    float t;
 #endif
 #if SOFT
     Pixel pixel;
@@ -55,6 +56,7 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     meeting.triangle = as_int(a.w);
     meeting.w1 = hit.w1;
     meeting.w2 = hit.w2;
+    meeting.t = hit.t;
 #endif
     return meeting;
 }

@@ -153,7 +153,7 @@ impl Caster {
     /// Casts one frame with one sample of every pixel that wants more than there are, and adds it to the mean
     /// in the image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
-        self.look_from(&Camera { shift: sample.offset, ..*camera })?;
+        self.look_from(&camera.of_sample(sample))?;
         let arguments = sample_argument(Arguments::default(), sample);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
         self.cast()

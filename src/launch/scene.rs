@@ -72,7 +72,7 @@ impl DeviceScene {
         };
         let lights = upload(queue, &light_floats(&scene.lights))?;
         let soft = upload(queue, &soft_floats(scene))?;
-        let textures = DeviceTextures::upload(queue, &mesh.textures)?;
+        let textures = DeviceTextures::upload(queue, mesh)?;
         queue.commands.finish()?;
         Ok(Self {
             geometry,
@@ -154,6 +154,7 @@ impl Workload {
             materials: scene.mesh.materials.len(),
             lights: scene.lights.len(),
             texture_words: word_count(&scene.mesh.textures),
+            mip_levels: scene.mesh.textures.have_levels(),
             cut_outs: scene.mesh.textures.have_holes(),
             soft_lights: false,
             sky: scene.sky.is_some(),

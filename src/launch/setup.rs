@@ -132,4 +132,5 @@ pub(super) fn camera_arguments<'a>(
         .with("corner", float4(frame.corner, 0.0))
         .with("step_x", float4(frame.step_x, 0.0))
         .with("step_y", float4(frame.step_y, 0.0))
+        .with("cone", float4(frame.cone, 0.0))
 }

@@ -5,7 +5,7 @@ use super::Queue;
 use super::arguments::{Arguments, MASK_ROWS, TEXTURE_ROWS};
 use super::buffers::{upload, upload_rows};
 use crate::manifest::TEXTURE_HEAD_WORDS;
-use crate::scene::{Mapped, Texture, Textures, linear_values};
+use crate::scene::{Mapped, Mesh, Texture, Textures, linear_values, texel_on};
 use ocl::Buffer;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -22,13 +22,16 @@ pub(super) struct DeviceTextures {
 
 impl DeviceTextures {
     /// Uploads the textures; `None` if there are none.
-    pub fn upload(queue: &Queue, textures: &Textures) -> ocl::Result<Option<Self>> {
+    pub fn upload(queue: &Queue, mesh: &Mesh) -> ocl::Result<Option<Self>> {
+        let textures = &mesh.textures;
         if textures.list.is_empty() {
             return Ok(None);
         }
-        let rows = upload_rows(queue, [textures.mapped.len(), Mapped::FLOATS], |places, rows| {
-            let rows = rows.par_chunks_exact_mut(Mapped::FLOATS).zip(&textures.mapped[places]);
-            rows.for_each(|(row, mapped)| row.copy_from_slice(&mapped.to_words().map(f32::from_bits)));
+        let floats = Mapped::floats(textures.have_levels());
+        let rows = upload_rows(queue, [textures.mapped.len(), floats], |places, rows| {
+            rows.par_chunks_exact_mut(floats)
+                .zip(places)
+                .for_each(|(row, place)| write_row(row, mesh, place));
         })?;
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
     }
@@ -41,6 +44,17 @@ impl DeviceTextures {
             return arguments;
         }
         arguments.with(MASK_ROWS, &self.rows).with("mask_words", &self.words)
+    }
+}
+
+/// Writes a triangle's row; with mip levels, it is longer.
+fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
+    let words = mesh.textures.mapped[triangle].to_words();
+    let (place, texel) = row.split_at_mut(words.len());
+    place.copy_from_slice(&words.map(f32::from_bits));
+    if !texel.is_empty() {
+        let [x, y, z] = texel_on(mesh, triangle);
+        texel.copy_from_slice(&[x, y, z, 0.0]);
     }
 }
 
@@ -79,7 +93,8 @@ fn words(textures: &Textures) -> Vec<u32> {
         }
         starts.push(start);
         let ([width, height], [across, down]) = (texture.size, texture.wrap.map(|wrap| wrap as u32));
-        words.extend([start, width, height, across | down << 8 | u32::from(texture.least_alpha) << 16]);
+        let (last, least_alpha) = (texture.last_level(), u32::from(texture.least_alpha));
+        words.extend([start, width, height, across | down << 8 | last << 12 | least_alpha << 16]);
     }
     texels.into_iter().for_each(|texels| words.extend_from_slice(texels));
     words
@@ -88,7 +103,8 @@ fn words(textures: &Textures) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Wrap;
+    use crate::scene::{Triangle, Wrap};
+    use glam::Vec3;
 
     #[test]
     fn heads_say_where_texels_are() {
@@ -109,6 +125,34 @@ mod tests {
         assert_eq!((words[264], words[269], words[270]), (7, 7, 9));
         assert_eq!((f32::from_bits(words[0]), f32::from_bits(words[255])), (0.0, 1.0));
         assert_eq!(word_count(&Textures::default()), 0);
+    }
+
+    #[test]
+    fn mip_levels_are_counted_in_the_head_and_lengthen_rows() {
+        let texture = Texture {
+            size: [2, 1],
+            wrap: [Wrap::Clamp, Wrap::Mirror],
+            least_alpha: 0x8000,
+            texels: vec![7, 8, 9].into(),
+        };
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let mapped = vec![Mapped { corners, texture: Some(0), mask: Some(0) }];
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 2.0],
+            triangles: vec![Triangle { positions: [0, 1, 2], normals: [0; 3], material: 0 }],
+            textures: Textures { list: vec![texture], mapped },
+            ..Mesh::default()
+        };
+        assert_eq!(words(&mesh.textures)[256..], [260, 2, 1, 0x8000_1201, 7, 8, 9]);
+        let mut row = vec![f32::NAN; Mapped::floats(true)];
+        write_row(&mut row, &mesh, 0);
+        // 4 x 2 units of length on 2 x 1 texels.
+        assert_eq!(row[..6], [0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        assert_eq!((row[6].to_bits(), row[7].to_bits()), (0, 1));
+        assert_eq!(row[8..11], [0.0, 0.0, 2.0]);
+        let mut short = vec![f32::NAN; Mapped::floats(false)];
+        write_row(&mut short, &mesh, 0);
+        assert_eq!(short[..6], row[..6]);
     }
 
     #[test]

@@ -341,6 +341,7 @@ const TEXTURE_DEFINES: Defines = &[
     (Textured, "WRAP_REPEAT"),
     (Textured, "WRAP_CLAMP"),
     (Textured, "WRAP_MIRROR"),
+    (Textured, "MIPS"),
     (CutOut, "LEAST_ALPHA_UNIT"),
 ];
 const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];

@@ -50,10 +50,13 @@ pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leav
 /// The data that tiles need for shading.
 pub const SURFACES: &[Parameter] =
     &[p(Always, QUADS, "surfaces"), p(Always, FLOATS, "materials"), p(Always, "const int", "material_count")];
-/// The triangles' texture coordinates, and all textures.
-pub const TEXTURES: &[Parameter] =
-    &[p(Textured, QUADS, "texture_rows"), p(Textured, "const __global uint *restrict", "texture_words")];
-/// The same for kernels of tiles that cast rays through the holes of cut-outs.
+/// The triangles' texture coordinates, all textures, and a pixel's cone.
+pub const TEXTURES: &[Parameter] = &[
+    p(Textured, QUADS, "texture_rows"),
+    p(Textured, "const __global uint *restrict", "texture_words"),
+    p(Textured, "const float4", "cone"),
+];
+/// The first two for kernels of tiles that cast rays through the holes of cut-outs.
 pub const MASKS: &[Parameter] =
     &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.

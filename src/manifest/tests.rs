@@ -35,7 +35,7 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 }
 
 /// A scene with textures.
-const TEXTURED: Workload = Workload { texture_words: 1, ..Workload::CUBE };
+const TEXTURED: Workload = Workload { texture_words: 1, mip_levels: true, ..Workload::CUBE };
 /// A scene with soft lights and a sky, and several samples of each pixel.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
 /// A scene with cut-outs.

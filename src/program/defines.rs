@@ -59,6 +59,7 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "STACK_SIZE" => workload.stack_size as u64,
         "TEXTURES" => u64::from(workload.is_textured() && strategy.family().takes(Fact::Textured)),
         "CUTOUTS" => u64::from(workload.cut_outs && strategy.family().takes(Fact::Textured)),
+        "MIPS" => u64::from(workload.mip_levels),
         "ENVIRONMENT" => u64::from(workload.sky_texels > 0 && strategy.family().takes(Fact::Soft)),
         "SOFT" => u64::from(workload.is_soft() && strategy.family().takes(Fact::Soft)),
         "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),

@@ -96,7 +96,7 @@ impl<'a, R: Real> Caster<'a, R> {
         reaches: Reaches<'_, R>,
     ) -> R::Vector {
         match hit {
-            Some(hit) => shade(self.scene, seen, ray, hit, reaches),
+            Some(hit) => shade(self.scene, seen, (ray, self.frame.cone_width(ray, hit.t)), hit, reaches),
             None => self.background(ray.direction),
         }
     }

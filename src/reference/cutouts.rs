@@ -37,7 +37,7 @@ impl<'a, R: Real> Solid<'a, R> {
     fn has(&self, textures: &Textures, hit: &Hit<R>) -> bool {
         let Some(row) = textures.mapped.get(hit.triangle as usize) else { return true };
         let Some(mask) = row.mask.map(|number| &textures.list[number as usize]) else { return true };
-        let texels = Texels::at(mask, row, hit.weights);
+        let texels = Texels::at(mask, 0, row, hit.weights);
         let alpha = texels.mix(|texel| R::from((texel >> 24) as f32));
         alpha >= R::of(mask.least_step() - self.lean * ROUNDING * steepness(mask, row))
     }

@@ -107,7 +107,7 @@ pub fn reference_of(
     let mut scene = scene.clone();
     let mut all = vec![PixelSample::default(); pixels.len()];
     for sample in of_pixel {
-        scene.camera.shift = sample.offset;
+        scene.camera = scene.camera.of_sample(sample);
         let wanted = |(_, pixel): &(_, &usize)| count(**pixel) > sample.earlier;
         let (places, some): (Vec<usize>, Vec<usize>) = pixels.iter().enumerate().filter(wanted).unzip();
         let found = samples(&scene, &tree, *sample, size, &some);

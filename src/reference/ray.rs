@@ -24,6 +24,7 @@ pub struct Frame<R: Real> {
     step_x: R::Vector,
     step_y: R::Vector,
     z_near: R,
+    cone: R::Vector,
 }
 
 impl<R: Real> Frame<R> {
@@ -35,7 +36,13 @@ impl<R: Real> Frame<R> {
             step_x: Vector::round(frame.step_x),
             step_y: Vector::round(frame.step_y),
             z_near: R::of(frame.z_near),
+            cone: Vector::round(frame.cone),
         }
+    }
+
+    /// Returns the width of a pixel's cone at distance `t` along a ray from the eye.
+    pub fn cone_width(&self, ray: &Ray<R>, t: R) -> R {
+        self.cone.dot(ray.direction) * t
     }
 
     /// Returns the ray through pixel coordinates (x, y); a pixel's centre is at half-integers.

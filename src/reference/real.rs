@@ -40,6 +40,8 @@ pub trait Real:
     fn to_i32(self) -> i32;
     /// Returns this to the power of `exponent`.
     fn powf(self, exponent: Self) -> Self;
+    /// The logarithm to base 2.
+    fn log2(self) -> Self;
 }
 
 /// A point, a direction or a colour. `*` with another vector multiplies by component.
@@ -102,6 +104,9 @@ macro_rules! real {
             }
             fn powf(self, exponent: Self) -> Self {
                 $real::powf(self, exponent)
+            }
+            fn log2(self) -> Self {
+                $real::log2(self)
             }
         }
         impl Vector<$real> for $vector {

@@ -50,19 +50,19 @@ pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vec
 /// A test of whether a light is visible.
 pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 
-/// Returns the radiance that leaves a hit towards the ray's origin. `reaches` tests whether a light in front
-/// of the surface is visible.
+/// Returns the radiance that leaves a hit towards the ray's origin; `width` is that of the pixel's cone there.
+/// `reaches` tests whether a light in front of the surface is visible.
 pub fn shade<R: Real>(
     scene: &Scene,
     seen: &Seen<'_>,
-    ray: &Ray<R>,
+    (ray, width): (&Ray<R>, R),
     hit: &Hit<R>,
     reaches: Reaches<'_, R>,
 ) -> R::Vector {
     let triangle = &scene.mesh.triangles[hit.triangle as usize];
     let material = scene.mesh.material(triangle);
     let own = R::Vector::of(material.lambertian);
-    let colour = texture_colour::<R>(&scene.mesh, hit.triangle, hit.weights);
+    let colour = texture_colour::<R>(&scene.mesh, hit, ray.direction, width);
     let lambertian = colour.map_or(own, |colour| own * colour);
     let [point, normal] = surface_at(scene, ray, hit);
     let w_o = -ray.direction;

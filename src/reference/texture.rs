@@ -1,5 +1,6 @@
 //! Colours of triangles from textures; the counterpart for devices is `cl/common/textures.cl`.
 
+use super::intersect::Hit;
 use super::real::{Real, Vector};
 use crate::scene::{Mapped, Mesh, Texture, Wrap, linear_values};
 use glam::Vec3;
@@ -8,12 +9,46 @@ use std::sync::LazyLock;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 
-/// Returns the texture's colour at a point of a triangle with these weights: four texels, mixed in linear
-/// light. `None` without a texture.
-pub fn texture_colour<R: Real>(mesh: &Mesh, triangle: u32, weights: [R; 3]) -> Option<R::Vector> {
-    let row = mesh.textures.mapped.get(triangle as usize)?;
+/// Returns the texture's colour where a pixel's cone of this direction and width meets a triangle, in linear light: from
+/// the mip level whose texels are as large as the pixel, a mean of the two nearest levels. `None` without a texture.
+pub fn texture_colour<R: Real>(
+    mesh: &Mesh,
+    hit: &Hit<R>,
+    direction: R::Vector,
+    width: R,
+) -> Option<R::Vector> {
+    let row = mesh.textures.mapped.get(hit.triangle as usize)?;
     let texture = &mesh.textures.list[row.texture? as usize];
-    Some(Texels::at(texture, row, weights).mix(linear_colour::<R>))
+    let colour = |level| Texels::at(texture, level, row, hit.weights).mix(linear_colour::<R>);
+    let last = texture.last_level();
+    if last == 0 {
+        return Some(colour(0));
+    }
+    let corners = mesh.corners(&mesh.triangles[hit.triangle as usize]).map(R::Vector::of);
+    let level = (width / texel_side(texture, row, corners, direction)).log2();
+    let level = least(level.max(R::ZERO), R::of(last.into()));
+    let (finer, part) = (level.floor().to_i32() as u32, level - level.floor());
+    let coarser = (finer + 1).min(last);
+    Some(colour(finer) * (R::ONE - part) + colour(coarser) * part)
+}
+
+/// Returns the side of a texel of level 0 on a triangle, as short as the surface's angle makes it look from this
+/// direction.
+fn texel_side<R: Real>(
+    texture: &Texture,
+    row: &Mapped,
+    [a, b, c]: [R::Vector; 3],
+    direction: R::Vector,
+) -> R {
+    let normal = (b - a).cross(c - a);
+    let area = normal.dot(normal).sqrt();
+    let [p, q, r] = row
+        .corners
+        .map(|corner| [0, 1].map(|axis: usize| R::from(corner[axis]) * R::of(texture.size[axis].into())));
+    let texels = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+    let texels = texels.max(R::ZERO - texels);
+    let cosine = direction.dot(normal.normalize_or_zero());
+    cosine.max(R::ZERO - cosine) * (area / texels).sqrt()
 }
 
 /// The four texels around a point of a texture: two in the row above it, two in the row below.
@@ -24,17 +59,18 @@ pub struct Texels<R> {
 }
 
 impl<R: Real> Texels<R> {
-    /// Returns the texels at the point of a triangle with these weights.
-    pub fn at(texture: &Texture, row: &Mapped, weights: [R; 3]) -> Self {
+    /// Returns the texels of a mip level at the point of a triangle with these weights.
+    pub fn at(texture: &Texture, level: u32, row: &Mapped, weights: [R; 3]) -> Self {
+        let size = texture.level_size(level);
         let place = |axis: usize| {
             let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
             let place = weights[0] * a + weights[1] * b + weights[2] * c;
             // Centres of texels lie at half-integers, like those of pixels.
-            within(place, texture.wrap[axis]) * R::of(texture.size[axis].into()) - R::from(0.5)
+            within(place, texture.wrap[axis]) * R::of(size[axis].into()) - R::from(0.5)
         };
         let (x, y) = (place(0), place(1));
         let (left, top) = (x.floor(), y.floor());
-        let at = |column: i32, row: i32| texel(texture, left.to_i32() + column, top.to_i32() + row);
+        let at = |column: i32, row: i32| texel(texture, level, [left.to_i32() + column, top.to_i32() + row]);
         Self { texels: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)], shares: [x - left, y - top] }
     }
 
@@ -64,10 +100,10 @@ fn least<R: Real>(a: R, b: R) -> R {
     if a < b { a } else { b }
 }
 
-fn texel(texture: &Texture, column: i32, row: i32) -> u32 {
-    let [width, height] = texture.size;
-    let [x, y] = [(column, 0), (row, 1)].map(|(number, axis)| {
-        let size = texture.size[axis] as i32;
+fn texel(texture: &Texture, level: u32, place: [i32; 2]) -> u32 {
+    let [width, height] = texture.level_size(level);
+    let [x, y] = [(width, 0), (height, 1)].map(|(size, axis)| {
+        let (size, number) = (size as i32, place[axis]);
         let number = match texture.wrap[axis] {
             Wrap::Repeat => number.rem_euclid(size),
             Wrap::Clamp | Wrap::Mirror => number,
@@ -75,7 +111,7 @@ fn texel(texture: &Texture, column: i32, row: i32) -> u32 {
         number.clamp(0, size - 1) as u32
     });
     debug_assert!(x < width && y < height);
-    texture.texels[y as usize * width as usize + x as usize]
+    texture.texels[texture.level_start(level) + y as usize * width as usize + x as usize]
 }
 
 fn linear_colour<R: Real>(texel: u32) -> R::Vector {
@@ -86,7 +122,7 @@ fn linear_colour<R: Real>(texel: u32) -> R::Vector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Mapped, Textures};
+    use crate::scene::{Mapped, Textures, Triangle};
     use glam::DVec3;
 
     /// Returns the colour at `u` of a texture with two texels, black and white.
@@ -95,9 +131,43 @@ mod tests {
             Texture { size: [2, 1], wrap: [wrap; 2], least_alpha: 0, texels: vec![0, 0xff_ffff].into() };
         let mapped = vec![Mapped { corners: [[u, 0.3]; 3], texture: Some(0), mask: None }];
         let mesh = Mesh { textures: Textures { list: vec![texture], mapped }, ..Mesh::default() };
-        let colour = texture_colour::<f64>(&mesh, 0, [0.25, 0.25, 0.5]).unwrap_or(DVec3::NAN);
+        let hit = Hit { t: 1.0, weights: [0.25, 0.25, 0.5], triangle: 0 };
+        let colour = texture_colour::<f64>(&mesh, &hit, DVec3::Z, 0.0).unwrap_or(DVec3::NAN);
         assert!(colour.x == colour.y && colour.y == colour.z);
         colour.x
+    }
+
+    #[test]
+    fn a_cone_of_texels_is_seen_from_between_two_levels() {
+        // Levels of 4, 2 and 1 texels across, each of one colour.
+        let texels: Vec<u32> = [[0xff_u32; 16].as_slice(), &[0xff00; 4], &[0xff_0000]].concat();
+        let texture =
+            Texture { size: [4, 4], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels: texels.into() };
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X * 8.0, Vec3::Y * 8.0],
+            triangles: vec![Triangle { positions: [0, 1, 2], normals: [0; 3], material: 0 }],
+            textures: Textures {
+                list: vec![texture],
+                mapped: vec![Mapped { corners, texture: Some(0), mask: None }],
+            },
+            ..Mesh::default()
+        };
+        let hit = Hit { t: 1.0, weights: [0.25, 0.25, 0.5], triangle: 0 };
+        let at_60_degrees = DVec3::new(0.75_f64.sqrt(), 0.0, -0.5);
+        // A texel has a side of 2.
+        for (width, direction, expected) in [
+            (1.0, DVec3::Z, [1.0, 0.0, 0.0]),
+            (2.0, DVec3::Z, [1.0, 0.0, 0.0]),
+            (2.0 * 2.0_f64.powf(0.25), DVec3::Z, [0.75, 0.25, 0.0]),
+            (4.0, DVec3::NEG_Z, [0.0, 1.0, 0.0]),
+            (2.0, at_60_degrees, [0.0, 1.0, 0.0]),
+            (4.0 * 2.0_f64.sqrt(), DVec3::Z, [0.0, 0.5, 0.5]),
+            (100.0, DVec3::Z, [0.0, 0.0, 1.0]),
+        ] {
+            let colour = texture_colour::<f64>(&mesh, &hit, direction, width).unwrap_or(DVec3::NAN);
+            assert!(colour.abs_diff_eq(expected.into(), 1e-12), "{width} {direction}: {colour}");
+        }
     }
 
     #[test]

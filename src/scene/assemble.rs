@@ -127,7 +127,14 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
     let (mut mesh, mut seen, mut starts) = (Mesh::default(), Seen::default(), Vec::new());
     let crease = wire.crease.map(|crease| crease.0);
     for (number, object) in wire.object.iter().enumerate() {
-        let file = kept.mesh(number, || objects::make(document, object, crease, notes))?;
+        let made = || -> Result<_> {
+            let mut file = objects::make(document, object, crease, notes)?;
+            if wire.mip_levels != Some(false) {
+                file.mesh.textures.add_levels();
+            }
+            Ok(file)
+        };
+        let file = kept.mesh(number, made)?;
         let file = objects::placed(document, object.get_ref(), file);
         let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {

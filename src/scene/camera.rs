@@ -1,5 +1,6 @@
 //! Cameras, and the ray of each pixel.
 
+use super::Sample;
 use glam::{DVec3, Vec3};
 
 /// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis;
@@ -23,6 +24,8 @@ pub struct Camera {
     /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero except for one
     /// of several samples.
     pub shift: [f32; 2],
+    /// The width of a pixel's cone as a share of the pixel's: less than 1 if the pixel gets several samples.
+    pub cone_share: f32,
 }
 
 /// The rays of an image. The ray through pixel coordinates (x, y) starts at `eye` in the direction `corner +
@@ -40,6 +43,9 @@ pub struct PixelFrame {
     pub step_y: DVec3,
     /// The smallest visible depth.
     pub z_near: f64,
+    /// The width of a pixel's cone at a point is the inner product of this and the vector from the eye to the point: it
+    /// grows with the point's depth.
+    pub cone: DVec3,
 }
 
 impl Camera {
@@ -53,6 +59,7 @@ impl Camera {
         fov_is_vertical: false,
         z_near: 0.1,
         shift: [0.0; 2],
+        cone_share: 1.0,
     };
 
     /// Returns a camera at `position` that looks at `target`, with a field of view of less than 180 degrees
@@ -83,7 +90,14 @@ impl Camera {
             fov_is_vertical,
             z_near: 0.0,
             shift: [0.0; 2],
+            cone_share: 1.0,
         })
+    }
+
+    /// Returns the camera of a sample: shifted by a part of a pixel, with the sample's share of the pixel's cone.
+    #[must_use]
+    pub fn of_sample(&self, sample: &Sample) -> Self {
+        Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }
     }
 
     /// Returns the rays of an image of `width` x `height` pixels.
@@ -101,6 +115,7 @@ impl Camera {
             step_x,
             step_y,
             z_near: f64::from(self.z_near),
+            cone: forward * (step_x.length() * f64::from(self.cone_share)),
         }
     }
 }
@@ -121,6 +136,20 @@ mod tests {
     fn looking_down_negative_z_is_the_papers_camera() {
         let camera = Camera::looking_at(Vec3::ZERO, Vec3::NEG_Z, Vec3::Y, 90.0, false).unwrap();
         assert_eq!(camera, Camera { z_near: 0.0, ..Camera::PAPER });
+    }
+
+    #[test]
+    fn a_cone_is_as_wide_as_a_pixel_at_each_depth_and_narrower_for_one_of_several_samples() {
+        let place = Vec3::new(3.0, -2.0, 5.0);
+        let camera = Camera::looking_at(place, Vec3::ZERO, Vec3::Y, 40.0, false).unwrap();
+        let width = |camera: &Camera| {
+            let frame = camera.pixel_frame(80, 50);
+            frame.cone.dot(frame.direction(80.0, 0.0) * 7.0)
+        };
+        let pixel = 7.0 * 2.0 * 20.0_f64.to_radians().tan() / 80.0;
+        assert!((width(&camera) / pixel - 1.0).abs() < 1e-6);
+        let sample = Sample { count: 4, ..Sample::CENTRE };
+        assert!((width(&camera.of_sample(&sample)) / pixel - 0.5).abs() < 1e-6);
     }
 
     #[test]

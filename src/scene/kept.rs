@@ -39,12 +39,13 @@ impl Kept {
     /// Begins a frame of this document, some of whose objects change if `objects_change`. Meshes that the last
     /// frame did not use are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
-        let (objects, crease) = (document.get("object"), document.get("crease"));
+        let (objects, of_all) =
+            (document.get("object"), ["crease", "mip_levels"].map(|key| document.get(key)));
         let list = objects.and_then(Value::as_array).filter(|_| objects_change);
         self.keeps = true;
-        self.keys = list.into_iter().flatten().map(|object| making(object, crease)).collect();
+        self.keys = list.into_iter().flatten().map(|object| making(object, of_all)).collect();
         self.earlier = std::mem::take(&mut self.meshes);
-        self.objects = format!("{objects:?} {crease:?}");
+        self.objects = format!("{objects:?} {of_all:?}");
     }
 
     /// Returns the joined objects, which `make` makes unless those of the last frame are the same.
@@ -90,14 +91,14 @@ impl Kept {
     }
 }
 
-/// Returns the text of an object without the keys that only place it, with the scene's crease.
-fn making(object: &Value, crease: Option<&Value>) -> String {
+/// Returns the text of an object without the keys that only place it, with the scene's values for all objects.
+fn making(object: &Value, of_all: [Option<&Value>; 2]) -> String {
     let keys = object.as_table().into_iter().flatten();
     let making: Table = keys
         .filter(|(key, _)| !PLACING.contains(&key.as_str()))
         .map(|(key, value)| (key.clone(), value.clone()))
         .collect();
-    format!("{making:?} {crease:?}")
+    format!("{making:?} {of_all:?}")
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
 const HALVINGS: u32 = 54;
 /// With adaptive sampling, every pixel gets one in this many of the samples.
 const FIRST_OF: u32 = 8;
+/// The least share of a pixel's width that the cone of one of several samples has, as in pbrt.
+const LEAST_CONE: f32 = 0.125;
 /// Arbitrary seeds of Owen's scrambling.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
@@ -105,6 +107,13 @@ impl SampleCounts {
 impl Sample {
     /// The single sample at pixels' centres.
     pub const CENTRE: Self = Self { offset: [0.0; 2], number: 0, count: 1, earlier: 0 };
+
+    /// Returns the width of a sample's cone as a share of the pixel's, in which as many cones lie as samples are cast by
+    /// the end of the sample's round.
+    pub fn cone_share(&self) -> f32 {
+        let cast = self.earlier - self.number + self.count;
+        (cast as f32).sqrt().recip().max(LEAST_CONE)
+    }
 }
 
 /// Returns several samples for every pixel.
@@ -180,6 +189,23 @@ fn below(place: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_pixel_s_area_is_divided_among_the_cones_of_its_samples() {
+        let shares = |sampling: Sampling| {
+            let share = |samples: Vec<Sample>| {
+                let mut shares: Vec<_> = samples.iter().map(Sample::cone_share).collect();
+                shares.dedup();
+                shares
+            };
+            sampling.rounds().map(share)
+        };
+        assert_eq!(shares(Sampling::ONE), [vec![1.0], vec![]]);
+        assert_eq!(shares(Sampling::all(4)), [vec![0.5], vec![]]);
+        assert_eq!(shares(Sampling::all(1024)), [vec![0.125], vec![]]);
+        // The first samples may stay the only ones of a pixel; with the others there are all.
+        assert_eq!(shares(Sampling { first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
+    }
 
     #[test]
     fn one_sample_is_the_centre_and_many_have_the_filters_mean_and_width() {

@@ -27,7 +27,7 @@ pub struct Texture {
     pub wrap: [Wrap; 2],
     /// As a mask: the least alpha, in 65535ths, of a point where the surface is. 0 for a colour.
     pub least_alpha: u16,
-    /// Red in the lowest 8 bits, then green, blue and alpha.
+    /// Red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are any, follow the picture.
     pub texels: Arc<[u32]>,
 }
 
@@ -38,10 +38,27 @@ impl Texture {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }
 
+    /// Returns the size of a mip level; level 0 is the picture itself.
+    pub fn level_size(&self, level: u32) -> [u32; 2] {
+        self.size.map(|side| (side >> level).max(1))
+    }
+
+    /// Returns the index of a level's first texel.
+    pub fn level_start(&self, level: u32) -> usize {
+        let texels = |level| self.level_size(level).iter().map(|side| *side as usize).product::<usize>();
+        (0..level).map(texels).sum()
+    }
+
+    /// Returns the number of the last mip level; 0 without them.
+    pub fn last_level(&self) -> u32 {
+        let has_levels = self.texels.len() > self.level_start(1);
+        if has_levels { self.size[0].max(self.size[1]).ilog2() } else { 0 }
+    }
+
     /// Returns whether a texel is transparent enough for a hole.
     fn has_holes(&self) -> bool {
         let least = self.least_step();
-        self.texels.iter().any(|texel| f64::from(texel >> 24) < least)
+        self.texels[..self.level_start(1)].iter().any(|texel| f64::from(texel >> 24) < least)
     }
 }
 
@@ -57,8 +74,8 @@ pub struct Mapped {
 }
 
 impl Mapped {
-    /// Number of floats on a device.
-    pub const FLOATS: usize = 8;
+    /// Number of floats on a device, without what mip levels need.
+    const FLOATS: usize = 8;
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
 
@@ -76,6 +93,11 @@ impl Mapped {
             corners.iter_mut().for_each(|corner| corner[axis] -= whole);
         }
         Self { corners, texture, mask }
+    }
+
+    /// Returns the number of floats on a device; with mip levels, the triangle's normal and size follow.
+    pub fn floats(mip_levels: bool) -> usize {
+        if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }
 
     /// Returns the words for a device: u and v of the corners, the texture's number or -1, and 0 or one more

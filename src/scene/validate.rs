@@ -185,8 +185,7 @@ fn check_mesh(mesh: &Mesh) -> Result<()> {
 fn check_textures(mesh: &Mesh) -> Result<()> {
     let Textures { list, mapped } = &mesh.textures;
     let whole = |texture: &Texture| {
-        let [width, height] = texture.size.map(u64::from);
-        width > 0 && height > 0 && width * height == texture.texels.len() as u64
+        !texture.size.contains(&0) && texture.level_start(texture.last_level() + 1) == texture.texels.len()
     };
     require(list.iter().all(whole), || "a texture has not as many texels as its size says".to_owned())?;
     require(mapped.is_empty() || mapped.len() == mesh.triangles.len(), || {

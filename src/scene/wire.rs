@@ -38,6 +38,8 @@ pub(super) struct SceneWire {
     pub two_sided: Option<bool>,
     /// Use the colour textures of meshes [default: true].
     pub textures: Option<bool>,
+    /// Distant textures are mixed from smaller versions of their pictures, instead of the full ones [default: true].
+    pub mip_levels: Option<bool>,
     /// Degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle [default:
     /// all are smooth].
     pub crease: Option<Number<Crease>>,

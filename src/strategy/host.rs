@@ -38,7 +38,7 @@ impl HostNeeds {
             kept.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
             kept.add(
                 "places in textures",
-                &[(Mapped::FLOATS as u64 * 4, " B"), (w.triangles as u64, " triangles")],
+                &[(Mapped::floats(false) as u64 * 4, " B"), (w.triangles as u64, " triangles")],
             );
         }
         if w.sky_texels > 0 {
@@ -111,6 +111,7 @@ mod tests {
             materials: 1,
             lights: 1,
             texture_words: 0,
+            mip_levels: false,
             cut_outs: false,
             soft_lights: false,
             sky: false,

@@ -11,7 +11,7 @@ use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
 use crate::accel::WideBvh;
 use crate::device::DeviceLimits;
 use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
-use crate::scene::{Mapped, Material};
+use crate::scene::Material;
 
 /// Bytes of a triangle without shared vertices.
 const SOUP_BYTES: u64 = SOUP_FLOATS as u64 * 4;
@@ -20,8 +20,6 @@ const CORNERS_BYTES: u64 = 9 * 4;
 const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
-/// Bytes of a triangle's texture coordinates.
-const TEXTURE_ROW_BYTES: u64 = Mapped::FLOATS as u64 * 4;
 
 /// Bytes of a ray of a tile: direction, inv_t, place, the reciprocals of the direction, and data for the
 /// watertight test; during shading also the surface it hit, the arriving light and the sum so far.
@@ -227,7 +225,7 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     }
     if w.is_textured() {
         sum.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
-        sum.add("places in textures", &[(TEXTURE_ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+        sum.add("places in textures", &[(w.texture_row_bytes(), " B"), (w.triangles as u64, " triangles")]);
     }
     if w.sky_texels > 0 {
         sum.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);

@@ -2,6 +2,7 @@
 
 use super::{Strategy, Traversal};
 use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
+use crate::scene::Mapped;
 use serde::{Deserialize, Serialize};
 
 /// The sizes on which a strategy's needs depend.
@@ -19,6 +20,8 @@ pub struct Workload {
     pub lights: usize,
     /// Number of words of all textures; 0 without textures.
     pub texture_words: usize,
+    /// True if textures have mip levels.
+    pub mip_levels: bool,
     /// True if textures make holes in triangles.
     pub cut_outs: bool,
     /// True if lights with a radius are sampled.
@@ -47,6 +50,7 @@ impl Workload {
         materials: 1,
         lights: 1,
         texture_words: 0,
+        mip_levels: false,
         cut_outs: false,
         soft_lights: false,
         sky: false,
@@ -60,6 +64,11 @@ impl Workload {
     /// Returns whether triangles have textures.
     pub fn is_textured(&self) -> bool {
         self.texture_words > 0
+    }
+
+    /// Returns the number of bytes of a triangle's place in its texture.
+    pub fn texture_row_bytes(&self) -> u64 {
+        4 * Mapped::floats(self.mip_levels) as u64
     }
 
     /// Returns whether each pixel casts rays to its own points of lights, or its own direction of a sky.

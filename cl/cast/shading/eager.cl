@@ -11,7 +11,8 @@ void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit
     Lanes column[FLOATS_OF_SURFACE];
     for (int lane = 0; lane < WIDTH; lane++) gather_surface(&scene->geometry, triangle, lane, column);
     const Surface surface = TEXTURED(surface_of(column), &scene->textures,
-                                     SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT)), hit->w1, hit->w2);
+                                     SELECT(nearer, (varying_int)(triangle), (varying_int)(NO_HIT)), hit->w1, hit->w2,
+                                     working_get(working, RAY_DIRECTION), hit->t);
     // A nearer hit that is found later overwrites this result; its shadow rays were then cast in vain.
     shade(working, scene, &surface, hit->t, nearer);
 }

@@ -27,6 +27,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         materials: 2,
         lights: 1,
         texture_words: 0,
+        mip_levels: false,
         cut_outs: false,
         soft_lights: false,
         sky: false,

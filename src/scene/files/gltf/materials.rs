@@ -36,6 +36,11 @@ pub(super) fn least_alpha(wire: &Wire) -> f32 {
     }
 }
 
+/// Returns whether the material's surface is masked or blended by its alpha.
+pub(super) fn uses_alpha(wire: &Wire) -> bool {
+    matches!(wire.alpha_mode, Checked::Valid(AlphaMode::Mask | AlphaMode::Blend))
+}
+
 fn cutoff(wire: &Wire) -> f32 {
     wire.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0.max(0.0))
 }

@@ -1,6 +1,7 @@
 //! The nodes of a glTF scene, which place its meshes, cameras and lights.
 
 use super::accessors::Numbers;
+use super::materials::uses_alpha;
 use super::primitives::{Part, Shape};
 use super::textures::ColourMap;
 use super::{MeshFile, Parsed};
@@ -51,6 +52,7 @@ struct LeftOut {
     spots: usize,
     skins: usize,
     targets: usize,
+    clear_colours: usize,
     lines_and_points: usize,
     unmapped: usize,
 }
@@ -111,7 +113,12 @@ impl<'a> Walk<'a> {
                 let map =
                     primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
                 match Part::read(&self.numbers, primitive, map.map(|map| map.set))? {
-                    Shape::Triangles(part) => self.add(part, map, place)?,
+                    Shape::Triangles(part) => {
+                        let material = primitive.material.and_then(|index| self.numbers.root.get(index));
+                        let is_clear = part.is_clear && material.is_some_and(uses_alpha);
+                        self.left_out.clear_colours += usize::from(is_clear);
+                        self.add(part, map, place)?;
+                    }
                     Shape::Other => self.left_out.lines_and_points += 1,
                 }
             }
@@ -249,6 +256,7 @@ impl LeftOut {
             (self.spots, "spot light", "shown as lights in all directions"),
             (self.skins, "skinned mesh", "shown as stored, without its joints"),
             (self.targets, "primitive with morph targets", "shown without them"),
+            (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
         ];
         notes.into_iter().filter(|(count, ..)| *count > 0).map(|(count, what, done)| {

@@ -15,6 +15,8 @@ pub(super) struct Part {
     pub normals: Vec<DVec3>,
     /// Linear colours, one per position, or empty.
     pub colours: Vec<Vec3>,
+    /// True if some of these have an alpha below 1.
+    pub is_clear: bool,
     /// Coordinates in the material's texture, one per position, or empty.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
@@ -45,7 +47,7 @@ impl Part {
         let Some(index) = attribute(Semantic::Positions) else { return Ok(Shape::Other) };
         let positions: Vec<DVec3> = vectors(index)?;
         let normals: Vec<DVec3> = attribute(Semantic::Normals).map(vectors).transpose()?.unwrap_or_default();
-        let colours = attribute(Semantic::Colors(0))
+        let (colours, is_clear) = attribute(Semantic::Colors(0))
             .map(|index| colours(numbers, index))
             .transpose()?
             .unwrap_or_default();
@@ -72,7 +74,7 @@ impl Part {
                 .ok_or_else(|| format!("material {} does not exist", index.value()))
         })?;
         let triangles = triangles(mode, &indices);
-        let part = Self { triangles, positions, normals, colours, coordinates, material };
+        let part = Self { triangles, positions, normals, colours, is_clear, coordinates, material };
         Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
@@ -92,7 +94,7 @@ impl Part {
             }
         }
         let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        Self { positions, normals, colours, coordinates, triangles, material: self.material }
+        Self { positions, normals, colours, coordinates, triangles, ..self }
     }
 }
 
@@ -106,12 +108,16 @@ fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32
     }
 }
 
-/// Reads linear colours, with or without alpha.
-fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<Vec3>> {
+/// Reads linear colours, with or without alpha; also returns whether any alpha is below 1.
+fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, bool)> {
     let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
     Ok(match numbers.components(index) {
-        4 => numbers.of::<4>(index)?.into_iter().map(|[r, g, b, _]| colour(r, g, b)).collect(),
-        _ => numbers.of::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(),
+        4 => {
+            let colours = numbers.of::<4>(index)?;
+            let is_clear = colours.iter().any(|[.., alpha]| *alpha < 1.0);
+            (colours.into_iter().map(|[r, g, b, _]| colour(r, g, b)).collect(), is_clear)
+        }
+        _ => (numbers.of::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(), false),
     })
 }
 

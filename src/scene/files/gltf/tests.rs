@@ -145,6 +145,22 @@ fn colours_of_corners_make_one_of_the_triangle() {
 }
 
 #[test]
+fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
+    let text = triangle()
+        .replace(r#"{"POSITION": 0}, "indices": 1"#, r#"{"POSITION": 0, "COLOR_0": 2}, "indices": 1, "material": 0"#)
+        .replace(
+            r#""type": "SCALAR"}"#,
+            r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5121, "normalized": true, "count": 3, "type": "VEC4"}"#,
+        );
+    for (mode, is_noted) in [("OPAQUE", false), ("MASK", true), ("BLEND", true)] {
+        let material = format!("{{\"materials\": [{{\"alphaMode\": \"{mode}\"}}], ");
+        let notes = read(&text.replacen('{', &material, 1)).unwrap().notes;
+        let note = "1 primitive with alpha in its COLOR_0 is shown without this alpha";
+        assert_eq!(notes.iter().any(|noted| noted == note), is_noted, "{mode}: {notes:?}");
+    }
+}
+
+#[test]
 fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     let required =
         |names: &str| read(&triangle().replacen('{', &format!("{{\"extensionsRequired\": [{names}], "), 1));

@@ -1,0 +1,259 @@
+//! Mip levels of textures: smaller and smaller versions of a picture, for pixels that are larger than its texels
+//! (Williams, "Pyramidal Parametrics", SIGGRAPH 1983).
+
+use super::files::linear;
+use super::texture::linear_values;
+use super::{Mesh, Textures};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock};
+
+/// Weight of a fully transparent texel beside an opaque one, so that a region without opaque texels has a colour
+/// too.
+const TRANSPARENT_WEIGHT: f32 = 1e-4;
+/// Largest side of a texel in the scene's units, which stands for infinity where texture coordinates do not vary.
+const LARGEST_TEXEL: f64 = 1e18;
+
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
+/// The linear light halfway between two values of a channel as displayed.
+static BETWEEN: LazyLock<[f32; 255]> =
+    LazyLock::new(|| std::array::from_fn(|value| linear((value as f32 + 0.5) / 255.0)));
+
+/// Linear light in red, green and blue, multiplied by the texel's weight, and alpha from 0 to 1.
+type Light = [f32; 4];
+
+impl Textures {
+    /// Adds mip levels to all pictures that are colours. Where a picture is a mask too, texels count by their
+    /// alpha.
+    pub(super) fn add_levels(&mut self) {
+        let picture = |number: u32| Arc::as_ptr(&self.list[number as usize].texels);
+        // Whether each picture's texels count by alpha.
+        let mut pictures: HashMap<_, bool> =
+            self.mapped.iter().filter_map(|row| row.texture).map(|number| (picture(number), false)).collect();
+        for mask in self.mapped.iter().filter_map(|row| row.mask) {
+            pictures.entry(picture(mask)).and_modify(|by_alpha| *by_alpha = true);
+        }
+        let mut made: HashMap<*const [u32], Arc<[u32]>> = HashMap::new();
+        for texture in &mut self.list {
+            let key = Arc::as_ptr(&texture.texels);
+            let Some(by_alpha) = pictures.get(&key) else { continue };
+            let levels = || with_levels(texture.size, &texture.texels, *by_alpha);
+            texture.texels = Arc::clone(made.entry(key).or_insert_with(levels));
+        }
+    }
+
+    /// Returns whether pictures have mip levels.
+    pub fn have_levels(&self) -> bool {
+        self.list.iter().any(|texture| texture.last_level() > 0)
+    }
+}
+
+/// Returns a triangle's unit normal, times the side of a texel on it in the scene's units. A cone of this width that
+/// meets the triangle at a right angle covers a texel. Zero if the triangle has no area.
+pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
+    let row = &mesh.textures.mapped[triangle];
+    let Some(number) = row.texture else { return [0.0; 3] };
+    let [a, b, c] = mesh.corners(&mesh.triangles[triangle]).map(|corner| corner.as_dvec3());
+    let normal = (b - a).cross(c - a);
+    let size = mesh.textures.list[number as usize].size.map(f64::from);
+    let [p, q, r] = row.corners.map(|[u, v]| DVec2::new(f64::from(u) * size[0], f64::from(v) * size[1]));
+    let texels = (q - p).perp_dot(r - p).abs();
+    let side = (normal.length() / texels).sqrt().min(LARGEST_TEXEL);
+    (normal.try_normalize().unwrap_or(DVec3::ZERO) * side).as_vec3().to_array()
+}
+
+/// Returns a picture's texels followed by those of its mip levels, down to a single texel.
+fn with_levels(mut size: [u32; 2], texels: &[u32], by_alpha: bool) -> Arc<[u32]> {
+    let mut levels = Vec::new();
+    let mut lights = Vec::new();
+    while size != [1, 1] {
+        // Levels are made of unrounded ones, so that roundings do not add up.
+        lights = match lights.is_empty() {
+            true => halved(size, |place| light_of(texels[place], by_alpha)),
+            false => halved(size, |place: usize| lights[place]),
+        };
+        levels.par_extend(lights.par_iter().map(|light| texel_of(*light, by_alpha)));
+        size = size.map(half);
+    }
+    texels.iter().chain(&levels).copied().collect()
+}
+
+/// Returns the side of the next level.
+fn half(side: u32) -> u32 {
+    (side / 2).max(1)
+}
+
+/// Returns a level half as large, rounded down. Each of its texels is the mean of the area that it covers.
+fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
+    let [width, height] = size.map(half);
+    let columns: Vec<_> = (0..width).map(|column| covered(size[0], column)).collect();
+    let mean = |(down, across): (&Covered, &Covered)| {
+        let mut sum = [0.0; 4];
+        for (row, share_down) in down.texels() {
+            for (column, share_across) in across.texels() {
+                let light = light(row * size[0] as usize + column);
+                (0..4).for_each(|channel| sum[channel] += share_down * share_across * light[channel]);
+            }
+        }
+        sum
+    };
+    let mean = &mean;
+    let rows = (0..height).into_par_iter().map(|row| covered(size[1], row));
+    rows.flat_map_iter(|down| columns.iter().map(move |across| mean((&down, across)))).collect()
+}
+
+/// The texels that one of the next level covers along an axis: the first one, and the share of each.
+struct Covered {
+    first: usize,
+    shares: [f32; 3],
+}
+
+impl Covered {
+    fn texels(&self) -> impl Iterator<Item = (usize, f32)> {
+        (self.first..).zip(self.shares).filter(|(_, share)| *share > 0.0)
+    }
+}
+
+/// Returns the texels that texel `place` of the next level covers. Of an odd number of texels, those between two of
+/// the next level are divided.
+fn covered(side: u32, place: u32) -> Covered {
+    // In units in which all coordinates are whole: a texel is `next` long, one of the next level `side`.
+    let next = half(side);
+    let (start, end) = (place * side, (place + 1) * side);
+    let first = start / next;
+    let share =
+        |texel: u32| end.min((texel + 1) * next).saturating_sub(start.max(texel * next)) as f32 / side as f32;
+    Covered { first: first as usize, shares: [0, 1, 2].map(|more| share(first + more)) }
+}
+
+fn light_of(texel: u32, by_alpha: bool) -> Light {
+    let [red, green, blue, alpha] = texel.to_le_bytes();
+    let alpha = f32::from(alpha) / 255.0;
+    let [red, green, blue] =
+        [red, green, blue].map(|value| LINEAR[usize::from(value)] * weight(alpha, by_alpha));
+    [red, green, blue, alpha]
+}
+
+fn texel_of([red, green, blue, alpha]: Light, by_alpha: bool) -> u32 {
+    let displayed = |light: f32| {
+        let light = light / weight(alpha, by_alpha);
+        BETWEEN.partition_point(|between| *between < light) as u8
+    };
+    u32::from_le_bytes([displayed(red), displayed(green), displayed(blue), (255.0 * alpha).round() as u8])
+}
+
+/// Returns how much a texel with this alpha counts. It is linear in alpha, so that the weight of a mean alpha is the
+/// mean weight.
+fn weight(alpha: f32, by_alpha: bool) -> f32 {
+    if by_alpha { alpha + TRANSPARENT_WEIGHT } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Mapped, Texture, Triangle, Wrap};
+    use glam::Vec3;
+
+    fn random_texels(count: u32) -> Vec<u32> {
+        (0..count).map(|place| place.wrapping_mul(2_654_435_761) ^ 0x5bd1_e995).collect()
+    }
+
+    fn texture(size: [u32; 2], texels: &Arc<[u32]>, least_alpha: u16) -> Texture {
+        Texture { size, wrap: [Wrap::Repeat; 2], least_alpha, texels: Arc::clone(texels) }
+    }
+
+    fn mean(lights: &[Light]) -> Light {
+        let sum = |channel: usize| lights.iter().map(|light| f64::from(light[channel])).sum::<f64>();
+        [0, 1, 2, 3].map(|channel| (sum(channel) / lights.len() as f64) as f32)
+    }
+
+    fn are_close(a: Light, b: Light, most: f32) -> bool {
+        a.into_iter().zip(b).all(|(a, b)| (a - b).abs() <= most)
+    }
+
+    #[test]
+    fn every_level_has_the_mean_of_the_picture_down_to_a_single_texel() {
+        for size in [[8, 8], [16, 2], [1, 9], [5, 3], [7, 13], [1, 1], [30, 26]] {
+            let texels = random_texels(size[0] * size[1]);
+            let lights: Vec<_> = texels.iter().map(|texel| light_of(*texel, false)).collect();
+            let all = with_levels(size, &texels, false);
+            let texture = texture(size, &all, 0);
+            assert_eq!(all[..texels.len()], texels);
+            assert_eq!(texture.level_start(texture.last_level() + 1), all.len());
+            assert_eq!(texture.level_size(texture.last_level()), [1, 1], "{size:?}");
+            for level in 1..=texture.last_level() {
+                let texels = &all[texture.level_start(level)..texture.level_start(level + 1)];
+                let of_level: Vec<_> = texels.iter().map(|texel| light_of(*texel, false)).collect();
+                // Rounding to 8 bits moves a channel by at most half a step, which is 0.0045 of linear light near white.
+                assert!(are_close(mean(&of_level), mean(&lights), 0.0046), "{size:?}, level {level}");
+            }
+            // Before rounding it is the mean, up to single precision.
+            let half = halved(size, |place| lights[place]);
+            assert!(are_close(mean(&half), mean(&lights), 1e-6), "{size:?}");
+        }
+    }
+
+    #[test]
+    fn a_texel_of_a_level_is_the_mean_of_the_area_that_it_covers() {
+        let shares = |side, place| covered(side, place).texels().collect::<Vec<_>>();
+        assert_eq!(shares(4, 1), [(2, 0.5), (3, 0.5)]);
+        assert_eq!(shares(5, 0), [(0, 0.4), (1, 0.4), (2, 0.2)]);
+        assert_eq!(shares(5, 1), [(2, 0.2), (3, 0.4), (4, 0.4)]);
+        assert_eq!((shares(3, 0).len(), shares(1, 0)), (3, vec![(0, 1.0)]));
+        // Black and white: the mean is in linear light, so it is displayed as 188.
+        let all = with_levels([2, 2], &[0xff00_0000, 0xffff_ffff, 0xffff_ffff, 0xff00_0000], false);
+        assert_eq!(all[4..], [0xffbc_bcbc]);
+    }
+
+    #[test]
+    fn transparent_texels_do_not_colour_a_cut_out() {
+        let (green, clear) = (0xff00_ff00, 0x0000_00ff);
+        let of = |texels: [u32; 4], by_alpha| with_levels([2, 2], &texels, by_alpha)[4];
+        assert_eq!(of([green, clear, clear, clear], true), 0x4000_ff01);
+        // Without a mask, alpha has no meaning.
+        assert_eq!(of([green, clear, clear, clear], false), 0x4000_89e1);
+        // Where all is transparent, a colour is left.
+        assert_eq!(of([clear; 4], true), clear);
+    }
+
+    #[test]
+    fn colours_get_levels_and_masks_alone_do_not() {
+        let pictures: Vec<Arc<[u32]>> = (0..3).map(|_| [0xff00_ff00, 0x0000_00ff].into()).collect();
+        let colour = texture([2, 1], &pictures[0], 0);
+        let mirrored = Texture { wrap: [Wrap::Mirror; 2], ..colour.clone() };
+        let mask = texture([2, 1], &pictures[1], 0x8000);
+        let both = texture([2, 1], &pictures[2], 0x8000);
+        let row = |texture, mask| Mapped { texture, mask, ..Mapped::NONE };
+        let mapped = vec![row(Some(0), Some(2)), row(Some(1), None), row(Some(3), Some(3))];
+        let mut textures = Textures { list: vec![colour, mirrored, mask, both], mapped };
+        assert!(!textures.have_levels());
+        textures.add_levels();
+        let texels = |number: usize| &textures.list[number].texels;
+        assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
+        let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
+        assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
+        // Only the last picture is a mask too, so that its texels count by their alpha.
+        assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
+    }
+
+    #[test]
+    fn a_texel_on_a_triangle_is_as_large_as_its_areas_say() {
+        let row = |scale: f32| Mapped {
+            corners: [[0.0, 0.0], [scale, 0.0], [0.0, scale]],
+            texture: Some(0),
+            mask: None,
+        };
+        let texels: Arc<[u32]> = vec![0; 32].into();
+        let mesh = |scale| Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X * 2.0, Vec3::Z * 4.0],
+            triangles: vec![Triangle { positions: [0, 1, 2], normals: [0; 3], material: 0 }],
+            textures: Textures { list: vec![texture([8, 4], &texels, 0)], mapped: vec![row(scale)] },
+            ..Mesh::default()
+        };
+        // 2 x 4 units of length are 8 x 4 texels: a texel has an area of 1/4.
+        assert_eq!(texel_on(&mesh(1.0), 0), [0.0, -0.5, 0.0]);
+        assert_eq!(texel_on(&mesh(0.5), 0), [0.0, -1.0, 0.0]);
+        assert_eq!(texel_on(&mesh(0.0), 0), [0.0, -(LARGEST_TEXEL as f32), 0.0]);
+    }
+}

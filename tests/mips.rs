@@ -1,0 +1,148 @@
+//! Mip levels: textures seen from afar, in every family that takes them.
+
+use crate::binary::{Place, apart, has, repository};
+use image::{Rgb, RgbImage};
+
+/// A chequered floor that is seen at a grazing angle, and a wall before it.
+const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
+const OFF: [&str; 2] = ["--set", "mip_levels=false"];
+/// Rows of a picture where the floor is far away: a pixel is longer than a square.
+const FAR: std::ops::Range<u32> = 25..30;
+
+fn floor() -> Place {
+    let place = Place::new();
+    for file in FILES {
+        std::fs::copy(repository("tests/data").join(file), place.path(file)).expect("a copy");
+    }
+    change(&place, "chequers.toml", "scene.toml", &[]);
+    place
+}
+
+/// Replaces texts of a file, and gives it another name.
+fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
+    let mut text = place.text(file);
+    for (from, to) in texts {
+        assert!(text.contains(from), "{file} no longer says {from}");
+        text = text.replace(from, to);
+    }
+    place.write(name, &text);
+}
+
+/// The root of the mean squared difference of channels, in steps of 256, in some rows right of the wall.
+fn error(a: &RgbImage, b: &RgbImage, rows: std::ops::Range<u32>) -> f64 {
+    let places: Vec<_> = rows.flat_map(|y| (36..a.width()).map(move |x| (x, y))).collect();
+    let squared = |place: &(u32, u32)| {
+        let channels = a.get_pixel(place.0, place.1).0.into_iter().zip(b.get_pixel(place.0, place.1).0);
+        channels.map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>()
+    };
+    (places.iter().map(squared).sum::<f64>() / (3 * places.len()) as f64).sqrt()
+}
+
+#[test]
+fn every_family_takes_the_reference_s_levels() {
+    let place = floor();
+    let (expected, _) = place.picture(&["--verify"]);
+    for strategy in [
+        "naive",
+        "naive,layout=indexed16,vectors=global",
+        "deferred,passes=separate",
+        "tiled-common-origin",
+        "wide-common-origin,intersector=pixel-linear",
+        "bvh",
+        "bvh-packet,passes=separate",
+        "tile",
+        "tile,passes=separate,intersector=watertight",
+        "tile-group",
+        "tile-group-watertight,passes=separate",
+    ] {
+        let (found, _) = place.picture(&["--verify", "--strategy", strategy]);
+        assert!(apart(&found, &expected) <= 8, "{strategy}: {}", apart(&found, &expected));
+    }
+}
+
+#[test]
+fn samples_have_narrower_cones_in_soft_light_too() {
+    let place = floor();
+    let soft = ("8e4]", "8e4]\nradius = 20\n[sky]\nzenith = 0.02");
+    change(&place, "scene.toml", "scene.toml", &[soft]);
+    for strategy in ["deferred", "bvh-packet", "tile", "tile-group"] {
+        place.picture(&["--verify", "--samples", "4", "--strategy", strategy]);
+        place.picture(&["--verify", "--samples", "8", "--adaptive", "--strategy", strategy]);
+    }
+}
+
+#[test]
+fn a_distant_chequer_is_close_to_its_mean() {
+    let place = floor();
+    let one = place.picture(&[]).0;
+    let aliased = place.picture(&OFF).0;
+    let exact = place.picture(&[&OFF[..], &["--samples", "256"]].concat()).0;
+    let [with, without] = [&one, &aliased].map(|picture| error(picture, &exact, FAR));
+    assert!(4.0 * with < without, "{with} with mip levels, {without} without");
+    // Samples with narrow cones are as sharp as those of the whole picture.
+    let several = place.picture(&["--samples", "64"]).0;
+    let sharp = error(&several, &exact, 36..45);
+    assert!(sharp < 4.0 && 2.0 * sharp < error(&one, &exact, 36..45), "{sharp}");
+}
+
+#[test]
+fn where_texels_are_larger_than_pixels_nothing_changes() {
+    let place = floor();
+    let [with, without] = [place.picture(&[]).0, place.picture(&OFF).0];
+    // The wall is in the left half, before the horizon's rows and around them.
+    let wall = |picture: &RgbImage| image::imageops::crop_imm(picture, 16, 17, 12, 11).to_image();
+    assert_eq!(wall(&with), wall(&without));
+    let shades = wall(&with).pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
+    assert!(shades > 5 && with != without, "{shades}");
+}
+
+/// Leaves of one colour in the dark, before a background of no leaf's colour.
+#[test]
+fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
+    let place = floor();
+    change(&place, "chequers.mtl", "chequers.mtl", &[("map_Kd", "map_d chequers.png\nmap_Kd")]);
+    let leaves = image::RgbaImage::from_fn(32, 32, |x, y| match (x / 8 + y / 8) % 3 {
+        0 => image::Rgba([20, 200, 20, 255]),
+        _ => image::Rgba([250, 0, 250, 0]),
+    });
+    leaves.save(place.path("chequers.png")).expect("a picture");
+    change(&place, "scene.toml", "scene.toml", &[("[0.01, 0.02, 0.05]", "\"#0000ff\"")]);
+    let holes = |options: &[&str]| {
+        let picture = place.picture(&[&["--verify"], options].concat()).0;
+        let hole = |pixel: &Rgb<u8>| pixel.0 == [0, 0, 255];
+        (picture.pixels().map(hole).collect::<Vec<_>>(), picture)
+    };
+    let [(with, picture), (without, _)] = [holes(&[]), holes(&OFF)];
+    assert!(with == without && with[72 * 24..].iter().any(|hole| *hole));
+    // A leaf that is one pixel in a level of few texels is still green; texels at its edge are mixed with others.
+    let rows = FAR.start * 72..FAR.end * 72;
+    let leaf = |place: u32| picture.get_pixel(place % 72, place / 72).0;
+    let leaves: Vec<_> = rows.filter(|place| !with[*place as usize]).map(leaf).collect();
+    let green = leaves.iter().filter(|leaf| leaf[1] > leaf[0]).count();
+    assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
+}
+
+/// The level of another size, its parts swapped, the wrong cone, texels of the level before.
+#[test]
+fn a_broken_level_is_a_wrong_picture() {
+    let place = floor();
+    for (from, to) in [
+        ("log2(width / across)", "log2(width / across) + 0.5f"),
+        ("log2(width / across)", "log2(width)"),
+        ("rest = 1.0f - part;", "rest = part;"),
+        ("const int last = (int)(head[3] >> 12 & 15);", "const int last = (int)(head[3] >> 13 & 15);"),
+        ("level.first += (uint)(level.width * level.height);", "level.first += (uint)level.width;"),
+        ("const varying width = t *", "const varying width ="),
+    ] {
+        for strategy in ["deferred", "tile"] {
+            place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
+        }
+    }
+}
+
+#[test]
+fn an_option_that_is_misspelt_is_refused() {
+    let place = floor();
+    change(&place, "scene.toml", "scene.toml", &[("background", "mip_levels = 3\nbackground")]);
+    has(&place.mistake(&["render", "scene.toml"], 2), &["scene.toml:3", "mip_levels"]);
+}
