@@ -67,7 +67,7 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
         if word.eq_ignore_ascii_case(b"vertex") {
             corners.push(vertex(words).map_err(|what| (line, what))?);
         } else if word.eq_ignore_ascii_case(b"endfacet") && !corners.len().is_multiple_of(3) {
-            return Err((line, "a facet that has not three vertices".to_owned()));
+            return Err((line, "a facet without exactly three vertices".to_owned()));
         }
     }
     if corners.len().is_multiple_of(3) {
@@ -78,7 +78,7 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
 
 fn vertex<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> std::result::Result<DVec3, String> {
     let mut number = || {
-        let word = words.next().ok_or("a vertex of fewer than three numbers")?;
+        let word = words.next().ok_or("a vertex with fewer than three numbers")?;
         decimal(word).ok_or_else(|| format!("{} in a vertex; expected a finite decimal number", quoted(word)))
     };
     Ok(DVec3::new(number()?, number()?, number()?))
