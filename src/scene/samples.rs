@@ -156,7 +156,7 @@ pub fn scrambled(bits: u32, seed: u32) -> u32 {
     hash.reverse_bits()
 }
 
-/// Returns the position in the filter below which the given fraction of it lies.
+/// Returns the filter's quantile: the position below which the given fraction of its area lies.
 fn filtered(part: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {
