@@ -138,7 +138,7 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
         high_y = joins ? fmax(high_y, y) : high_y;
         beam->x[ray] = x;
         beam->y[ray] = y;
-        // In a pass, distances are 1 / z: 1 / t in units of the direction, divided by its z.
+        // In a pass, distances are stored as 1 / z: this is 1 / t, divided by the z of the direction.
         beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
         beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
     }
