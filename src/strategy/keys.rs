@@ -80,7 +80,7 @@ pub(super) static KEYS: [Key; 10] = [
         ..key(
             "intersector",
             "operations",
-            "operations of a test until it can first reject a ray",
+            "operations of a test up to the point where most misses are found",
             Takes::Numbers(1..=10_000, 1),
         )
     },
