@@ -134,7 +134,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is no scene, at the first track that makes it so for good.
+    /// Returns the error for a frame whose document is not a scene. It points to the first track from which on the
+    /// document stays wrong.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {

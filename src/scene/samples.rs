@@ -57,8 +57,8 @@ impl Sampling {
         self.first < self.most
     }
 
-    /// Returns the first samples, of every pixel, and the others. Their positions are those of one sequence; lights and
-    /// the sky are sampled by a sequence of each round, since neither is a part of the other.
+    /// Returns the first samples, of every pixel, and the others. Their positions are parts of one sequence. Lights and
+    /// the sky have a sequence of their own in each of the two rounds.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let round = |sample: Sample| match sample.earlier < self.first {
             true => Sample { count: self.first, ..sample },
