@@ -145,9 +145,9 @@ mod tests {
     fn mistakes_have_their_lines() {
         for (from, to, message) in [
             ("vertex 0 1 0", "vertex 0 x 0", "a.stl:6: `x` in a vertex"),
-            ("vertex 0 1 0\n", "", "a.stl:7: a facet that has not three"),
+            ("vertex 0 1 0\n", "", "a.stl:7: a facet without exactly three"),
             ("vertex 0 1 0", "vertex 0 nan 0", "a.stl:6"),
-            ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex of fewer"),
+            ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex with fewer"),
         ] {
             let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
             assert!(error.contains(message), "{error}");
