@@ -257,7 +257,7 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
             "so long a path",
             "scene.toml:18",
         ),
-        (track("path = \"camera..x\"\nvalues = [1]"), "an empty name", "scene.toml:18"),
+        (track("path = \"camera..x\"\nvalues = [1]"), "between its dots is empty", "scene.toml:18"),
         (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
     ]);
 }
