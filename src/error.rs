@@ -125,7 +125,7 @@ impl Error {
     /// the command line nor in the folder of the file that names it, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
-            "its text is not shown, since it lies outside of the folder of the file that names it; the text of a file given to `raycl render` directly is shown",
+            "its text is not shown, since it is outside the folder of the file that names it; to see the text, give this file to `raycl render` itself",
         )
     }
 

@@ -257,7 +257,7 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
             "so long a path",
             "scene.toml:18",
         ),
-        (track("path = \"camera..x\"\nvalues = [1]"), "an empty name", "scene.toml:18"),
+        (track("path = \"camera..x\"\nvalues = [1]"), "between its dots is empty", "scene.toml:18"),
         (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
     ]);
 }
@@ -325,7 +325,7 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
                 "path = \"camera.position.1\"\nvalues = [1, 2]\n[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 1, 3]]",
             ),
             "`camera.position` replaces the value of the track `camera.position.1`",
-            "put the track of the whole value first",
+            "put this track first, then the tracks of its parts",
         ),
         // Together, the first two tracks make a light: the third one is wrong.
         (

@@ -102,7 +102,10 @@ fn text_of_a_scene_elsewhere_is_not_shown() {
         (format!("{SECRET} = 1\n"), "1: expected one of `name`"),
         (format!("shadow_bias = \"{SECRET}\"\n"), "1: expected a finite number"),
         (format!("name = 1\n= {SECRET} =\n"), "2"),
-        (format!("[[object]]\nshape = \"{SECRET}\"\n"), "2: expected what a scene has there (not a shape)"),
+        (
+            format!("[[object]]\nshape = \"{SECRET}\"\n"),
+            "2: expected what a scene may have there (not a shape)",
+        ),
     ];
     for (text, line) in [key, value, syntax, shape] {
         let place =

@@ -216,7 +216,7 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
         &refused(&["run", "test.toml", "--out", "out", "--asleep", "1"]),
         &["holds an experiment in 2 shards"],
     );
-    has(&refused(&["merge", "elsewhere"]), &["elsewhere is no folder"]);
+    has(&refused(&["merge", "elsewhere"]), &["elsewhere is not a folder"]);
     has(&refused(&["merge", "."]), &["holds no experiment in shards"]);
     ground.place.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);
     has(

@@ -105,8 +105,8 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Puts the children of a node that any ray enters before its `reach` onto the stack, nearest last. Returns the new
-// height of the stack.
+// Pushes onto the stack those children of a node that any ray enters before its `reach`, the nearest last. Returns the
+// new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {

@@ -151,6 +151,7 @@ Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;
+    // A pixel with enough samples is treated like one outside the image.
     for (int lane = 0; lane < WIDTH; lane++)
         if (inside.each[lane] && !is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) inside.each[lane] = 0;
     pixels.inside = inside.all;
@@ -166,6 +167,7 @@ varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
     working_set(working, RAY_DIRECTION, ray.direction);
+    // All lanes read these two vectors later, also those that hit nothing, so they need a first value.
     working_set(working, WEIGHTS, vec3(zero, zero, zero));
     working_set(working, RADIANCE, vec3(zero, zero, zero));
     return ray.t_min;
@@ -181,6 +183,7 @@ void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varyin
     y.all = pixels.y;
     inside.all = pixels.inside;
     number.all = numbers;
+    // Lanes outside the image have no place in the buffer.
     for (int lane = 0; lane < WIDTH; lane++)
         if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = number.each[lane];
 }
@@ -190,6 +193,7 @@ varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pi
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;
+    // Lanes outside the image count as rays that hit nothing, so that nobody shades them.
     for (int lane = 0; lane < WIDTH; lane++)
         number.each[lane] =
             inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;

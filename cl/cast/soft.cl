@@ -6,6 +6,7 @@
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
+        // Read again for every triangle, since the working vectors may lie in the memory that the strategy measures.
         const Vec3 way = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
         open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, way,
@@ -25,6 +26,7 @@ void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask 
     const Vec3 normal = working_get(working, NORMAL);
     const Vec3 way = way_to_sky(&scene->soft, scene->light_count, pixels.x, pixels.y, normal);
     working_set(working, TO_LIGHT, way);
+    // Rounding, or a normal of zero, may give a direction that is not above the surface.
     Mask lit = active & (dot3(way, normal) > 0.0f);
     lit &= !any_hit_apart(working, scene, (varying)(reach_of_sky(&scene->soft) - scene->bias), lit);
     const Vec3 received = multiply(surface->lambertian, radiance_of_sky(&scene->soft, working_get(working, TO_LIGHT)));

@@ -42,6 +42,7 @@ typedef struct {
 #endif
 
 Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
+    // Rays pass through the centres of pixels.
     const varying x = TO_FLOAT(pixels.x) + 0.5f;
     const varying y = TO_FLOAT(pixels.y) + 0.5f;
     const Vec3 d = vec3(corner.x + x * step_x.x + y * step_y.x,

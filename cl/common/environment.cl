@@ -49,9 +49,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// Returns a vector around a normal: what becomes of `vector`, which is given around the axis (0.36, 0.48, 0.8), when
-// that axis is turned to the normal on the shortest way. Only for the opposite normal there is none; a common axis
-// would have common opposites.
+// Turns `vector`, which is given around the axis (0.36, 0.48, 0.8), by the shortest rotation that takes this axis to the
+// normal. There is none for the opposite normal only; the axis is an unusual one, so that its opposite is unusual too.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));

@@ -17,6 +17,7 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
+    // The window is one pixel wider than the block on each side; `above` keeps the row before.
     const int left = block % across * SAMPLED_BLOCK - 1, top = block / across * SAMPLED_BLOCK - 1;
     float4 above[SAMPLED_BLOCK + 2], most_apart = (float4)(0.0f);
     for (int row = 0; row < SAMPLED_BLOCK + 2; row++) {
@@ -28,5 +29,6 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
             above[column] = before = own;
         }
     }
+    // One channel that differs visibly is enough.
     wanted[block] = max(max(most_apart.x, most_apart.y), most_apart.z) > ROUGH_STEPS ? most : first;
 }

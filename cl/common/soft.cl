@@ -67,6 +67,7 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 // Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two are well
 // distributed jointly.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
+    // A pixel's samples have consecutive numbers, and pixels that are close on the curve have numbers close to them.
     const varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + soft->sample.x);
     // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
@@ -85,6 +86,7 @@ float radius_of(const Soft *soft, int light) { return soft->sample.y > 1 ? soft-
 // bright all over from every side, like a disc.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
+    // Three of the four coordinates of a point on that sphere.
     const varying ring = sqrt(1.0f - u.x);
     return scale(vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), sqrt(u.x) * sinpi(2.0f * u.z)),
                  (varying)(radius_of(soft, light)));

@@ -14,6 +14,7 @@
 void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;
     IntLanes x, y, inside;
+    // A lane that hit nothing shows the background.
     red.all = SELECT(hits, sum.x, (varying)(background.x));
     green.all = SELECT(hits, sum.y, (varying)(background.y));
     blue.all = SELECT(hits, sum.z, (varying)(background.z));

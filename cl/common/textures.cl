@@ -35,6 +35,7 @@ typedef struct {
 float place_in_texture(float place, uint wrap) {
     if (wrap == WRAP_CLAMP) return clamp(place, 0.0f, 1.0f);
     if (wrap == WRAP_MIRROR) {
+        // Every second repetition runs backwards: the coordinate modulo 2, reflected at 1.
         const float twice = place - 2.0f * floor(0.5f * place);
         return min(twice, 2.0f - twice);
     }
@@ -91,6 +92,7 @@ Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2
     const uint row0 = level.first + (uint)(texel_in_texture((int)top, height, down) * width);
     const uint row1 = level.first + (uint)(texel_in_texture((int)top + 1, height, down) * width);
     const float to_right = x - left, to_bottom = y - top;
+    // Each texel's share is the area of the rectangle opposite to it.
     Texels texels;
     texels.a = row0 + x0, texels.b = row0 + x1, texels.d = row1 + x0, texels.e = row1 + x1;
     texels.ka = (1.0f - to_right) * (1.0f - to_bottom), texels.kb = to_right * (1.0f - to_bottom);
@@ -174,6 +176,7 @@ Surface textured(Surface surface, const Textures *textures, varying_int triangle
     second.all = w1, third.all = w2;
     level.all = levels_for(textures, triangle, way, t);
     red.all = green.all = blue.all = (varying)(1.0f);
+    // Lanes may have different textures, so texels are read one lane after the other.
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;
         const Uniform3 colour =

@@ -47,6 +47,7 @@ typedef struct {
 // Returns the corners of the triangle at an index in leaf order.
 Corners leaf_corners(const Tree *tree, int place) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)place;
+    // Three aligned loads; their fourth numbers are the triangle's number, its material and 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
     corners.a = uniform3(a.x, a.y, a.z);

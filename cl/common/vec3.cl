@@ -35,6 +35,7 @@ Vec3 along(Vec3 origin, varying t, Vec3 direction) {
 
 // Returns the unit vector in the direction of a, or zero if a is zero.
 Vec3 normalize_or_zero(Vec3 a) {
+    // Lanes where a is zero divide by zero; the selection drops that result.
     const varying squared = dot3(a, a);
     return scale(a, SELECT(squared > 0.0f, 1.0f / sqrt(squared), (varying)(0.0f)));
 }

@@ -28,6 +28,7 @@ void make_sky_rays(SkyRays *rays, int vector, const Lighting *lighting, const Sh
     const Vec3 from = along(shaded->point, (varying)(lighting->bias), way);
     rays->from[0][vector] = from.x, rays->from[1][vector] = from.y, rays->from[2][vector] = from.z;
     rays->way[0][vector] = way.x, rays->way[1][vector] = way.y, rays->way[2][vector] = way.z;
+    // Rays that point below the surface are not cast; they count in a class of their own, after all others.
     const Mask open = hits & (dot3(way, shaded->normal) > 0.0f);
     rays->is_open[vector] = open;
     classes->all = SELECT(open, class_of(way), (varying_int)(WAYS));
@@ -36,6 +37,7 @@ void make_sky_rays(SkyRays *rays, int vector, const Lighting *lighting, const Sh
 
 // Sorts the rays by class: a counting sort, which keeps the order of vectors within a class.
 void sort_rays(SkyRays *rays, const IntLanes *classes, int *counts) {
+    // Each class's count becomes the place where its first ray goes.
     int start = 0;
     for (int class = 0; class < WAYS; class++) {
         const int count = counts[class];
@@ -97,6 +99,7 @@ void add_sky(const Bundle *bundle, const SurfaceTree *tree, const Lighting *ligh
     sort_rays(&rays, classes, counts);
     const varying t_max = (varying)(reach_of_sky(&lighting->soft) - lighting->bias);
     for (int first = 0; first < rays.count; first += WIDTH) cast_packet(&tree->tree, &rays, first, t_max);
+    // What is still open sees the sky.
     for (int vector = 0; vector < VECTORS; vector++) {
 #if ENVIRONMENT
         add_mirrored_sky(bundle, lighting, image_size, shaded + vector, vector, sum);

@@ -11,6 +11,7 @@ typedef struct {
 } PacketBounds;
 
 void bound_axis(varying origin, varying per_direction, Mask rays, int axis, PacketBounds *bounds) {
+    // Lanes without a wanted ray get values that widen no interval.
     bounds->low[axis] = least_lane(SELECT(rays, origin, (varying)(FAR)));
     bounds->high[axis] = most_lane(SELECT(rays, origin, (varying)(-FAR)));
     bounds->per_low[axis] = least_lane(SELECT(rays, per_direction, (varying)(FAR)));
@@ -50,6 +51,7 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
     int waiting = 0;
     for (;;) {
         if (IS_LEAF(word)) {
+            // All rays test each triangle; rays that something stops leave the packet.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++)
                 open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, place), leaf_corners(tree, place), from, way,
@@ -82,6 +84,7 @@ void add_soft_light(const Bundle *bundle, const SurfaceTree *tree, const Lightin
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask hits = bundle->place[vector] != NO_HIT;
         if (!ANY(hits)) continue;
+        // Each lane's ray goes to a point of the light that its pixel and sample choose.
         const Shaded *own = shaded + vector;
         const Pixels pixels = tile_pixels(vector, image_size);
         const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, pixels.x, pixels.y));
@@ -90,6 +93,7 @@ void add_soft_light(const Bundle *bundle, const SurfaceTree *tree, const Lightin
         const varying distance = sqrt(squared);
         const Vec3 way = scale(offset, 1.0f / distance);
         const varying cosine = dot3(way, own->normal);
+        // No ray is needed behind the surface, nor to a light that is nearer than the bias.
         Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
         if (!ANY(lit)) continue;
         const Vec3 from = along(own->point, (varying)(lighting->bias), way);

@@ -14,7 +14,7 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Puts the children of a node that vectors of `live` meet onto the stack, the nearest last.
+// Pushes onto the stack those children of a node that vectors of `live` meet, the nearest last.
 int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
                   uint live, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;

@@ -56,8 +56,8 @@ typedef struct {
     int place[RAYS];     // the nearest triangle so far, as an index in leaf order
 } Beam;
 
-// A lane's rays before they are grouped: directions of any length, and the 1/t in units of these at which all of them
-// begin (FAR at the origin itself) and end (0 if they do not).
+// A lane's rays before they are grouped. Directions may have any length; distances t are in units of these lengths. All
+// rays begin at the same 1/t (FAR if at the origin itself) and end at the same 1/t (0 if they do not end).
 typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
@@ -138,7 +138,7 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
         high_y = joins ? fmax(high_y, y) : high_y;
         beam->x[ray] = x;
         beam->y[ray] = y;
-        // In a pass, distances are 1 / z: 1 / t in units of the direction, divided by its z.
+        // In a pass, distances are stored as 1 / z: this is 1 / t, divided by the z of the direction.
         beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
         beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
     }

@@ -83,6 +83,7 @@ INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size,
         ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
         inside |= pixel.inside ? 1u << ray : 0u;
     }
+    // Rays from the eye begin at the near plane and never end.
     ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
     ways->per_end = 0.0f;
     return inside;
@@ -109,6 +110,7 @@ INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETER
         done |= active;
     }
     uint hits = 0;
+    // Every pixel of the tile is stored, also those that hit nothing: shading reads all of them.
     EACH_RAY(ray) {
         const Pixel pixel = tile_pixel(group, ray, image_size);
         if (pixel.inside) nearest[index_of(pixel, image_size)] = beam.place[ray];

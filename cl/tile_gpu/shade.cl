@@ -9,6 +9,7 @@ INLINED uint cast_left_over(SOURCES_PARAMETER const Group *group, const Tree *tr
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
 #if SOFT
+        // Such a ray starts at its own hit and needs no row prepared for the light.
         if (goes_apart(sources, light)) {
             Meeting hit = meet(tree, surfaces, pixel_ray(eye, corner, step_x, step_y, pixel), place);
             hit.pixel = pixel;
@@ -76,6 +77,7 @@ INLINED void load_material(const __global float *material, Surface *surface) {
 INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface, Meeting meeting,
                       Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
+    // Each step takes the lowest bit: the next light that reaches the hit.
     for (; reached; reached &= reached - 1) {
         const __global float *light = lights + LIGHT_FLOATS * LIGHT_OF_BIT(LOWEST_BIT(reached));
 #if SOFT
@@ -112,6 +114,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float4 *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, Pixel pixel, int place,
                          const __global float *lights, uint reached, float4 *sum) {
+    // Only the triangle's index was stored, so the hit is computed again.
     const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
     Meeting meeting = meet(tree, surfaces, from_eye, place);
     meeting.normal = normalize_or_zero(meeting.normal);

@@ -16,6 +16,7 @@ INLINED int goes_apart(const Sources *sources, int light) {
 
 // Returns whether something stops a ray before t_max.
 INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way, float t_max, __local uint2 *stack) {
+    // A shaft around this ray alone: its box of slopes is a point.
     Shaft shaft;
     aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(way.x, way.y, way.z), &shaft);
     const float depth = fabs(component(way.x, way.y, way.z, shaft.along)), per_depth = reciprocal(depth);
@@ -28,10 +29,12 @@ INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way
     while (going) {
         uint met = 0;
         if (!IS_LEAF(word)) {
+            // Each lane tests one child. Any hit will do, so the children are visited unsorted.
             const Child child = meet_child(group, tree, &shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, 0, stack, &waiting);
         } else {
+            // Each lane tests one triangle; a single hit of any lane ends the search.
             const int own = LEAF_FIRST(word) + group->lane;
             const int hit = group->lane < LEAF_COUNT(word) &&
                             SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, own), leaf_corners(tree, own), from, way,
@@ -77,7 +80,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 INLINED int reaches(const Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);
-    // A light so near is on the surface; of a sky that reaches no farther nothing is hidden.
+    // A light that is nearer than the bias lies on the surface. The sky has no position, so only its direction counts.
     const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
     return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
 }

@@ -32,8 +32,8 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     return result;
 }
 
-// Puts the children that were met onto the stack, nearest last if they are sorted, except the one to visit next,
-// whose word it returns.
+// Returns the word of the child to visit next, and pushes the other children that were met onto the stack, the nearest
+// last if they are sorted.
 //
 // An example of a node, with seven lanes instead of 32:
 //
@@ -49,7 +49,7 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
 INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
     // Only one was met: it is next, and the stack is unchanged.
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
-    // An entry is not negative: its bits are ordered as it is, and the last five make it the lane's own.
+    // An entry is not negative, so its bits have the same order. The lane's number in the last five makes it unique.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
     const int rank = sorted ? lane_rank(group, key, met) : BITS_BEFORE(group, met);
     const int others = popcount(met) - 1;
@@ -170,7 +170,7 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // Few rays of a tile that need long are better off with a group each: they are left over.
+        // The few rays of a tile that take long are faster with a group each, so they are left over.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read

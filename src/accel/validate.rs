@@ -82,7 +82,12 @@ impl WideBvh {
             match reached.get_mut(node) {
                 Some(seen) if !*seen => *seen = true,
                 Some(_) => return Err(format!("node {node} has two parents")),
-                None => return Err(format!("node {node} of {} is named", self.node_count())),
+                None => {
+                    return Err(format!(
+                        "a parent names node {node}, but there are only {}",
+                        self.node_count()
+                    ));
+                }
             }
             depth = depth.max(level);
             for place in 0..self.width {

@@ -68,13 +68,17 @@ pub struct Lines {
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then.
     since: Option<(Instant, usize)>,
+    /// Number of steps, finished since then, of points that were never timed.
+    untimed: usize,
 }
 
 impl Lines {
-    /// Returns ", about 12 minutes left", estimated from the steps since the run began.
+    /// Returns ", about 12 minutes left", estimated from the timed steps since the run began. Points that do not
+    /// fit take no time, so they would make the rest look short.
     fn left(&self) -> String {
         let Some((begun, before)) = self.since else { return String::new() };
-        let (now_done, missing) = (self.taken.saturating_sub(before), self.steps.saturating_sub(self.taken));
+        let now_done = self.taken.saturating_sub(before + self.untimed);
+        let missing = self.steps.saturating_sub(self.taken);
         if now_done == 0 || missing == 0 {
             return String::new();
         }
@@ -94,7 +98,7 @@ impl Observer for Lines {
 
     fn resumes(&mut self, done: usize, steps: usize) {
         (self.done, self.taken) = (done, steps);
-        self.since = None;
+        (self.since, self.untimed) = (None, 0);
         if done > 0 {
             tell(format!("{done} of {} points are done already", self.points));
         }
@@ -111,6 +115,9 @@ impl Observer for Lines {
     fn finished(&mut self, record: &Record) {
         self.done += 1;
         tell(format!("[{}/{}{}] {}", self.done, self.points, self.left(), line(record)));
+        if self.since.is_some() && record.median_ms.is_none() {
+            self.untimed += self.steps / self.points.max(1);
+        }
     }
 
     fn ends(&mut self) {}
@@ -269,6 +276,10 @@ mod tests {
         assert_eq!(lines.left(), "");
         lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 6));
         lines.taken = 12;
+        assert_eq!(lines.left(), ", about 3m left");
+        // A point that does not fit takes its three steps at once.
+        lines.finished(&Record::default());
+        lines.advances(3);
         assert_eq!(lines.left(), ", about 3m left");
         lines.taken = 30;
         assert_eq!(lines.left(), "");

@@ -226,7 +226,9 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let told = || {
         let (lights, are) =
             if soft == 1 { ("1 light has", "a point") } else { ("several lights have", "points") };
-        format!("{lights} a radius: with one sample per pixel seen as {are}; --samples 16 shows soft shadows")
+        format!(
+            "{lights} a radius: with one sample per pixel, raycl casts to {are}; --samples 16 shows soft shadows"
+        )
     };
     (samples == 1 && soft > 0).then(told)
 }

@@ -27,8 +27,8 @@ pub struct Args {
     /// The folder to write to: it gets a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if it contains files that raycl did not write. Files whose names raycl needs are
-    /// replaced, except results
+    /// Write into DIR even if it contains files that raycl did not write. A file there that has the name of
+    /// a page or plot is replaced; existing results are kept
     #[arg(long)]
     force: bool,
     /// Change a value of every config

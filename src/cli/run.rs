@@ -70,7 +70,8 @@ pub struct Args {
     /// With --resume, measure failed points again
     #[arg(long, requires = "resume")]
     retry_failed: bool,
-    /// Time limit in seconds for one step of a point: the build with the first image, or one frame
+    /// Time limit in seconds for one step of a point: building its kernels and casting its first
+    /// image, or casting one later frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over devices of one kind, instead of measuring every point on every device

@@ -56,7 +56,7 @@ impl Document {
 
     /// Deserialises the document as a `T`.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
-        // Leading spaces shift an override's spans behind those of everything before it.
+        // Each override is padded with spaces, so that its spans lie after those of everything before it.
         let padded: Vec<_> = self.overrides.iter().map(|over| " ".repeat(over.start) + &over.line).collect();
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
         for (layer, over) in padded.iter().zip(&self.overrides) {

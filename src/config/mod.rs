@@ -35,7 +35,7 @@ pub fn schema() -> serde_json::Value {
 /// line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
-        let otherwise = "give the path of an experiment (.toml), such as configs/quick.toml";
+        let otherwise = "give the path of an experiment (.toml), such as configs/quick.toml of raycl's repository; `raycl reproduce` contains those of the paper";
         Error::unreadable("experiment", path, &error, otherwise)
     };
     let opened = Opened::at(path).map_err(unreadable)?;

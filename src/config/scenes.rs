@@ -40,7 +40,7 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
         return refused.map_or(Ok(SceneChoice { named_in: folder.into(), ..SceneChoice::file(path) }), Err);
     }
     let message = format!("there is no scene file '{}'", name.get_ref());
-    let error = document.error(name.span(), message, format!("{} is no file", path.display()));
+    let error = document.error(name.span(), message, format!("{} is not a file", path.display()));
     Err(match nearest_file(&path) {
         Some(meant) => error.with_help(format!("did you mean {}?", meant.display())),
         None => error.with_help("paths are relative to the config file"),

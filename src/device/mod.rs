@@ -215,8 +215,8 @@ impl DeviceInfo {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Returns whether its compiler accepts options that make it print registers and spills, and its binaries
-    /// are PTX.
+    /// Returns whether its compiler has an option to print registers and spills. The binaries of such a
+    /// compiler are PTX.
     pub fn prints_resources(&self) -> bool {
         self.has_extension("cl_nv_compiler_options")
     }

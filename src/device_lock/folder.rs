@@ -90,7 +90,7 @@ impl Folder {
         // Another user may have placed a link here.
         match self.path.symlink_metadata()?.is_dir() {
             true => Ok(()),
-            false => Err(IoError::new(ErrorKind::NotADirectory, "it is no folder")),
+            false => Err(IoError::new(ErrorKind::NotADirectory, "it is not a folder")),
         }
     }
 }
@@ -168,7 +168,7 @@ mod tests {
         let shared = Folder { path: folder.path("c"), shared: true };
         symlink(place.path(), &shared.path).unwrap();
         let refused = shared.open("cpu").unwrap_err();
-        assert!(shared.unusable(&refused).to_string().contains("it is no folder"));
+        assert!(shared.unusable(&refused).to_string().contains("it is not a folder"));
         assert_eq!(std::fs::read_to_string(&precious).unwrap(), "kept");
     }
 }

@@ -118,7 +118,7 @@ impl Locks {
 
 fn refused(holder: &Holder, device: &LockName) -> Error {
     Error::run(format!("{holder} measures on {device}")).with_help(
-        "without --no-wait, raycl waits until that has ended; two measurements at the same time would disturb each other",
+        "without --no-wait, raycl waits until that process has ended; two measurements at the same time would disturb each other",
     )
 }
 

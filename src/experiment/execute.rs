@@ -86,8 +86,8 @@ impl Run<'_> {
         shown
     }
 
-    /// Returns whether programs of later groups are built while earlier ones are timed, which is so if no
-    /// timed point needs the cores.
+    /// Returns whether programs of later groups are built while earlier groups are timed. They are if no
+    /// timed point needs the CPU's cores.
     fn builds_beside_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()

@@ -20,7 +20,8 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// Starts workers as processes of this program.
 pub struct Processes {
     jobs: Vec<Job>,
-    /// True if workers may take programs from the driver's cache, which does not contain registers.
+    /// True if workers may take programs from the driver's cache. It keeps no compiler messages, and so
+    /// no numbers of registers.
     trust_driver: bool,
 }
 

@@ -9,7 +9,9 @@ pub enum LaunchError {
     #[error("{0}")]
     OpenCl(String),
     /// The local size has more work-items than the kernel supports.
-    #[error("the built kernel {kernel}: {items} work-items of the local size > {most} that it can hold")]
+    #[error(
+        "the local size has {items} work-items > {most}, the most that the built kernel {kernel} can hold"
+    )]
     WorkGroup {
         /// The kernel's name.
         kernel: String,

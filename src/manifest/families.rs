@@ -40,7 +40,7 @@ pub static BVH: Family = Family {
         rule(
             "intersector",
             FilesIn("cast/intersect/", Some(Planes)),
-            "tests few of the triangles, so that it prepares none for an origin",
+            "tests few of the triangles, so it does not prepare all of them for an origin",
         ),
     ],
 };

@@ -92,7 +92,7 @@ pub(super) fn put(
 
 /// Returns the error for a file that another program made after the last check.
 fn appeared(path: &Path, choice: Choice) -> Error {
-    let message = format!("another program made '{}' meanwhile", path.display());
+    let message = format!("another program made '{}' in the meantime", path.display());
     Error::input(message).with_help(choice.help("replaces it"))
 }
 
@@ -111,7 +111,7 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     }
 }
 
-#[allow(clippy::disallowed_methods, reason = "what has the name may be replaced")]
+#[allow(clippy::disallowed_methods, reason = "the caller has checked that the file may be replaced")]
 fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
     file.persist(path).map(drop).map_err(|error| error.error)
 }

@@ -10,7 +10,7 @@ pub struct Place {
     pub(super) together: blake3::Hash,
     /// Its times relative to the others.
     pub(super) standing: Standing,
-    /// The anchor of its device: its name and its position among the same points. Only if requested.
+    /// The anchor of its device, if requested: its name, and its times relative to the same points.
     pub(super) anchor: Option<(String, Standing)>,
     /// The control point of its block, if it was measured in one of several blocks.
     pub(super) control: Option<Control>,

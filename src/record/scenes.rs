@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// The possible names of a scene.
 struct Names {
-    /// From its path: the file's name, then with one more folder each.
+    /// From its path: the file's name, then the name after one folder, after two, and so on.
     paths: Vec<String>,
     /// If no path is unique: with the file's extension, with the values changed in the scene, with its hash.
     others: [String; 3],

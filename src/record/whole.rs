@@ -51,7 +51,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
 
 #[allow(
     clippy::disallowed_methods,
-    reason = "a folder of results is raycl's, and what commands write elsewhere asks first"
+    reason = "raycl owns its folders of results; commands that write elsewhere ask first"
 )]
 fn replace(
     path: &Path,
@@ -100,7 +100,7 @@ pub fn ordinary(path: &Path) -> std::io::Result<()> {
     let found = path.metadata()?;
     match found.is_file() || found.is_dir() {
         true => Ok(()),
-        false => Err(IoError::new(ErrorKind::InvalidInput, "it is no ordinary file")),
+        false => Err(IoError::new(ErrorKind::InvalidInput, "it is not an ordinary file")),
     }
 }
 

@@ -101,7 +101,7 @@ impl<'a, R: Real> Caster<'a, R> {
         }
     }
 
-    /// Returns what a ray sees that hits nothing.
+    /// Returns the radiance of a ray that hits nothing.
     pub fn background(&self, direction: R::Vector) -> R::Vector {
         match self.sky_behind() {
             Some(sky) => radiance_of_sky::<R>(sky, direction),

@@ -79,7 +79,8 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes the changes of a miss if rounding turns the direction in which the sky's picture is seen.
+    /// Includes the colours that a ray without a hit may get from the sky's picture if rounding turns its
+    /// direction.
     fn turn_background(&self, sample: &mut PixelSample, ray: &Ray<f64>) {
         for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * PICTURE_NUDGE, axis * -PICTURE_NUDGE]) {
             sample.consider(self.caster.background((ray.direction + turn).normalize()));

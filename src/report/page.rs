@@ -46,7 +46,7 @@ pub struct Page {
 /// The plots and the table of one group.
 pub struct View {
     id: String,
-    /// True if it is open at first, which is so for the largest scene.
+    /// True if it is open at first. Only the largest scene is.
     first: bool,
     title: String,
     /// Notes from reading its scene.

@@ -149,7 +149,7 @@ fn caption(with_roofs: bool, left_out: usize) -> String {
         ),
     };
     format!(
-        "Each mark is a point: the operations of its ray-triangle tests per second (primary rays only), a multiply-add counting as one, over the operations per byte that a test asks for (the triangle's bytes are shared by a work-item's rays; a ray in registers has none). If passes are fused, the time is that of the whole frame, so the rate is a lower bound. {roofs}{left_out}"
+        "Each mark is a point. Its height is the number of operations in ray-triangle tests per second (primary rays only; a multiply-add counts as one). Its position across is the number of these operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in registers has none. If passes are fused, the time is that of the whole frame, so the rate is a lower bound. {roofs}{left_out}"
     )
 }
 

@@ -134,7 +134,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is no scene, at the first track that makes it so for good.
+    /// Returns the error for a frame whose document is not a scene. It points to the first track from which on the
+    /// document stays wrong.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {
@@ -151,7 +152,8 @@ impl Animation {
         }
         let Some((track, document, found)) = wrong else {
             // The document was a scene before any track.
-            let message = format!("{} at frame {frame} is no scene, whatever its tracks", self.document.name);
+            let message =
+                format!("{} at frame {frame} is not a scene, and no track is the cause", self.document.name);
             return Error::fault(message);
         };
         let told = toml_error(&document.name, &document.text, &found, KEYS);
@@ -159,7 +161,7 @@ impl Animation {
         let of_path = starts(&["unknown field", "missing field"]);
         let span = if of_path { track.path.span() } else { track.value_span(frame) };
         let message = format!("`{}` at frame {frame}: {told}", track.path.get_ref());
-        let label = if of_path { "this path" } else { "the value follows from this one" };
+        let label = if of_path { "this path" } else { "the value is computed from this one" };
         let is_whole = starts(&["invalid type: floating point"]);
         let remedy = if is_whole { STEPS.to_owned() } else { told.remedy().to_owned() };
         self.document.error(span, message, label).with_help(remedy)

@@ -119,7 +119,7 @@ impl Document {
             return toml_error(&self.name, &self.text, error, KEYS);
         }
         let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
-        Error::withheld(&self.name, line, expectation(error).unwrap_or("what a scene has there"))
+        Error::withheld(&self.name, line, expectation(error).unwrap_or("what a scene may have there"))
     }
 
     /// Adds a location in this document to an error that has none.
@@ -133,7 +133,7 @@ impl Document {
             let line = line_of(&self.text, span.start);
             // Labels contain only raycl's own words.
             let label = if label == "here" { String::new() } else { format!(" ({label})") };
-            return Error::withheld(&self.name, line, &format!("what a scene has there{label}"));
+            return Error::withheld(&self.name, line, &format!("what a scene may have there{label}"));
         }
         Error::in_file(&self.name, self.text.as_str(), span, message, label).with_help(KEYS)
     }

@@ -24,7 +24,7 @@ pub struct Loaded {
     pub object_starts: Vec<u32>,
     /// True if a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
-    /// What makes the scenes of other frames, if the scene's file has an animation.
+    /// The scene's animation, if its file has one; it makes the scenes of the other frames.
     pub animation: Option<Animation>,
     /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
     pub notes: Vec<String>,

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use toml::{Table, Value};
 
 /// The remedy for a path that does not exist.
-pub(super) const PATHS: &str = "a path is names and places joined by dots: camera.position, light.0.power";
+pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
 /// the last one adds an element, as in `light.0.power`.
@@ -20,7 +20,7 @@ pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Resu
 pub(super) fn set(document: &mut Table, path: &str, value: &Value) -> std::result::Result<(), String> {
     let keys: Vec<&str> = path.split('.').collect();
     if keys.iter().any(|key| key.is_empty()) {
-        return Err("an empty name between its dots".to_owned());
+        return Err("a name between its dots is empty".to_owned());
     }
     set_in_table(document, &keys, value)
 }
@@ -48,7 +48,7 @@ fn set_in_value(
     match target {
         Value::Table(table) => set_in_table(table, keys, value),
         Value::Array(array) => set_in_array(array, name, keys, value),
-        _ => Err(format!("`{name}` is a {}, which has nothing inside", target.type_str())),
+        _ => Err(format!("`{name}` is a {}, which has no keys", target.type_str())),
     }
 }
 

@@ -59,8 +59,8 @@ impl Sampling {
         self.first < self.most
     }
 
-    /// Returns the first samples, of every pixel, and the others. Their positions are those of one sequence; lights and
-    /// the sky are sampled by a sequence of each round, since neither is a part of the other.
+    /// Returns the first samples, of every pixel, and the others. Their positions are parts of one sequence. Lights and
+    /// the sky have a sequence of their own in each of the two rounds.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let round = |sample: Sample| match sample.earlier < self.first {
             true => Sample { count: self.first, ..sample },
@@ -165,7 +165,7 @@ pub fn scrambled(bits: u32, seed: u32) -> u32 {
     hash.reverse_bits()
 }
 
-/// Returns the position in the filter below which the given fraction of it lies.
+/// Returns the filter's quantile: the position below which the given fraction of its area lies.
 fn filtered(part: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {

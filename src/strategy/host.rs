@@ -51,7 +51,7 @@ impl HostNeeds {
             // DeviceTree.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
-            sum.add("tree in the making", &[(build_bytes, " B")]);
+            sum.add("tree being built", &[(build_bytes, " B")]);
             moments.push(("building the tree", sum));
         }
         let mut casting = kept.clone();
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(
             reason,
             "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \
-             + tree in the making 1192000128 B = 1832000128 B > 1000000000 B by a test"
+             + tree being built 1192000128 B = 1832000128 B > 1000000000 B by a test"
         );
         assert!(needs.check(&available, 900_000_000).is_ok());
     }

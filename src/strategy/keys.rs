@@ -39,14 +39,14 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "vectors",
         "memory",
-        "where the host has room for them",
+        "the memory that the host reserves for them",
         Takes::Words(&["private", "local", "scratch", "heap"]),
     ),
     key("vectors", "bytes_per_ray", "bytes of a ray's working vectors", Takes::Numbers(4..=4096, 4)),
     key(
         "triangles",
         "read_from",
-        "the memory that the host puts them in",
+        "the memory that the host writes them to",
         Takes::Words(&["global", "constant"]),
     ),
     key(
@@ -80,7 +80,7 @@ pub(super) static KEYS: [Key; 10] = [
         ..key(
             "intersector",
             "operations",
-            "operations of a test up to the first proof of a miss",
+            "operations of a test up to the point where most misses are found",
             Takes::Numbers(1..=10_000, 1),
         )
     },

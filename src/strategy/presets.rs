@@ -162,7 +162,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "wide",
-        about: "deferred, 16 rays per work-item in vector types: what a CPU wants",
+        about: "deferred, 16 rays per work-item in vector types: fits a CPU's vectors",
         strategy: Strategy { width: Width::W16, ..MODERN },
         meant_for: Some(DeviceKind::Cpu),
     },
@@ -180,7 +180,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tiled-wide",
-        about: "tiled, 4 rays per work-item: the plain test as a GPU wants it",
+        about: "tiled, 4 rays per work-item: the plain test in the form that suits GPUs",
         strategy: Strategy { width: Width::W4, triangles: Triangles::TILED, ..MODERN },
         meant_for: Some(DeviceKind::Gpu),
     },

@@ -53,7 +53,7 @@ impl Strategy {
         let rules = [
             (
                 eager && self.triangles.copied() == Copied::Rows,
-                "shading = {shading} with triangles = {triangles} would put a barrier in divergent flow",
+                "shading = {shading} with triangles = {triangles} would put a barrier where only some work-items reach it",
             ),
             (
                 eager && self.passes == Passes::Separate,
@@ -81,7 +81,7 @@ impl Strategy {
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
-                "intersector = {intersector} looks for the nearest hit along depths, not distances, and shades there: shading = deferred",
+                "intersector = {intersector} orders hits by depth, not by distance, and shades only the nearest: shading = deferred",
             ),
         ];
         let (_, reason) = rules.into_iter().find(|(broken, _)| *broken)?;

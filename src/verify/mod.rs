@@ -151,7 +151,7 @@ fn too_many_unexplained(unexplained: usize, judged: usize) -> Option<String> {
     let limit = unexplained_limit(judged);
     (unexplained > limit).then(|| {
         format!(
-            "{unexplained} of {judged} pixels are uncertain and outside the range of their slightly moved rays; at most {limit} may be"
+            "{unexplained} of {judged} pixels are uncertain, and no slightly moved ray explains their colours; at most {limit} such pixels are allowed"
         )
     })
 }

@@ -83,7 +83,7 @@ mod tests {
 
     const ORBIT: Orbit = Orbit { centre: DVec3::new(0.0, 0.0, -3.0), up: DVec3::Y, with_lights: false };
 
-    /// Three units before the centre, at the origin.
+    /// A scene whose camera is at the origin, three units in front of the centre of the orbit.
     fn scene() -> Scene {
         Scene { camera: Camera::PAPER, ..fixtures::single_triangle() }
     }

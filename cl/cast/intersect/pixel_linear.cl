@@ -18,7 +18,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 }
 
 // How far neighbours overlap, in units of a plane's own overlap. A plane as a function of the pixel is a sum of three rounded dot
-// products, two of them times a coordinate: some eight times the rounding of one dot product with a direction, or twice that.
+// products, two of them times a coordinate. Its rounding error is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {

@@ -59,6 +59,7 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
+    // The stride is 26 floats in the soup, 9 in a copy of the corners alone.
     VERTEX_SPACE const float *at = geometry->vertices + triangle * VERTEX_STRIDE;
     Corners corners;
     corners.a = LOAD3(at);

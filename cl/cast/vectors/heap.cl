@@ -19,6 +19,7 @@ typedef struct {
 // A bump allocator: the counter only grows, and all work-items contend for it. The pool, in whatever order they arrive:
 //     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
+    // One addition reserves all the varyings: no other work-item gets them.
     const uint at = atomic_add(heap_top, count);
     return at + count <= heap_size ? at : 0;
 }

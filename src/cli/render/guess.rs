@@ -88,7 +88,8 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Samples of each pixel: a scene file is none of a bare mesh, which a mesh's name says before it is read.
+/// Returns the number of samples per pixel. A bare mesh has its own default; the file's name tells whether it is one
+/// before it is read.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, is_dressed(args) && !is_scene)

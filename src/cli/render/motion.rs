@@ -25,25 +25,27 @@ use std::time::Instant;
 /// Frames per second, if neither an option nor the scene says how many.
 const USUAL_RATE: u16 = 30;
 
+/// The heading of these options in the help. Each names it, since a heading of all would apply to later options too.
+const HEADING: &str = "Moving pictures";
+
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Moving pictures")]
 pub struct Motion {
     /// Turn the scene once in this many frames: numbered PNGs, an .apng, or with `-o -` a y4m stream for an encoder
-    #[arg(long, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the scene's [animation], as numbered PNGs, an .apng or a y4m stream
-    #[arg(long, group = MOVING, conflicts_with_all = STILL)]
+    #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
     /// Render only frames A to B, both included; the first is 1
-    #[arg(long, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
+    #[arg(long, help_heading = HEADING, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
     /// Render only one of several equal parts, such as 3/16; auto takes both numbers from the launcher
     /// (Slurm, MPI), auto/16 only the first
-    #[arg(long, value_name = "N/OF", requires = MOVING)]
+    #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
     /// Frames per second of an .apng or a y4m stream [default: the animation's, or 30]
-    #[arg(long, requires = MOVING, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = clap::value_parser!(u16).range(1..=1000))]
     rate: Option<u16>,
 }
 

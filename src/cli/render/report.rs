@@ -200,7 +200,7 @@ impl Report {
         match part {
             "kernel" => self.kernel_remark(),
             "build" if self.build_from_cache => " (from the cache)".to_owned(),
-            "casting" if self.frames > 1 => format!(" ({} frames and a first one)", self.frames),
+            "casting" if self.frames > 1 => format!(" (a first frame, then {} timed ones)", self.frames),
             _ => String::new(),
         }
     }

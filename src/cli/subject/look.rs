@@ -2,33 +2,35 @@
 
 use toml::Value;
 
+/// The heading of these options in the help. Each names it, since a heading of all would apply to later options too.
+const HEADING: &str = "View of the scene";
+
 /// The view of a scene: direction, background and normals.
 #[derive(Debug, Default, clap::Args)]
-#[command(next_help_heading = "How it is seen")]
 pub struct Look {
     /// The axis of a bare mesh that points up
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
+    #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
     /// Show the whole scene from this direction: degrees to the right of its front [default for a bare mesh:
     /// 31]
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
     azimuth: Option<f64>,
     /// Show the whole scene from this height: degrees above the horizon, -90 to 90 [default for a bare mesh:
     /// 21]
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
     elevation: Option<f64>,
     /// Background: a display colour such as '#203040', black or white; or transparent, which gives a PNG or EXR an alpha channel
-    #[arg(long, value_name = "COLOUR")]
+    #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// For meshes without normals: keep an edge sharp if its faces meet at more than this angle [default for
     /// a bare mesh: 40]
-    #[arg(long, value_name = "DEGREES")]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,
     /// Turn normals to the viewer, so that back faces are lit like front faces; always on for a bare mesh
-    #[arg(long)]
+    #[arg(long, help_heading = HEADING)]
     two_sided: bool,
     /// Show a bare mesh without ground, soft light and sky: with two point lights and one sample per pixel
-    #[arg(long)]
+    #[arg(long, help_heading = HEADING)]
     pub plain: bool,
 }
 

@@ -6,10 +6,10 @@ use std::f64::consts::LN_2;
 
 /// The largest number of degrees of freedom with which the spread of all points is added to a pair's own.
 const BORROWED: usize = 6;
-/// The largest multiple of the typical variance that a row's counts as: four times the standard deviation. By
+/// A row's variance counts as at most this multiple of the typical one: four times the standard deviation. By
 /// chance, one variance in nine million exceeds it if all points are alike (two degrees of freedom).
 const MOST_TIMES: f64 = 16.0;
-/// The smallest fraction of the mean variance that a row's counts as for the typical one.
+/// For the typical variance, a row's variance counts as at least this fraction of the mean.
 const LEAST_SHARE: f64 = 1e-4;
 /// The Euler-Mascheroni constant.
 const EULER: f64 = 0.577_215_664_901_532_9;

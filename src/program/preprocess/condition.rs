@@ -107,7 +107,7 @@ impl Parser<'_> {
         if self.next_is(symbol) {
             return Ok(());
         }
-        Err(format!("the condition wants '{symbol}' before '{}'", self.peek().unwrap_or("its end")))
+        Err(format!("the condition needs '{symbol}' before '{}'", self.peek().unwrap_or("its end")))
     }
 
     /// Parses `a ? b : c`, or an expression of higher precedence.

@@ -99,7 +99,7 @@ impl<'a> ClaimData<'a> {
             ),
             other => Line::unclear(
                 format!("{name} on {}: {}: {}", point.scene, other.name(), first_line(told)),
-                "a run of it that ends".to_owned(),
+                "a complete run of this point".to_owned(),
             ),
         }
     }

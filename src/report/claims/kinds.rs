@@ -113,7 +113,7 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
     };
     let found = occupancy(sm, registers, 0, size.0[0] * size.0[1]);
     let text = format!(
-        "by arithmetic: {} of {registers} registers: {} threads (limited by {}), published {threads}",
+        "by arithmetic: {} with {registers} registers per thread: {} threads (limited by {}), published {threads}",
         by(size.0),
         found.threads,
         found.limiter

@@ -12,7 +12,7 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// Returns whether a value is a number, or a list of such values, so that others lie between it and another.
+/// Returns whether values can be interpolated: it is a number, or a list of such values.
 pub(super) fn is_numeric(value: &Value) -> bool {
     match value {
         Value::Array(elements) => !elements.is_empty() && elements.iter().all(is_numeric),

@@ -7,7 +7,7 @@ use crate::scene::document::Document;
 use crate::words::counted;
 use toml::{Spanned, Value};
 
-/// Largest number of names and places in a path; `object.0.face_normals.0.0` has five.
+/// Largest number of names and indices in a path; `object.0.face_normals.0.0` has five.
 const MAX_DEPTH: usize = 8;
 
 /// A value of the scene over time.
@@ -53,7 +53,8 @@ impl Track {
             Some("") => Err(refused(format!("a second track for `{path}`"), "this path has a track already")),
             Some(rest) if rest.starts_with('.') => {
                 let message = format!("`{path}` replaces the value of the track `{other}`");
-                Err(refused(message, "this path").with_help("put the track of the whole value first"))
+                Err(refused(message, "this path")
+                    .with_help("put this track first, then the tracks of its parts"))
             }
             _ => Ok(()),
         }

@@ -255,7 +255,7 @@ fn check_lengths(document: &Document, faces: &Faces, normals: &Faces) -> Result<
     let (faces, lists) = (faces.get_ref(), normals.get_ref());
     if faces.len() != lists.len() {
         let message = format!("{} lists of normals for {} faces", lists.len(), faces.len());
-        return Err(document.error(normals.span(), message, "expected one list a face"));
+        return Err(document.error(normals.span(), message, "expected one list per face"));
     }
     match faces.iter().zip(lists).find(|(face, list)| face.get_ref().len() != list.get_ref().len()) {
         Some((_, list)) => {

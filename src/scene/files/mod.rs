@@ -78,7 +78,7 @@ pub(in crate::scene) fn read(
         if permitted.quotes || format == MeshFormat::Obj { file? } else { withheld(file, &name, format)? };
     if file.mesh.triangles.is_empty() {
         return Err(Error::input(format!("{name}: no triangles: {} has no face", format.name()))
-            .with_help("a mesh needs triangles: point clouds and lines are not seen"));
+            .with_help("a mesh needs triangles: point clouds and lines are not drawn"));
     }
     Ok(file)
 }
@@ -86,7 +86,7 @@ pub(in crate::scene) fn read(
 /// Removes quotations of the file from errors and notes, if raycl may not show its text.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { notes: Vec::new(), ..file };
-    let outside = "its text is not shown, since it lies outside of the folder of the file that names it";
+    let outside = "its text is not shown, since it is outside the folder of the file that names it";
     let mistake = || Error::input(format!("{name}: damaged, or not {}", format.name())).with_help(outside);
     file.map(told).map_err(|_| mistake())
 }

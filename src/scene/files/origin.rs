@@ -15,7 +15,7 @@ const FAR_RADII: f64 = 16.0;
 pub(in crate::scene) fn origin_of(low: DVec3, high: DVec3) -> DVec3 {
     let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
     let far = centre.is_finite() && centre.length() > FAR_RADII * radius;
-    // A small mesh may not contain a point with whole coordinates.
+    // A small mesh need not contain a point with whole coordinates.
     let rounded = if radius > 1.0 { centre.round() } else { centre };
     if far { rounded } else { DVec3::ZERO }
 }

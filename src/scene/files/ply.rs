@@ -146,7 +146,8 @@ impl Parts {
             .map(|(name, count)| format!("{name} {count}"))
             .collect();
         if !others.is_empty() {
-            notes.push(format!("elements that are no faces are left out ({})", others.join(", ")));
+            notes
+                .push(format!("elements other than vertices and faces are left out ({})", others.join(", ")));
         }
         notes
     }

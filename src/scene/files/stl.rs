@@ -67,7 +67,7 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
         if word.eq_ignore_ascii_case(b"vertex") {
             corners.push(vertex(words).map_err(|what| (line, what))?);
         } else if word.eq_ignore_ascii_case(b"endfacet") && !corners.len().is_multiple_of(3) {
-            return Err((line, "a facet that has not three vertices".to_owned()));
+            return Err((line, "a facet without exactly three vertices".to_owned()));
         }
     }
     if corners.len().is_multiple_of(3) {
@@ -78,7 +78,7 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
 
 fn vertex<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> std::result::Result<DVec3, String> {
     let mut number = || {
-        let word = words.next().ok_or("a vertex of fewer than three numbers")?;
+        let word = words.next().ok_or("a vertex with fewer than three numbers")?;
         decimal(word).ok_or_else(|| format!("{} in a vertex; expected a finite decimal number", quoted(word)))
     };
     Ok(DVec3::new(number()?, number()?, number()?))
@@ -145,9 +145,9 @@ mod tests {
     fn mistakes_have_their_lines() {
         for (from, to, message) in [
             ("vertex 0 1 0", "vertex 0 x 0", "a.stl:6: `x` in a vertex"),
-            ("vertex 0 1 0\n", "", "a.stl:7: a facet that has not three"),
+            ("vertex 0 1 0\n", "", "a.stl:7: a facet without exactly three"),
             ("vertex 0 1 0", "vertex 0 nan 0", "a.stl:6"),
-            ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex of fewer"),
+            ("vertex 0 1 0", "vertex 0", "a.stl:6: a vertex with fewer"),
         ] {
             let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
             assert!(error.contains(message), "{error}");

@@ -56,12 +56,14 @@ impl Wish {
             Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
             Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),
-            Self::Shine => ("ways to shine", "surfaces are diffuse, in their base colour"),
+            Self::Shine => {
+                ("sheen, clear coats or other reflections", "surfaces are diffuse, in their base colour")
+            }
             Self::Ambient => ("ambient light", "there is none"),
-            Self::Lines => ("lines", "only faces are seen"),
-            Self::Points => ("points", "only faces are seen"),
-            Self::FreeForm => ("curves and surfaces", "only faces are seen"),
-            Self::Attribute => ("display attributes", "all faces are seen alike"),
+            Self::Lines => ("lines", "only faces are drawn"),
+            Self::Points => ("points", "only faces are drawn"),
+            Self::FreeForm => ("curves and surfaces", "only faces are drawn"),
+            Self::Attribute => ("display attributes", "all faces are drawn alike"),
             Self::OtherFile => ("another file or command", "it is neither read nor run"),
             Self::Unknown => ("unknown things", "they are ignored"),
         }

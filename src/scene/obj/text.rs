@@ -49,7 +49,7 @@ impl Source<'_> {
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
-        // Only in UTF-8 text are the offsets in the error those in the file.
+        // An error's offsets are those in the file only if the file is UTF-8 text.
         match std::str::from_utf8(self.text) {
             Ok(text) if text.len() <= SHOWN_FILE_BYTES && length <= SHOWN_LINE_BYTES => {
                 let span = before.len()..before.len() + length;

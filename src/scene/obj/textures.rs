@@ -26,7 +26,7 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// Makes a material's textures. Both have one place on a triangle, that of the colour.
+    /// Makes a material's textures. Both are placed on a triangle in the same way, that of the colour.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
         if let [Some(colour), Some(mask)] = places

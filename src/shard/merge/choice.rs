@@ -78,7 +78,7 @@ impl Chosen {
                 .map(|(attempt, outcome)| format!("{} of {}", outcome.name(), attempts[*attempt].name))
                 .collect();
             notes.push(format!(
-                "Attempts disagree on {} of {}: {}; the wrong image counts.",
+                "Attempts disagree on {} of {}: {}; the record with the wrong image is used.",
                 record.name,
                 record.scene,
                 told.join(", ")

@@ -77,9 +77,9 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 
 /// Returns the error for a folder that has no shards.
 pub fn no_shards(out: &Path) -> Error {
-    let what = if out.is_dir() { "holds no experiment in shards" } else { "is no folder" };
+    let what = if out.is_dir() { "holds no experiment in shards" } else { "is not a folder" };
     Error::input(format!("{} {what}", out.display()))
-        .with_help("give the folder that was --out of `raycl run --shard`")
+        .with_help("give the folder that `raycl run --shard` had as --out")
 }
 
 /// Refuses a folder with the results of a run, which are not merged from attempts.
@@ -119,7 +119,7 @@ fn ended_early(attempts: &[Attempt]) -> Option<String> {
         (count(&|end| end.is_none()), "were killed, or are still running"),
         (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost their launcher"),
         (count(&|end| matches!(end, Some(End::Interrupted))), "were interrupted"),
-        (count(&|end| matches!(end, Some(End::Failed(_)))), "could not go on"),
+        (count(&|end| matches!(end, Some(End::Failed(_)))), "ended with an error"),
     ];
     let words: Vec<String> = words
         .into_iter()

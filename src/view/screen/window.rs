@@ -8,8 +8,8 @@ use minifb::{InputCallback, MouseButton, MouseMode, ScaleMode, WindowOptions};
 use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-const REMEDY: &str = "--terminal shows it in this terminal instead, `raycl render` writes it to a file; elsewhere \
-    than at the display itself, `ssh -X` forwards a window";
+const REMEDY: &str = "--terminal shows the scene in this terminal instead, `raycl render` writes it to a file; \
+    on another machine, `ssh -X` forwards the window";
 
 /// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;

@@ -43,8 +43,8 @@ impl Stage<'_> {
         Ok((image, times.frame_ms))
     }
 
-    /// Returns what cast the last frame, with this scene's lights and sky. If that does not suit the scene, only
-    /// its program is kept, so that its buffers make room for others.
+    /// Returns the program and buffers of the last frame, after giving them this scene's lights and sky. If the
+    /// buffers do not suit the scene, only the program is kept, so that there is room for new buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
         if prepared.show(scene, &caster).map_err(Refused::at("the next frame"))? {

@@ -131,7 +131,7 @@ impl<'a> Numbers<'a> {
             let ends = || "its sparse elements end early".to_owned();
             let [index] = indices.element::<1>(number).ok_or_else(ends)?;
             let value = replacements.element(number).ok_or_else(ends)?;
-            *values.get_mut(index as usize).ok_or("a sparse index out of its elements")? = value;
+            *values.get_mut(index as usize).ok_or("a sparse index beyond its elements")? = value;
         }
         Ok(())
     }
