@@ -23,7 +23,7 @@ pub struct KeyParts<'a> {
     pub program_hash: &'a str,
     /// [`Timing`](crate::config::Timing), as displayed.
     pub timing: &'a str,
-    /// [`accel::FINGERPRINT`](crate::accel::FINGERPRINT) if the strategy uses a tree, else empty.
+    /// `accel::FINGERPRINT` if the strategy uses a tree, else empty.
     pub tree: &'a str,
 }
 
