@@ -1,16 +1,16 @@
 //! The types that a scene file's TOML is read into. The number types refuse values out of range, so that
 //! `toml` reports the location.
 
+mod background;
+mod numbers;
+
+pub(super) use background::BackgroundWire;
+pub(super) use numbers::*;
+
 use super::animation::AnimationWire;
-use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::schema::{ShapeName, both_names_of_mesh};
 use super::shapes::{MAX_FINENESS, MAX_TRIANGLES};
-use super::validate::MAX_POWER;
 use schemars::JsonSchema;
-use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
-use serde_json::{Value, json};
-use std::fmt;
-use std::marker::PhantomData;
 use toml::Spanned;
 
 /// A scene: objects, lights and a camera.
@@ -189,221 +189,9 @@ pub(super) struct DisplayWire {
     pub gamma: Option<Number<Positive>>,
 }
 
-/// A range of numbers, and its name in messages.
-pub(super) trait Range {
-    const EXPECTED: &'static str;
-    fn contains(value: f32) -> bool;
-    /// Returns its ends for a JSON schema.
-    fn bounds() -> Value;
-}
-
-macro_rules! ranges {
-    ($($(#[$doc:meta])* $name:ident: $expected:literal, $holds:expr, $bounds:tt;)*) => {$(
-        $(#[$doc])*
-        #[derive(Clone, Copy)]
-        pub(super) struct $name;
-        impl Range for $name {
-            const EXPECTED: &'static str = $expected;
-            fn contains(value: f32) -> bool {
-                let holds: fn(f32) -> bool = $holds;
-                value.is_finite() && holds(value)
-            }
-            fn bounds() -> Value {
-                json!($bounds)
-            }
-        }
-    )*};
-}
-
-ranges! {
-    /// Any f32 that is finite.
-    Finite: "a finite number", |_| true, {};
-    /// For values without a sign.
-    NonNegative: "a finite number of at least 0", |value| value >= 0.0, { "minimum": 0 };
-    /// For k_L and k_G.
-    Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value),
-        { "minimum": 0, "maximum": MAX_REFLECTANCE };
-    /// For s.
-    Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
-        { "minimum": 0, "maximum": MAX_SHININESS };
-    /// For lights and the sky.
-    Power: "a number from 0 to 1e28", |value| (0.0..=MAX_POWER).contains(&value),
-        { "minimum": 0, "maximum": 1e28 };
-    /// For divisors.
-    Positive: "a finite number of more than 0", |value| value > 0.0, { "exclusiveMinimum": 0 };
-    /// For scales.
-    NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
-    /// For the height of a camera.
-    Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value),
-        { "minimum": -90, "maximum": 90 };
-    /// For angles between faces.
-    Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
-        { "minimum": 0, "maximum": 180 };
-    /// For fields of view; near the ends their tangent exceeds f32.
-    Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
-        { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
-}
-
 impl SceneWire {
     /// Returns whether pictures of the scene have an alpha channel.
     pub(super) fn is_transparent(&self) -> bool {
         matches!(self.background, Some(BackgroundWire::Transparent))
-    }
-}
-
-/// Radiance, or a displayed colour.
-#[derive(Clone, Copy)]
-pub(super) enum BackgroundWire {
-    Radiance([f32; 3]),
-    /// Red, green and blue from 0 to 255.
-    Displayed([u8; 3]),
-    /// None: pictures have an alpha channel.
-    Transparent,
-}
-
-impl<'de> Deserialize<'de> for BackgroundWire {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let visitor = TripleVisitor::<NonNegative> { single: true, range: PhantomData };
-        deserializer.deserialize_any(BackgroundVisitor(visitor))
-    }
-}
-
-struct BackgroundVisitor(TripleVisitor<NonNegative>);
-
-impl<'de> Visitor<'de> for BackgroundVisitor {
-    type Value = BackgroundWire;
-
-    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str("a display colour such as \"#203040\", \"transparent\", or radiance: ")?;
-        self.0.expecting(out)
-    }
-
-    fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<BackgroundWire, E> {
-        if text == "transparent" {
-            return Ok(BackgroundWire::Transparent);
-        }
-        let wrong = || {
-            E::custom(format!("{text:?} is neither a display colour such as \"#203040\" nor \"transparent\""))
-        };
-        displayed(text).map(BackgroundWire::Displayed).ok_or_else(wrong)
-    }
-
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<BackgroundWire, E> {
-        self.0.visit_f64(value).map(BackgroundWire::Radiance)
-    }
-
-    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<BackgroundWire, E> {
-        self.0.visit_i64(value).map(BackgroundWire::Radiance)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, sequence: A) -> Result<BackgroundWire, A::Error> {
-        self.0.visit_seq(sequence).map(BackgroundWire::Radiance)
-    }
-}
-
-/// Parses `#203040`, `#234`, `black` or `white`.
-fn displayed(text: &str) -> Option<[u8; 3]> {
-    match text {
-        "black" => return Some([0; 3]),
-        "white" => return Some([255; 3]),
-        _ => {}
-    }
-    let digits = text.strip_prefix('#').filter(|digits| digits.is_ascii())?;
-    let channel = |part: &str| u8::from_str_radix(part, 16).ok();
-    match digits.len() {
-        6 => Some([channel(&digits[..2])?, channel(&digits[2..4])?, channel(&digits[4..])?]),
-        3 => Some([channel(&digits[..1])? * 17, channel(&digits[1..2])? * 17, channel(&digits[2..])? * 17]),
-        _ => None,
-    }
-}
-
-/// A number in a range.
-#[derive(Clone, Copy)]
-pub(super) struct Number<R>(pub f32, PhantomData<R>);
-
-/// Three numbers in a range; a single number stands for all three.
-#[derive(Clone, Copy)]
-pub(super) struct Triple<R>(pub [f32; 3], PhantomData<R>);
-
-/// Three finite numbers.
-#[derive(Clone, Copy)]
-pub(super) struct Vector(pub [f32; 3]);
-
-impl<'de, R: Range> Deserialize<'de> for Number<R> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(NumberVisitor::<R>(PhantomData)).map(|value| Self(value, PhantomData))
-    }
-}
-
-impl<'de, R: Range> Deserialize<'de> for Triple<R> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let visitor = TripleVisitor::<R> { single: true, range: PhantomData };
-        deserializer.deserialize_any(visitor).map(|values| Self(values, PhantomData))
-    }
-}
-
-impl<'de> Deserialize<'de> for Vector {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let visitor = TripleVisitor::<Finite> { single: false, range: PhantomData };
-        deserializer.deserialize_any(visitor).map(Self)
-    }
-}
-
-fn checked<R: Range, E: serde::de::Error>(value: f64) -> Result<f32, E> {
-    let narrow = value as f32;
-    if R::contains(narrow) { Ok(narrow) } else { Err(E::custom(format!("{value} is not {}", R::EXPECTED))) }
-}
-
-struct NumberVisitor<R>(PhantomData<R>);
-
-impl<R: Range> Visitor<'_> for NumberVisitor<R> {
-    type Value = f32;
-
-    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str(R::EXPECTED)
-    }
-
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<f32, E> {
-        checked::<R, E>(value)
-    }
-
-    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<f32, E> {
-        checked::<R, E>(value as f64)
-    }
-}
-
-struct TripleVisitor<R> {
-    single: bool,
-    range: PhantomData<R>,
-}
-
-impl<'de, R: Range> Visitor<'de> for TripleVisitor<R> {
-    type Value = [f32; 3];
-
-    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        let single = if self.single { "a number or " } else { "" };
-        write!(out, "{single}three numbers [x, y, z], each {}", R::EXPECTED)
-    }
-
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<[f32; 3], E> {
-        if self.single {
-            return checked::<R, E>(value).map(|value| [value; 3]);
-        }
-        Err(E::invalid_type(serde::de::Unexpected::Float(value), &self))
-    }
-
-    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<[f32; 3], E> {
-        if self.single {
-            return checked::<R, E>(value as f64).map(|value| [value; 3]);
-        }
-        Err(E::invalid_type(serde::de::Unexpected::Signed(value), &self))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<[f32; 3], A::Error> {
-        let mut values = Vec::with_capacity(3);
-        while let Some(Number::<R>(value, _)) = sequence.next_element()? {
-            values.push(value);
-        }
-        <[f32; 3]>::try_from(values).map_err(|values| A::Error::invalid_length(values.len(), &self))
     }
 }

@@ -27,7 +27,8 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     }
     let mut file = parts.mesh(name, &header)?;
     if strange > 0 {
-        file.notes.push(format!("{} in the header: not PLY, ignored", counted(strange, "line")));
+        file.notes
+            .push(format!("ignored {} of the header that PLY does not define", counted(strange, "line")));
     }
     Ok(file)
 }

@@ -1,0 +1,72 @@
+//! The background of a scene file: radiance, a displayed colour, or none.
+
+use super::numbers::{NonNegative, TripleVisitor};
+use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
+use std::fmt;
+use std::marker::PhantomData;
+
+/// Radiance, or a displayed colour.
+#[derive(Clone, Copy)]
+pub(in crate::scene) enum BackgroundWire {
+    Radiance([f32; 3]),
+    /// Red, green and blue from 0 to 255.
+    Displayed([u8; 3]),
+    /// None: pictures have an alpha channel.
+    Transparent,
+}
+
+impl<'de> Deserialize<'de> for BackgroundWire {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let visitor = TripleVisitor::<NonNegative> { single: true, range: PhantomData };
+        deserializer.deserialize_any(BackgroundVisitor(visitor))
+    }
+}
+
+struct BackgroundVisitor(TripleVisitor<NonNegative>);
+
+impl<'de> Visitor<'de> for BackgroundVisitor {
+    type Value = BackgroundWire;
+
+    fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        out.write_str("a display colour such as \"#203040\", \"transparent\", or radiance: ")?;
+        self.0.expecting(out)
+    }
+
+    fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<BackgroundWire, E> {
+        if text == "transparent" {
+            return Ok(BackgroundWire::Transparent);
+        }
+        let wrong = || {
+            E::custom(format!("{text:?} is neither a display colour such as \"#203040\" nor \"transparent\""))
+        };
+        displayed(text).map(BackgroundWire::Displayed).ok_or_else(wrong)
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<BackgroundWire, E> {
+        self.0.visit_f64(value).map(BackgroundWire::Radiance)
+    }
+
+    fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<BackgroundWire, E> {
+        self.0.visit_i64(value).map(BackgroundWire::Radiance)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, sequence: A) -> Result<BackgroundWire, A::Error> {
+        self.0.visit_seq(sequence).map(BackgroundWire::Radiance)
+    }
+}
+
+/// Parses `#203040`, `#234`, `black` or `white`.
+fn displayed(text: &str) -> Option<[u8; 3]> {
+    match text {
+        "black" => return Some([0; 3]),
+        "white" => return Some([255; 3]),
+        _ => {}
+    }
+    let digits = text.strip_prefix('#').filter(|digits| digits.is_ascii())?;
+    let channel = |part: &str| u8::from_str_radix(part, 16).ok();
+    match digits.len() {
+        6 => Some([channel(&digits[..2])?, channel(&digits[2..4])?, channel(&digits[4..])?]),
+        3 => Some([channel(&digits[..1])? * 17, channel(&digits[1..2])? * 17, channel(&digits[2..])? * 17]),
+        _ => None,
+    }
+}
