@@ -7,12 +7,12 @@
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
-    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
+    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
 // During the search, ray directions are in pixel coordinates. Shading needs unit directions, so that t is a distance.
 #if LINEAR_IN_PIXEL
-    begin_rays(&working, camera_ray(eye, corner, step_x, step_y, pixels));
+    begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
     // Lanes outside the image have taken part so far, since all must reach the barriers; from here on they count as
     // misses.
@@ -25,7 +25,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
-    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, pixels));
+    const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
     // One number per pixel is enough: shade_nearest computes t and the weights again from the triangle.

@@ -9,7 +9,19 @@
 typedef struct {
     varying_int x, y;
     Mask inside; // in the image: the last work-items of a row may extend beyond it
+#ifdef SUBPIXELS
+    varying sample_x, sample_y; // where the ray passes through the pixel, from 0 to 1 except for a wide filter
+#endif
 } Pixels;
+
+// The coordinates through which rays pass: the centres of pixels, or their samples' places in them.
+#ifdef SUBPIXELS
+#define RAY_X(pixels) (TO_FLOAT((pixels).x) + (pixels).sample_x)
+#define RAY_Y(pixels) (TO_FLOAT((pixels).y) + (pixels).sample_y)
+#else
+#define RAY_X(pixels) (TO_FLOAT((pixels).x) + 0.5f)
+#define RAY_Y(pixels) (TO_FLOAT((pixels).y) + 0.5f)
+#endif
 
 // The pixels of this work-item's lanes, a block. With WIDTH 4 and BLOCK_X 2:
 //     lane  0 1  at  (x, y)      (x + 1, y)
@@ -20,6 +32,9 @@ Pixels own_pixels(int2 image_size) {
     pixels.x = (int)get_global_id(0) * BLOCK_X + LANE_X;
     pixels.y = (int)get_global_id(1) * BLOCK_Y + LANE_Y;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
+#ifdef SUBPIXELS
+    pixels.sample_x = pixels.sample_y = (varying)(0.5f);
+#endif
     return pixels;
 }
 
@@ -41,10 +56,8 @@ typedef struct {
 #define TO_FLOAT(i) convert_float16(i)
 #endif
 
-Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
-    // Rays pass through the centres of pixels.
-    const varying x = TO_FLOAT(pixels.x) + 0.5f;
-    const varying y = TO_FLOAT(pixels.y) + 0.5f;
+Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
+    const varying x = RAY_X(*pixels), y = RAY_Y(*pixels);
     const Vec3 d = vec3(corner.x + x * step_x.x + y * step_y.x,
                         corner.y + x * step_x.y + y * step_y.y,
                         corner.z + x * step_x.z + y * step_y.z);
@@ -58,10 +71,10 @@ Ray camera_ray(CAMERA_PARAMETERS, Pixels pixels) {
 }
 
 // Returns the same ray in pixel coordinates: its direction is (x, y, 1), and t is depth.
-Ray ray_in_pixels(CAMERA_PARAMETERS, Pixels pixels) {
+Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
-    ray.direction = vec3(TO_FLOAT(pixels.x) + 0.5f, TO_FLOAT(pixels.y) + 0.5f, (varying)(1.0f));
+    ray.direction = vec3(RAY_X(*pixels), RAY_Y(*pixels), (varying)(1.0f));
     ray.t_min = (varying)(eye.w);
     return ray;
 }

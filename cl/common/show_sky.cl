@@ -8,7 +8,10 @@ __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     Soft sky;
     sky.numbers = soft;
     sky.sample = sample;
-    const Vec3 seen = radiance_of_sky(&sky, camera_ray(eye, corner, step_x, step_y, pixels).direction);
+#ifdef SUBPIXELS
+    sky.lane_sample = (varying_uint)(0);
+#endif
+    const Vec3 seen = radiance_of_sky(&sky, camera_ray(eye, corner, step_x, step_y, &pixels).direction);
     Lanes red, green, blue;
     IntLanes x, y, inside;
     red.all = seen.x, green.all = seen.y, blue.all = seen.z;

@@ -8,17 +8,25 @@
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
 #endif
 
-typedef struct {
-    const __global float *numbers; // the sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light
-    uint2 sample;                  // the number of a pixel's sample, and the number of samples
-} Soft;
-
 #if WIDTH == 1
 typedef uint varying_uint;
 #define AS_UINT(a) as_uint(a)
 #else
 typedef PASTE(uint, WIDTH) varying_uint;
 #define AS_UINT(a) PASTE(as_uint, WIDTH)(a)
+#endif
+
+typedef struct {
+    const __global float *numbers; // the sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light
+    uint2 sample;                  // the number of a pixel's sample, and the number of samples
+#ifdef SUBPIXELS
+    varying_uint lane_sample; // how far each lane's sample lies behind that one
+#endif
+} Soft;
+#ifdef SUBPIXELS
+#define SAMPLE_NUMBER(soft) ((soft)->sample.x + (soft)->lane_sample)
+#else
+#define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
 varying_uint reversed_bits(varying_uint bits) {
@@ -69,7 +77,7 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have numbers close to them.
     const varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-    const varying_uint reversed = reversed_bits(curve * soft->sample.y + soft->sample.x);
+    const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
     // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
     const varying_uint second = reversed_bits(hashed_bits(reversed, seed_of(source, 1)));

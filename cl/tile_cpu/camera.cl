@@ -2,21 +2,54 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
-// Returns the pixels of a vector of a tile.
-Pixels tile_pixels(int vector, int2 image_size) {
+#if SAMPLED
+// Returns the number in the frame of each lane's sample.
+varying_int sample_of_lane(int bits) {
+    const int last = (1 << bits) - 1;
+    return (LANE_X & last) | (LANE_Y & last) << bits;
+}
+#endif
+
+// Returns the pixels of a vector of a tile: a block, or its part if pixels have several rays.
+Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
-    pixels.x = (int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X;
-    pixels.y = (int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y;
+    pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
+    pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
+#if SAMPLED
+    pixels.sample_x = samples->x, pixels.sample_y = samples->y;
+    pixels.inside &= sample_of_lane(samples->bits) < samples->count;
+#endif
     return pixels;
 }
 
-// Computes the interval of corner + x step_x + y step_y over each vector's block of pixels, extended by its rounding
-// error. x and y belong to the first pixel.
-void slice_axis(float corner, float step_x, float step_y, float16 x, float16 y, float16 *low, float16 *high) {
+// Where the rays of a block lie: the first ones' coordinates from the block's first pixel, and the others' distance
+// from those.
+typedef struct {
+    float x, y, across, down;
+} BlockRays;
+
+BlockRays block_rays(CAST_PARAMETERS int bits) {
+    BlockRays rays;
+    rays.x = rays.y = 0.5f;
+    rays.across = (BLOCK_X >> bits) - 1;
+    rays.down = (BLOCK_Y >> bits) - 1;
+#if SAMPLED
+    // The samples of a pixel are spread over the filter's width.
+    rays.x = least_lane(samples->x), rays.y = least_lane(samples->y);
+    rays.across += most_lane(samples->x) - rays.x;
+    rays.down += most_lane(samples->y) - rays.y;
+#endif
+    return rays;
+}
+
+// Computes the interval of corner + x step_x + y step_y over each vector's rays, extended by its rounding error. x and
+// y belong to the first ray.
+void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
+                float16 *high) {
     // A direction is linear in x and y, so its smallest and largest values lie at corners of the block.
     const float16 from_x = x * step_x, from_y = y * step_y;
-    const float across = (BLOCK_X - 1) * step_x, down = (BLOCK_Y - 1) * step_y;
+    const float across = rays->across * step_x, down = rays->down * step_y;
     const float16 base = corner + from_x + from_y;
     // Rounding errors of the terms: the interval must contain every direction that make_camera_rays computes.
     const float16 rounding =
@@ -26,17 +59,18 @@ void slice_axis(float corner, float step_x, float step_y, float16 x, float16 y, 
 }
 
 // Computes the intervals of the tile's directions without making any ray; returns their largest component.
-float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
+float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
+    const BlockRays rays = block_rays(CAST_ARGUMENTS SUBPIXEL_BITS);
     float16 longest = (float16)(0.0f);
     for (int part = 0; part < PARTS; part++) {
         // A lane is a vector here: sixteen vectors' intervals are computed at once.
         const int16 vector = LANES + 16 * part;
-        const int16 px = (int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X;
-        const int16 py = (int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y;
-        const float16 x = convert_float16(px) + 0.5f, y = convert_float16(py) + 0.5f;
-        slice_axis(corner.x, step_x.x, step_y.x, x, y, &slices->low[0][part], &slices->high[0][part]);
-        slice_axis(corner.y, step_x.y, step_y.y, x, y, &slices->low[1][part], &slices->high[1][part]);
-        slice_axis(corner.z, step_x.z, step_y.z, x, y, &slices->low[2][part], &slices->high[2][part]);
+        const int16 px = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS;
+        const int16 py = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS;
+        const float16 x = convert_float16(px) + rays.x, y = convert_float16(py) + rays.y;
+        slice_axis(corner.x, step_x.x, step_y.x, &rays, x, y, &slices->low[0][part], &slices->high[0][part]);
+        slice_axis(corner.y, step_x.y, step_y.y, &rays, x, y, &slices->low[1][part], &slices->high[1][part]);
+        slice_axis(corner.z, step_x.z, step_y.z, &rays, x, y, &slices->low[2][part], &slices->high[2][part]);
         for (int axis = 0; axis < 3; axis++)
             longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
 #if VECTORS < 16
@@ -54,12 +88,12 @@ float slice_camera(CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
 
 #if SAMPLED
 // Returns the vectors whose pixels get another sample.
-uint vectors_to_cast(const __global uint *wanted, uint earlier, int2 image_size) {
+uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
-        const Pixels pixels = tile_pixels(vector, image_size);
+        const Pixels pixels = tile_pixels(samples, vector, image_size);
         const int x = pixels.x.s0, y = pixels.y.s0;
-        cast |= pixels.inside.s0 && is_wanted(wanted, earlier, image_size, x, y) ? 1u << vector : 0;
+        cast |= pixels.inside.s0 && is_wanted(wanted, samples->earlier, image_size, x, y) ? 1u << vector : 0;
     }
     return cast;
 }
@@ -84,8 +118,8 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
     for (int vector = 0; vector < VECTORS; vector++) bundle->place[vector] = (varying_int)(NO_HIT);
 #endif
     EACH_CAST(vector) {
-        const Pixels pixels = tile_pixels(vector, image_size);
-        const varying x = TO_FLOAT(pixels.x) + 0.5f, y = TO_FLOAT(pixels.y) + 0.5f;
+        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
+        const varying x = RAY_X(pixels), y = RAY_Y(pixels);
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;

@@ -6,6 +6,9 @@
 // vector's interval is too wide to be useful (scattered.cl). A leaf's triangles are tested against the rays of the
 // remaining vectors (intersect/).
 
+#if SAMPLED // a pixel may have several rays, each at a place of its own
+#define SUBPIXELS
+#endif
 #include "common/tile.cl"
 #if WATERTIGHT // also for vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"
@@ -73,15 +76,33 @@ typedef struct {
     const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
-// The additional parameters of programs with several samples, including the comma: the number of earlier samples, and
-// the vectors whose pixels get another one.
+// With several samples per pixel, a frame casts one of each pixel, or up to 4 or 16 at once: a pixel is then divided
+// into sub-pixels, 2 or 4 across and down, and each of them is a ray. A tile always has 512 rays, so it covers
+// 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each other than those of neighbouring pixels,
+// so that a tile visits fewer nodes and triangles for each ray.
+//
+//     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
+//     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3
+//     sample's number  0 0 0 0                2 3 2 3                 4  5  6  7
+//     in the frame)    0 0 0 0                0 1 0 1                 8  9 10 11
+//                      0 0 0 0                2 3 2 3                12 13 14 15
 #if SAMPLED
-#define CAST_PARAMETERS uint earlier, uint cast,
-#define CAST_ARGUMENTS earlier, cast,
-#define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++) if (cast >> vector & 1u)
+typedef struct {
+    uint earlier; // samples that are in the image already
+    uint cast;    // vectors whose pixels get more of them, one bit each
+    int bits;     // a pixel has 2^bits sub-pixels across and down
+    int count;    // samples that the frame casts; sub-pixels beyond them stay empty
+    varying x, y; // the place of each lane's sample in its pixel
+} FrameSamples;
+// The additional parameter of programs with several samples, including the comma.
+#define CAST_PARAMETERS const FrameSamples *samples,
+#define CAST_ARGUMENTS samples,
+#define SUBPIXEL_BITS (samples->bits)
+#define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++) if (samples->cast >> vector & 1u)
 #else
 #define CAST_PARAMETERS
 #define CAST_ARGUMENTS
+#define SUBPIXEL_BITS 0
 #define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++)
 #endif
 
@@ -103,6 +124,7 @@ float most_lane(float16 v) {
 #include "common/bits.cl"
 #include "tile_cpu/slices.cl"
 #include "tile_cpu/scattered.cl"
+#include "tile_cpu/triangles_of_leaf.cl"
 #include "tile_cpu/leaf.cl"
 #include "tile_cpu/walk.cl"
 #include "tile_cpu/camera.cl"

@@ -5,9 +5,9 @@
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
     // First only the intervals are tested, which costs far less than 512 rays.
-    bundle->longest = slice_camera(eye, corner, step_x, step_y, image_size, &slices);
+    bundle->longest = slice_camera(CAST_ARGUMENTS eye, corner, step_x, step_y, image_size, &slices);
 #if SAMPLED
-    leave_out_others(&slices, cast);
+    leave_out_others(&slices, samples->cast);
 #endif
     bundle->origin = LOAD3((const float *)&eye);
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
@@ -33,10 +33,16 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #else
 #define BIND_TEXTURES(lighting)
 #endif
+#if SAMPLED
+#define BIND_LANES(soft) soft.lane_sample = AS_UINT(sample_of_lane(samples->bits));
+#else
+#define BIND_LANES(soft)
+#endif
 #if SOFT
 #define BIND_SOFT(lighting)         \
     lighting.soft.numbers = soft; \
-    lighting.soft.sample = sample;
+    lighting.soft.sample = sample; \
+    BIND_LANES(lighting.soft)
 #else
 #define BIND_SOFT(lighting)
 #endif
@@ -54,19 +60,29 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     BIND_LIGHTING(lighting)
 // These kernels have no barriers, so work-items outside the image may return.
 #define LEAVE_OUTSIDE(image_size) \
-    if (get_global_id(0) * TILE_X >= image_size.x || get_global_id(1) * TILE_Y >= image_size.y) return;
+    if (get_global_id(0) * TILE_X >= image_size.x << SUBPIXEL_BITS || get_global_id(1) * TILE_Y >= image_size.y << SUBPIXEL_BITS) return;
 
-// Neither is a tile cast all of whose pixels have enough samples.
 #if SAMPLED
-#define LEAVE_ENOUGH(image_size)                                        \
-    const uint cast = vectors_to_cast(wanted, earlier, image_size); \
-    if (!cast) return;
+#define BIND_SAMPLES                        \
+    FrameSamples frame_samples;             \
+    frame_samples.earlier = earlier;        \
+    frame_samples.bits = (int)subpixel_bits; \
+    frame_samples.count = (int)samples_of_frame; \
+    frame_samples.x = sample_x;             \
+    frame_samples.y = sample_y;             \
+    const FrameSamples *samples = &frame_samples;
+// A tile all of whose pixels have enough samples is not cast either.
+#define LEAVE_ENOUGH(image_size)                                                 \
+    frame_samples.cast = vectors_to_cast(samples, wanted, image_size);     \
+    if (!frame_samples.cast) return;
 #else
+#define BIND_SAMPLES
 #define LEAVE_ENOUGH(image_size)
 #endif
 
 // A whole frame.
 __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
+    BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
@@ -83,6 +99,7 @@ size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_gl
 
 // Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.
 __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
+    BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)
     LEAVE_ENOUGH(image_size)
     SurfaceTree tree;
@@ -95,6 +112,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
 
 // Shades the nearest triangle of every pixel.
 __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
+    BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING

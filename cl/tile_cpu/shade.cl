@@ -2,7 +2,16 @@
 
 // Loads each lane's row of three float4 as 12 columns: one load of 16 bytes per lane and quad, transposed in
 // registers.
-void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
+void gather_rows(const __global float4 *rows, varying_int places, int are_equal, varying *column) {
+    if (are_equal) {
+        // One triangle for all: one load, copied to all lanes.
+        for (int quad = 0; quad < 3; quad++) {
+            const float4 row = rows[3 * (size_t)places.s0 + quad];
+            column[4 * quad] = (varying)(row.x), column[4 * quad + 1] = (varying)(row.y);
+            column[4 * quad + 2] = (varying)(row.z), column[4 * quad + 3] = (varying)(row.w);
+        }
+        return;
+    }
     IntLanes at;
     at.all = places * 3;
     for (int quad = 0; quad < 3; quad++) {
@@ -69,27 +78,31 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-void meet_vector(const SurfaceTree *tree, const Lighting *lighting, Ray ray, varying_int place, Mask hits,
+void meet_vector(const SurfaceTree *tree, const Lighting *lighting, const Ray *ray, varying_int place, Mask hits,
                  Shaded *shaded) {
-    // Lanes without a hit gather triangle 0, so that every address is valid.
-    const varying_int safe = SELECT(hits, place, (varying_int)(0));
+    // Lanes without a hit gather another lane's triangle, so that every address is valid.
+    IntLanes places;
+    places.all = place;
+    const int first = places.each[LOWEST_BIT(LANE_BITS16(hits))];
+    const varying_int safe = SELECT(hits, place, (varying_int)(first));
+    const int are_equal = !ANY(safe != first);
     varying corner[ROW_FLOATS], normal[ROW_FLOATS];
-    gather_rows((const __global float4 *)tree->tree.leaves, safe, corner);
-    gather_rows(tree->surfaces, safe, normal);
+    gather_rows((const __global float4 *)tree->tree.leaves, safe, are_equal, corner);
+    gather_rows(tree->surfaces, safe, are_equal, normal);
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
     // t and weights are computed again, as in every strategy, so that the picture does not depend on the test that
     // found the triangle.
-    const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
-    shaded->point = along(ray.origin, hit.t, ray.direction);
+    const Hit hit = meet_plane(v0, e1, e2, ray->origin, ray->direction);
+    shaded->point = along(ray->origin, hit.t, ray->direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
     const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
     shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
-    shaded->to_eye = negate(ray.direction);
+    shaded->to_eye = negate(ray->direction);
     shaded->surface = TEXTURED(gather_materials(lighting, corner[7], hits), &lighting->textures,
-                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, ray.direction, hit.t);
+                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, ray->direction, hit.t);
 }
 
 // Converts a vector of hits to rays from a light to them, their interval of directions, and the radiance that arrives
@@ -129,8 +142,8 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
 
 // Makes a light's rays to the hits of the tile's vectors. The hits are computed for the first light and kept for
 // others. Returns the vectors with any rays.
-uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
-                     CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
+uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting,
+                     int light, CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
         for (int axis = 0; axis < 3; axis++) {
             slices->low[axis][part] = (float16)(FAR);
@@ -151,15 +164,16 @@ uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, co
 #else
         Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not kept
         if (light == 0) {
-            const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
-            meet_vector(tree, lighting, ray, bundle->place[vector], hits, surface);
+            const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
+            const Ray ray = camera_ray(eye, corner, step_x, step_y, &pixels);
+            meet_vector(tree, lighting, &ray, bundle->place[vector], hits, surface);
         }
 #endif
         const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
         open |= ANY(lit) ? 1u << vector : 0;
     }
     const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
-    const float block_side = BLOCK_X * pixel_side(step_x, step_y);
+    const float block_side = (BLOCK_X >> SUBPIXEL_BITS) * pixel_side(step_x, step_y);
     set_scattered(bundle, open & scattered_vectors(slices, eye_to_light, block_side));
     return open;
 }
@@ -185,18 +199,74 @@ float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
     STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
 
-// Does the same as store_radiance for a vector of a tile: a row of four pixels at once if all are inside and rows are
-// aligned.
-void store_block(EARLIER_PARAMETER __global float4 *restrict image, int2 image_size, float4 background, Vec3 sum,
-                 Pixels pixels, Mask hits) {
-    const int x = pixels.x.s0, y = pixels.y.s0;
-    if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
-        store_radiance(EARLIER_ARGUMENT image, image_size, background, sum, pixels, hits);
+#if SAMPLED
+float sum_of_lanes(float16 v) {
+    const float8 a = v.lo + v.hi;
+    const float4 b = a.lo + a.hi;
+    const float2 c = b.lo + b.hi;
+    return c.x + c.y;
+}
+
+// Returns the sums over squares of 2 x 2 lanes.
+float4 sums_of_squares(float16 v) {
+    // Neighbours across, then down:   0  1  2  3                 0 1
+    //                                 4  5  6  7   4 rows of 2   2 3   2 rows of 2
+    const float8 across = v.even + v.odd;
+    return across.s0145 + across.s2367;
+}
+
+// Adds `count` samples to a pixel's mean of `earlier` ones, given their sum.
+void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
+    const float per_sample = 1.0f / (float)(earlier + count);
+    *mean = earlier ? *mean + (sum - (float)count * *mean) * per_sample : sum * per_sample;
+}
+
+// Adds all samples of a vector's pixels to their means.
+void store_subpixels(const FrameSamples *samples, __global float4 *restrict image, int2 image_size, float4 background,
+                     const Vec3 *sum, const Pixels *pixels, Mask hits) {
+    const Mask cast = sample_of_lane(samples->bits) < samples->count;
+    const varying red = SELECT(hits, sum->x, SELECT(cast, (varying)(background.x), (varying)(0.0f)));
+    const varying green = SELECT(hits, sum->y, SELECT(cast, (varying)(background.y), (varying)(0.0f)));
+    const varying blue = SELECT(hits, sum->z, SELECT(cast, (varying)(background.z), (varying)(0.0f)));
+    const varying hit = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
+    const int x = pixels->x.s0, y = pixels->y.s0;
+    if (x >= image_size.x || y >= image_size.y) return;
+    __global float4 *mean = image + (size_t)y * image_size.x + x;
+    if (samples->bits == 2) {
+        // All lanes belong to one pixel.
+        const float4 total = (float4)(sum_of_lanes(red), sum_of_lanes(green), sum_of_lanes(blue), sum_of_lanes(hit));
+        add_samples(mean, total, samples->earlier, samples->count);
         return;
     }
-    const varying red = SELECT(hits, sum.x, (varying)(background.x));
-    const varying green = SELECT(hits, sum.y, (varying)(background.y));
-    const varying blue = SELECT(hits, sum.z, (varying)(background.z));
+    const float4 r = sums_of_squares(red), g = sums_of_squares(green), b = sums_of_squares(blue), h = sums_of_squares(hit);
+    const int right = x + 1 < image_size.x, below = y + 1 < image_size.y;
+    add_samples(mean, (float4)(r.x, g.x, b.x, h.x), samples->earlier, samples->count);
+    if (right) add_samples(mean + 1, (float4)(r.y, g.y, b.y, h.y), samples->earlier, samples->count);
+    mean += image_size.x;
+    if (below) add_samples(mean, (float4)(r.z, g.z, b.z, h.z), samples->earlier, samples->count);
+    if (right && below) add_samples(mean + 1, (float4)(r.w, g.w, b.w, h.w), samples->earlier, samples->count);
+}
+#endif
+
+// Does the same as store_radiance for a vector of a tile: a row of four pixels at once if all are inside and rows are
+// aligned.
+void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
+                 const Vec3 *sum, const Pixels *pixels, Mask hits) {
+#if SAMPLED
+    if (samples->bits) {
+        store_subpixels(samples, image, image_size, background, sum, pixels, hits);
+        return;
+    }
+    const uint earlier = samples->earlier;
+#endif
+    const int x = pixels->x.s0, y = pixels->y.s0;
+    if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
+        store_radiance(EARLIER_ARGUMENT image, image_size, background, *sum, *pixels, hits);
+        return;
+    }
+    const varying red = SELECT(hits, sum->x, (varying)(background.x));
+    const varying green = SELECT(hits, sum->y, (varying)(background.y));
+    const varying blue = SELECT(hits, sum->z, (varying)(background.z));
     const varying hit = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
     __global float4 *row = image + (size_t)y * image_size.x + x;
     STORE_ROW(s0123, row);
@@ -207,8 +277,10 @@ void store_block(EARLIER_PARAMETER __global float4 *restrict image, int2 image_s
 
 void store_background(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background) {
     const Vec3 none = splat(uniform3(0.0f, 0.0f, 0.0f));
-    EACH_CAST(vector)
-        store_block(EARLIER_ARGUMENT image, image_size, background, none, tile_pixels(vector, image_size), (Mask)(0));
+    EACH_CAST(vector) {
+        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
+        store_block(CAST_ARGUMENTS image, image_size, background, &none, &pixels, (Mask)(0));
+    }
 }
 
 #if SOFT
@@ -229,20 +301,21 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
 #if SOFT
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const Ray ray = camera_ray(eye, corner, step_x, step_y, tile_pixels(vector, image_size));
-        meet_vector(tree, lighting, ray, bundle->place[vector], bundle->place[vector] != NO_HIT, shaded + vector);
+        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
+        const Ray ray = camera_ray(eye, corner, step_x, step_y, &pixels);
+        meet_vector(tree, lighting, &ray, bundle->place[vector], bundle->place[vector] != NO_HIT, shaded + vector);
     }
 #endif
     for (int light = 0; light < lighting->light_count; light++) {
 #if SOFT
         if (radius_of(&lighting->soft, light) > 0.0f) {
-            add_soft_light(bundle, tree, lighting, light, image_size, shaded, sum);
+            add_soft_light(CAST_ARGUMENTS bundle, tree, lighting, light, image_size, shaded, sum);
             continue;
         }
 #endif
         Slices slices;
-        const uint open = make_light_rays(bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y, image_size,
-                                          hit, shaded, arriving);
+        const uint open = make_light_rays(CAST_ARGUMENTS bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y,
+                                          image_size, hit, shaded, arriving);
         // No hit of the tile faces this light.
         if (!open) continue;
         const Cone cone = finish_slices(&slices);
@@ -254,9 +327,10 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         }
     }
 #if SKY
-    add_sky(bundle, tree, lighting, image_size, shaded, sum);
+    add_sky(CAST_ARGUMENTS bundle, tree, lighting, image_size, shaded, sum);
 #endif
-    EACH_CAST(vector)
-        store_block(EARLIER_ARGUMENT image, image_size, background, sum[vector], tile_pixels(vector, image_size),
-                    bundle->place[vector] != NO_HIT);
+    EACH_CAST(vector) {
+        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
+        store_block(CAST_ARGUMENTS image, image_size, background, sum + vector, &pixels, bundle->place[vector] != NO_HIT);
+    }
 }

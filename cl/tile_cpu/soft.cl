@@ -78,15 +78,15 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
 
 // Adds the light of a source with a radius to the sums of a tile's vectors, from a different point of it for each
 // pixel.
-void add_soft_light(const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light, int2 image_size,
-                    const Shaded *shaded, Vec3 *sum) {
+void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
+                    int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask hits = bundle->place[vector] != NO_HIT;
         if (!ANY(hits)) continue;
         // Each lane's ray goes to a point of the light that its pixel and sample choose.
         const Shaded *own = shaded + vector;
-        const Pixels pixels = tile_pixels(vector, image_size);
+        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
         const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, pixels.x, pixels.y));
         const Vec3 offset = subtract(position, own->point);
         const varying squared = dot3(offset, offset);

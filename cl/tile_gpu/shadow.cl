@@ -66,7 +66,7 @@ INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
     one.x = pixel.x;
     one.y = pixel.y;
     one.inside = pixel.inside;
-    return camera_ray(eye, corner, step_x, step_y, one);
+    return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
 // Returns the same without the material: enough to know which lights the surface faces, and where rays to them begin.

@@ -4,7 +4,7 @@ use super::LaunchError;
 use crate::manifest::{self, Fact};
 use crate::strategy::Strategy;
 use ocl::builders::KernelBuilder;
-use ocl::prm::{Float4, Int2, Uint2};
+use ocl::prm::{Float4, Float16, Int2, Uint2};
 use ocl::{Buffer, Kernel};
 
 /// A value that can be passed to a kernel.
@@ -20,6 +20,7 @@ pub(super) enum Argument<'a> {
     Int(i32),
     Uint(u32),
     Float4(Float4),
+    Float16(Float16),
     Int2(Int2),
     Uint2(Uint2),
 }
@@ -44,6 +45,7 @@ argument_from! {
     i32 => Int,
     u32 => Uint,
     Float4 => Float4,
+    Float16 => Float16,
     Int2 => Int2,
     Uint2 => Uint2,
 }
@@ -67,6 +69,7 @@ impl<'a> Argument<'a> {
             Self::Int(_) => (false, &["int"]),
             Self::Uint(_) => (false, &["uint"]),
             Self::Float4(_) => (false, &["float4"]),
+            Self::Float16(_) => (false, &["float16"]),
             Self::Int2(_) => (false, &["int2"]),
             Self::Uint2(_) => (false, &["uint2"]),
         };
@@ -87,6 +90,7 @@ impl<'a> Argument<'a> {
             Self::Int(value) => kernel.arg(value),
             Self::Uint(value) => kernel.arg_named(name, value),
             Self::Float4(value) => kernel.arg_named(name, value),
+            Self::Float16(value) => kernel.arg_named(name, value),
             Self::Int2(value) => kernel.arg(value),
             Self::Uint2(value) => kernel.arg_named(name, value),
         };
@@ -149,6 +153,7 @@ impl<'a> Arguments<'a> {
             match (kernel.named_arg_idx(name), argument) {
                 (Some(place), Argument::Float(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Float4(value)) => kernel.set_arg(place, *value)?,
+                (Some(place), Argument::Float16(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Uint(value)) => kernel.set_arg(place, *value)?,
                 (Some(place), Argument::Uint2(value)) => kernel.set_arg(place, *value)?,
                 _ => {}

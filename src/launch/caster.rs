@@ -14,6 +14,7 @@ use super::setup::{
 };
 use super::shared::Shared;
 use super::steps::Steps;
+use super::subpixels::{frames, most_bits, subpixel_arguments};
 use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
@@ -23,6 +24,7 @@ use image::RgbImage;
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 use rayon::prelude::*;
+use std::slice;
 use std::time::Instant;
 
 /// A frame's kernels with their arguments, ready to be cast.
@@ -32,6 +34,8 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     samples: Option<Samples>,
+    /// How finely a frame can divide pixels, to cast several samples of each.
+    most_bits: u32,
     size: [u32; 2],
     /// True if the background is transparent, so that images have coverage.
     transparent: bool,
@@ -79,8 +83,20 @@ impl Caster {
         let mark = samples.as_ref().map(|samples| samples.mark_kernel(&parts, &image)).transpose()?;
         let samples = samples.zip(mark).map(|(samples, kernel)| samples.marked_by(kernel));
         let records_ms = records.as_ref().map(|records| records.prepare_ms);
+        let most_bits = most_bits(&setup);
         let (queue, transparent) = (queue.clone(), setup.scene.transparent);
-        Ok(Self { queue, steps, image, working, samples, size, transparent, records_ms, _bytes: bytes })
+        Ok(Self {
+            queue,
+            steps,
+            image,
+            working,
+            samples,
+            most_bits,
+            size,
+            transparent,
+            records_ms,
+            _bytes: bytes,
+        })
     }
 
     /// Returns the device time for preparing the records of triangles, if the strategy uses them. It is spent
@@ -101,11 +117,16 @@ impl Caster {
 
     /// Casts the frame `frames` times, waits for the last one, and returns the mean times of one.
     pub fn cast_batch(&self, frames: u32) -> Result<FrameTimes, LaunchError> {
+        self.cast_finely(frames, 0)
+    }
+
+    /// Does the same with pixels that are divided into 2^`bits` sub-pixels across and down.
+    fn cast_finely(&self, frames: u32, bits: u32) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
         for _ in 0..frames {
             for (phase, step) in &self.steps {
-                events.push((*phase, step.enqueue(&self.queue)?));
+                events.push((*phase, step.enqueue(&self.queue, bits)?));
             }
         }
         self.queue.commands.finish()?;
@@ -128,13 +149,14 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts a picture, one frame for each sample of a pixel. The image is then their mean. Returns the total
-    /// times.
+    /// Casts a picture with the samples of each pixel, several in a frame if the strategy can. The image is then their
+    /// mean. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let all = |samples: &[Sample], times: FrameTimes| {
-            let cast = |times: FrameTimes, sample| Ok(times.and(&self.cast_sample(camera, sample)?));
-            samples.iter().try_fold(times, cast)
+            let cast =
+                |times: FrameTimes, samples: &[Sample]| Ok(times.and(&self.cast_together(camera, samples)?));
+            frames(samples, self.most_bits).into_iter().try_fold(times, cast)
         };
         let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
             return all(&first, FrameTimes::default());
@@ -153,10 +175,19 @@ impl Caster {
     /// Casts one frame with one sample of every pixel that wants more than there are, and adds it to the mean
     /// in the image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
-        self.look_from(&camera.of_sample(sample))?;
-        let arguments = sample_argument(Arguments::default(), sample);
+        self.cast_together(camera, slice::from_ref(sample))
+    }
+
+    /// Does the same with consecutive samples of one round.
+    fn cast_together(&self, camera: &Camera, samples: &[Sample]) -> Result<FrameTimes, LaunchError> {
+        let Some(first) = samples.first() else { return Ok(FrameTimes::default()) };
+        // The kernel places several samples; for one, the camera is shifted.
+        let offset = if samples.len() > 1 { [0.0; 2] } else { first.offset };
+        self.look_from(&camera.of_sample(&Sample { offset, ..*first }))?;
+        let arguments = sample_argument(Arguments::default(), first);
+        let (arguments, bits) = subpixel_arguments(arguments, samples);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
-        self.cast()
+        self.cast_finely(1, bits)
     }
 
     /// Returns the kernels of a frame in their order.

@@ -31,6 +31,7 @@ mod show;
 mod split;
 mod staging;
 mod steps;
+mod subpixels;
 mod textures;
 mod tree;
 

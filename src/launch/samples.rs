@@ -5,6 +5,7 @@ use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::parts::{Parts, builder};
 use super::steps::Step;
+use super::subpixels::subpixel_arguments;
 use super::{LaunchError, Queue};
 use crate::manifest::Role;
 use crate::scene::{SampleCounts, Sampling};
@@ -43,6 +44,7 @@ impl Samples {
     /// Adds the arguments of a frame.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with(WANTED, &self.wanted).with("earlier", 0_u32);
+        let (arguments, _) = subpixel_arguments(arguments, &[]);
         match &self.hits_before {
             Some(hits) => arguments.with("hits_before", hits),
             None => arguments,
@@ -85,7 +87,7 @@ impl Samples {
         let start = Instant::now();
         let arguments = Arguments::default().with("first", sampling.first).with("most", sampling.most);
         step.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;
-        let marked = step.enqueue(queue)?;
+        let marked = step.enqueue(queue, 0)?;
         queue.commands.finish()?;
         Ok(FrameTimes::of(&[(Phase::Whole, marked)], start.elapsed().as_secs_f64() * 1e3, 1)?)
     }

@@ -2,7 +2,7 @@
 
 use super::Queue;
 use super::frame::Phase;
-use ocl::{Buffer, Event, Kernel};
+use ocl::{Buffer, Event, Kernel, SpatialDims};
 
 /// One command of a frame.
 pub(super) enum Step {
@@ -21,21 +21,35 @@ impl Step {
         }
     }
 
-    /// Enqueues the command.
-    pub fn enqueue(&self, queue: &Queue) -> ocl::Result<Event> {
+    /// Enqueues the command, with 2^`bits` times as many work-items across and down as the kernel has for one sample of
+    /// each pixel.
+    pub fn enqueue(&self, queue: &Queue, bits: u32) -> ocl::Result<Event> {
         let mut event = Event::empty();
         match self {
             Self::Fill(buffer, value) => {
                 buffer.cmd().queue(&queue.commands).fill(*value, None).enew(&mut event).enq()?;
             }
             Self::Run(kernel) => {
+                let mut run = kernel.cmd().queue(&queue.commands);
+                if bits > 0 {
+                    run = run.global_work_size(finer(kernel.default_global_work_size(), bits));
+                    run = run.global_work_offset(finer(kernel.default_global_work_offset(), bits));
+                }
                 // SAFETY: the kernel was built with every argument that its source declares, each buffer is
                 // as long as the sizes passed with it, and all of them outlive the queue's `finish` in
                 // `cast`.
-                unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
+                unsafe { run.enew(&mut event).enq()? };
             }
         }
         Ok(event)
+    }
+}
+
+/// Returns dimensions across and down, each times 2^`bits`.
+fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
+    match size {
+        SpatialDims::Two(across, down) => SpatialDims::Two(across << bits, down << bits),
+        other => other,
     }
 }
 

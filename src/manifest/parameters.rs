@@ -64,6 +64,13 @@ pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2",
 /// How many samples each block of pixels gets, and how many samples the image already has.
 pub const SAMPLES: &[Parameter] =
     &[p(Sampled, "const __global uint *restrict", "wanted"), p(Sampled, "const uint", "earlier")];
+/// How finely a frame divides pixels, how many samples it casts, and where each lane's sample lies in its pixel.
+pub const SUBPIXELS: &[Parameter] = &[
+    p(Sampled, "const uint", "subpixel_bits"),
+    p(Sampled, "const uint", "samples_of_frame"),
+    p(Sampled, "const float16", "sample_x"),
+    p(Sampled, "const float16", "sample_y"),
+];
 /// How many of a pixel's earlier samples hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
 /// The image after the first samples, the display's exposure, and how many samples a block gets if nothing in

@@ -1,0 +1,142 @@
+// One ray of a tile that traverses the tree alone. Rays to the sky run into all directions, so that a packet of them
+// would visit the nodes of each of its rays. A single ray tests all children of a node at once, and eight triangles of a
+// leaf at once.
+
+typedef struct {
+    float from[3], way[3]; // the origin and the unit direction
+    float reach;           // triangles beyond this distance stop nothing
+    // For the test against boxes: the origin and the direction's reciprocals in all lanes, and the rows of a node with the
+    // sides by which the ray enters and leaves: a ray towards smaller x enters by the high side.
+    Children origin[3], per_way[3];
+    int near_row[3], far_row[3];
+} SingleRay;
+
+void aim_single_ray(SingleRay *ray, const float *per_way) {
+    for (int axis = 0; axis < 3; axis++) {
+        const int negative = per_way[axis] < 0.0f;
+        ray->origin[axis] = (Children)(ray->from[axis]);
+        ray->per_way[axis] = (Children)(per_way[axis]);
+        ray->near_row[axis] = (2 * axis + negative) * NODE_WIDTH;
+        ray->far_row[axis] = (2 * axis + 1 - negative) * NODE_WIDTH;
+    }
+}
+
+// Returns the t at which the ray passes a side of each child.
+Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
+    return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_way[axis];
+}
+
+// Returns the children of a node that the ray enters before its reach, one bit each: the slab test (Kay and Kajiya 1986),
+// a child per lane.
+uint single_ray_meets(const SingleRay *ray, const __global float *node) {
+    const Children x = pass_side(ray, node, 0, ray->near_row[0]), x2 = pass_side(ray, node, 0, ray->far_row[0]);
+    const Children y = pass_side(ray, node, 1, ray->near_row[1]), y2 = pass_side(ray, node, 1, ray->far_row[1]);
+    const Children z = pass_side(ray, node, 2, ray->near_row[2]), z2 = pass_side(ray, node, 2, ray->far_row[2]);
+    const Children entry = max(max(x, y), max(z, (Children)(0.0f)));
+    const Children leave = min(min(min(x2, y2), z2) * OUTWARDS, (Children)(ray->reach));
+    return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
+}
+
+Lanes3 same_in_all(const float *v) {
+    Lanes3 lanes;
+    lanes.x = (float8)(v[0]), lanes.y = (float8)(v[1]), lanes.z = (float8)(v[2]);
+    return lanes;
+}
+
+float8 lanes_dot(Lanes3 a, Lanes3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+float8 flip_sign8(float8 a, int8 sign) { return as_float8(as_int8(a) ^ sign); }
+
+// Returns which of the eight triangles from `first` on stop the ray, one bit each: the test of is_stopped_by
+// (common/soft.cl), with a triangle per lane instead of a ray.
+uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
+    const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
+    const Lanes3 a = load_corners(rows), from = same_in_all(ray->from), way = same_in_all(ray->way);
+    const Lanes3 e1 = lanes_difference(load_corners(rows + 1), a), e2 = lanes_difference(load_corners(rows + 2), a);
+    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
+    const Lanes3 q = lanes_cross(way, e2), s = lanes_difference(from, a), r = lanes_cross(s, e1);
+    const float8 det = lanes_dot(e1, q), size = fabs(det), distance = lanes_size(s);
+    const int8 sign = as_int8(det) & (int8)(int)0x80000000;
+    // Weights times |det|; they are allowed their rounding error.
+    const float8 slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;
+    const float8 w1 = flip_sign8(lanes_dot(s, q), sign), w2 = flip_sign8(lanes_dot(way, r), sign);
+    const float8 t = flip_sign8(lanes_dot(e2, r), sign);
+    int8 stopping = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
+    // A triangle seen edge-on stops nothing.
+    stopping &= (size > 1e-5f * size1 * size2) & (t > 0.0f) & (t / size < ray->reach);
+#if CULL_BACK
+    stopping &= det > 0.0f;
+#endif
+    return LANE_BITS8(stopping);
+}
+
+#if CUTOUTS
+// Returns those of eight triangles whose surface the ray hits, and no hole of it.
+uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits) {
+    const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
+    uint solid = 0;
+    for (uint left = hits; left; left &= left - 1) {
+        const int place = first + LOWEST_BIT(left);
+        const Mask hit = solid_on_rays(&tree->masks, leaf_triangle(tree, place), leaf_corners(tree, place), from, way, (Mask)(-1));
+        solid |= ANY(hit) ? left & (0u - left) : 0;
+    }
+    return solid;
+}
+#define SOLID_OF_LEAF(ray, tree, first, hits) solid_of_leaf(ray, tree, first, hits)
+#else
+#define SOLID_OF_LEAF(ray, tree, first, hits) hits
+#endif
+
+int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
+    const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
+    for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
+        // Lanes after the leaf's last triangle hold other leaves' triangles.
+        const uint own = (1u << min(end - first, TOGETHER)) - 1;
+        if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
+    }
+    return 0;
+}
+
+// Returns whether any triangle stops the ray.
+int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
+    uint stack[STACK_SIZE];
+    int waiting = 1;
+    stack[0] = 0; // the root
+    while (waiting) {
+        const uint word = stack[--waiting];
+        if (IS_LEAF(word)) {
+            if (leaf_stops(ray, tree, word)) return 1;
+            continue;
+        }
+        const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
+        // Any hit will do, so children are not sorted.
+        for (uint met = single_ray_meets(ray, node); met; met &= met - 1) {
+            stack[waiting] = as_uint(node[CHILD_ROW + LOWEST_BIT(met)]);
+            fetch_child(tree, stack[waiting++]);
+        }
+    }
+    return 0;
+}
+
+// Returns the lanes of `wanted` whose ray is stopped before `reach`, each cast alone.
+Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *way, float reach, Mask wanted) {
+    const BoxProbe probe = prepare_box_probe(*from, *way);
+    const varying numbers[9] = {from->x, from->y, from->z, way->x, way->y, way->z,
+                                probe.per_direction.x, probe.per_direction.y, probe.per_direction.z};
+    IntLanes stopped;
+    stopped.all = (varying_int)(0);
+    for (uint left = LANE_BITS16(wanted); left; left &= left - 1) {
+        const int lane = LOWEST_BIT(left);
+        SingleRay ray;
+        float per_way[3];
+        for (int axis = 0; axis < 3; axis++) {
+            ray.from[axis] = ((const float *)(numbers + axis))[lane];
+            ray.way[axis] = ((const float *)(numbers + 3 + axis))[lane];
+            per_way[axis] = ((const float *)(numbers + 6 + axis))[lane];
+        }
+        ray.reach = reach;
+        aim_single_ray(&ray, per_way);
+        stopped.each[lane] = is_stopped_alone(&ray, tree) ? -1 : 0;
+    }
+    return stopped.all;
+}
