@@ -30,8 +30,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
-        // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. Work-
-        // items that stream tiles through __local memory continue even so, since every one must reach the barriers.
+        // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. If tiles
+        // are streamed through __local memory, the work-item continues even so, since all must reach the barriers.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
