@@ -105,7 +105,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved. Times change with it, those of kernels that share data between work-groups most.",
+             probably moved. Times change with it, most of all those of kernels that share data between work-groups.",
             significant(low, 2),
             significant(high, 2)
         )

@@ -45,7 +45,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or make room in this one")
+            .with_help("choose another folder with --out DIR, or free space in this one")
     })
 }
 
@@ -70,7 +70,7 @@ fn replace(
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or make room in this one")
+            .with_help("choose another folder with --out DIR, or free space in this one")
     })
 }
 

@@ -71,7 +71,7 @@ impl Beam {
         }
     }
 
-    /// Does the same for a triangle that may have holes: then no beam surely hits it.
+    /// Does the same for a triangle that may have holes: then no beam certainly hits it.
     fn meet_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         match self.meet(corners, culling) {
             BeamHit::All(range) if indexed.has_holes => BeamHit::Some(range),

@@ -152,8 +152,10 @@ impl Animation {
         }
         let Some((track, document, found)) = wrong else {
             // The document was a scene before any track.
-            let message =
-                format!("{} at frame {frame} is not a scene, and no track is the cause", self.document.name);
+            let message = format!(
+                "{} at frame {frame} is not a valid scene, although no track made it so",
+                self.document.name
+            );
             return Error::fault(message);
         };
         let told = toml_error(&document.name, &document.text, &found, KEYS);

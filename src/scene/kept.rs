@@ -16,7 +16,7 @@ use toml::{Table, Value};
 /// The keys of an object that place and paint a mesh; the others make it.
 const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
-/// What is kept between frames; the default keeps nothing.
+/// Data that is kept between frames; the default keeps nothing.
 #[derive(Default)]
 pub(super) struct Kept {
     keeps: bool,

@@ -36,7 +36,7 @@ pub struct Cast {
     pub read_ms: f64,
     /// Number of samples per pixel.
     pub sampling: Sampling,
-    /// How many the pixels got, if that differs.
+    /// Numbers of samples that pixels got, if pixels differ.
     pub counts: Option<SampleCounts>,
 }
 

@@ -17,7 +17,7 @@ pub struct Pair {
     pub after: Record,
     /// The verdict on the second record.
     pub verdict: Verdict,
-    /// The ratio of the second time to the first, and what it is relative to; `None` if it cannot be
+    /// The ratio of the second time to the first, and the time by which both are divided; `None` if it cannot be
     /// computed.
     pub change: Option<(Interval, Against)>,
 }

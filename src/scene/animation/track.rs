@@ -29,7 +29,11 @@ impl Track {
             return Err(document.error(path.span(), "a track cannot change the animation", "this path"));
         }
         if path.get_ref().split('.').count() > MAX_DEPTH {
-            return Err(document.error(path.span(), "no value of a scene has so long a path", "this path"));
+            return Err(document.error(
+                path.span(),
+                "this path is longer than that of any value of a scene",
+                "this path",
+            ));
         }
         if values.get_ref().is_empty() {
             return Err(document.error(values.span(), "a track without values", "expected at least one"));
@@ -136,7 +140,7 @@ fn checked(
     }
     if let (false, Some(given)) = (numeric, given) {
         let message = "only numbers and lists of numbers have values in between";
-        let error = document.error(given.span(), message, "these values can only step");
+        let error = document.error(given.span(), message, "these values cannot be interpolated");
         return Err(error.with_help(STEPS));
     }
     let first = values[0].get_ref();

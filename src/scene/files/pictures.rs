@@ -121,7 +121,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
     let (width, height) = size;
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
-        return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} each way"));
+        return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
     // Needed twice: as decoded, and as stored.
     let needed = 8 * u64::from(width) * u64::from(height);

@@ -8,7 +8,7 @@ use crate::strategy::Strategy;
 use glam::Vec3;
 use std::sync::Arc;
 
-/// What moves from frame to frame.
+/// The kind of movement from frame to frame.
 pub enum Film {
     /// The eye, once around the scene.
     Turntable { scene: Arc<Scene>, orbit: Orbit, count: u32 },

@@ -24,7 +24,7 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// A surface that the file wants blended with what is behind it is opaque where its alpha is at least this.
+/// A surface that the file wants blended with its background is opaque where its alpha is at least this.
 const BLENDED: f32 = 0.5;
 
 /// Returns the least alpha of a texel where the surface is, from 0 to 1; 0 if all of it is there.
