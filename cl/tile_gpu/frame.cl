@@ -60,7 +60,7 @@ INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size
     return pixel;
 }
 
-// Does the same for the work-group's own row of the image, which may be a band of it.
+// Returns the pixel of a lane's ray in the work-group's own row of the image, which may be a band of it.
 INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
     return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
 }

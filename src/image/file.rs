@@ -108,7 +108,7 @@ pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
 
-/// Does the same for [`save_rgb8`], which writes PNG only.
+/// Checks a target of [`save_rgb8`], which writes PNG only.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();

@@ -216,7 +216,7 @@ impl Caster {
         Ok(hits.map(|hits| (picture, hits)))
     }
 
-    /// Does the same for a device with separate memory, which applies the display transform itself. `take`
+    /// Reads the shown image of a device with separate memory, which applies the display transform itself. `take`
     /// receives the rows from the top as red, green and blue, in multiples of `together` rows except for the
     /// last call.
     pub fn show(

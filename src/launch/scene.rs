@@ -166,7 +166,7 @@ impl Workload {
         }
     }
 
-    /// Returns the same with several samples per pixel.
+    /// Returns this workload with several samples per pixel.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);

@@ -9,7 +9,7 @@ pub enum Verdict {
     Faster,
     /// Surely slower, by more than the threshold.
     Slower,
-    /// Surely different by less than the threshold.
+    /// Certainly different by less than the threshold.
     Same,
     /// The interval includes both equal and different times.
     Unclear,

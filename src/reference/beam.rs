@@ -71,7 +71,7 @@ impl Beam {
         }
     }
 
-    /// Does the same for a triangle that may have holes: then no beam certainly hits it.
+    /// Tests the beam like [`Self::meet`]. If the triangle may have holes, no beam certainly hits it.
     fn meet_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         match self.meet(corners, culling) {
             BeamHit::All(range) if indexed.has_holes => BeamHit::Some(range),
@@ -90,7 +90,7 @@ impl Beam {
         }
     }
 
-    /// Returns the triangle that all rays hit first beyond `near`, or that they hit nothing. No other
+    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. No other
     /// triangle may lie within the fraction `rival` of its distance behind it. `None` if the result is
     /// uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {

@@ -29,7 +29,8 @@ const OFF_PLANE: f64 = 1e-6;
 /// Up to twice the angle by which rounding may turn the direction in which a pixel sees the sky, since its sines and
 /// its normal are rounded.
 const SKY_NUDGE: f64 = 1e-6;
-/// The same with a picture, whose texels are found by an arc tangent and a product with the picture's size.
+/// This angle for a sky with a picture, whose texels are found by an arc tangent and a product with the
+/// picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
 /// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
@@ -46,7 +47,7 @@ pub struct PixelSample {
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
     pub change: f64,
-    /// The same without wide nudges.
+    /// The largest change without wide nudges.
     pub near_change: f64,
     /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
     pub range: [DVec3; 2],

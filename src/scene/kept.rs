@@ -24,7 +24,7 @@ pub(super) struct Kept {
     keys: Vec<String>,
     /// The meshes of this frame's objects, before they were placed, by these texts.
     meshes: HashMap<String, MeshFile>,
-    /// The same of the frame before.
+    /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
     /// The text of all objects of this frame.
     objects: String,

@@ -44,7 +44,7 @@ impl Sampling {
     /// One sample per pixel.
     pub const ONE: Self = Self::all(1);
 
-    /// The same number of samples for every pixel.
+    /// Returns a sampling with `count` samples for every pixel.
     pub const fn all(count: u32) -> Self {
         Self { first: count, most: count }
     }

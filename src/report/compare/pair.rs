@@ -35,7 +35,7 @@ pub enum Against {
     PointsInCommon,
     /// Nothing: plain times.
     BareTimes,
-    /// The same rounds: both were measured in one run.
+    /// Nothing is needed: both were measured in the same rounds of one run.
     SameRounds,
 }
 

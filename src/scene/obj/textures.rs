@@ -127,7 +127,7 @@ impl Map {
         Some(map)
     }
 
-    /// Returns the same with the line's location, and whether its material has no colour.
+    /// Adds the line's location, and whether its material has no colour.
     pub fn told(self, at: String, alone: bool) -> Self {
         Self { at, alone, ..self }
     }
