@@ -150,8 +150,8 @@ impl Caster {
         Ok(read.transpose()?)
     }
 
-    /// Casts one frame with one sample of every pixel that wants more than there are, and adds it to the mean
-    /// in the image.
+    /// Casts one frame with one sample of every pixel that needs more samples, and adds it to the mean in the
+    /// image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
         self.look_from(&camera.of_sample(sample))?;
         let arguments = sample_argument(Arguments::default(), sample);

@@ -5,9 +5,9 @@ use super::Interval;
 /// The result of a comparison with an earlier result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// Surely faster, by more than the threshold.
+    /// Certainly faster, by more than the threshold.
     Faster,
-    /// Surely slower, by more than the threshold.
+    /// Certainly slower, by more than the threshold.
     Slower,
     /// Certainly different by less than the threshold.
     Same,

@@ -222,7 +222,7 @@ mod tests {
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }
 
-    /// Squares across the z axis, two triangles each, so far down it.
+    /// Returns squares perpendicular to the z axis, of two triangles each, at these distances down the axis.
     fn squares(depths: &[f32]) -> Tree {
         let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
         for depth in depths {
@@ -259,7 +259,7 @@ mod tests {
         let stopped = |own: u32, least: f64| {
             down().is_stopped_on_the_way_here(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
         };
-        // The second square is looked at from the origin: the first is before it.
+        // From the origin, the first square is in front of the second one.
         assert_eq!(stopped(2, 1.9), Some(true));
         assert_eq!(stopped(0, 1.1), Some(false), "nothing else is as near");
         assert_eq!(stopped(0, 0.5), Some(false));

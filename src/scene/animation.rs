@@ -145,7 +145,7 @@ impl Animation {
                 Err(error) => return error,
             };
             match toml::from_str::<SceneWire>(&document.text) {
-                // This track brought what an earlier one lacked.
+                // With this track, the document is valid again.
                 Ok(_) => wrong = None,
                 Err(found) => wrong = wrong.or(Some((track, document, found))),
             }

@@ -34,7 +34,7 @@ impl Scene {
         self.lights.iter().try_for_each(|light| brightness.check(light))
     }
 
-    /// Checks everything but the mesh and what its size allows.
+    /// Checks everything except the mesh and the limits that depend on its size.
     pub(super) fn validate_view(&self) -> Result<()> {
         let numbers = [
             ("the background", self.background.min_element(), self.background.is_finite()),

@@ -182,7 +182,7 @@ file_axis! {
     }
 }
 axis! {
-    /// When the data that the ray-triangle test reads of a triangle is computed.
+    /// When the data of a triangle that the ray-triangle test reads is computed.
     Records "records" "when the data of a triangle that a test reads is computed" {
         EachTest "each-test" "at each test, or once per tile of triangles; memory holds only the scene's corners",
         Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",

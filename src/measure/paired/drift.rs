@@ -66,7 +66,7 @@ mod tests {
             assert!((left - reference - expected).abs() < 1e-9, "{sample:?}: {left}");
         }
     }
-    /// A point that a launch has no sample of tells nothing of the machine then.
+    /// A point without a sample at some time gives no information about the machine at that time.
     #[test]
     fn only_points_with_samples_count_as_neighbours() {
         // One of two points takes longer and longer, then all of a sudden as long as before.

@@ -39,7 +39,7 @@ impl Usage {
         Self { wrap, least_alpha: 0 }
     }
 
-    /// Returns the use as a mask: the surface is where alpha is at least this much, from 0 to 1.
+    /// Returns the use as a mask: where alpha is less than this, from 0 to 1, there is a hole.
     pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
         Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
     }

@@ -48,7 +48,7 @@ impl Film {
         }
     }
 
-    /// Refuses frames whose values make no scene.
+    /// Refuses frames whose values do not make a valid scene.
     pub fn check(&self, first: u32, last: u32) -> Result<()> {
         match self {
             Self::Turntable { .. } => Ok(()),
