@@ -51,7 +51,7 @@ void sort_rays(SkyRays *rays, const IntLanes *classes, int *counts) {
     }
 }
 
-// Casts the packet of sorted rays that begins with the ray `first`, and closes those that something stops.
+// Casts the packet of sorted rays that begins with the ray `first`. Those that something stops are then not open.
 void cast_packet(const Tree *tree, SkyRays *rays, int first, varying t_max) {
     Lanes from[3], way[3];
     IntLanes stopped;
