@@ -27,8 +27,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     }
     let mut file = parts.mesh(name, &header)?;
     if strange > 0 {
-        file.notes
-            .push(format!("ignored {} in the header, which PLY does not define", counted(strange, "line")));
+        file.notes.push(format!("ignored {} in the header, not defined by PLY", counted(strange, "line")));
     }
     Ok(file)
 }
