@@ -32,7 +32,7 @@ fn escaped(text: &str, refused: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Does the same for a single line: line breaks are replaced too.
+/// Escapes control characters in a single line: line breaks and tabs are replaced too.
 pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| steers(c) || c == '\n' || c == '\t')
 }

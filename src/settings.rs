@@ -111,7 +111,7 @@ pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }
 
-/// Adds to an error about the default device where that word comes from.
+/// Adds to an error about the default device the origin of its name: a variable or the settings file.
 pub fn blame_device(error: Error) -> Error {
     error.placed(|message| match (variable(DEVICE), &user().wire.device) {
         (None, Some(word)) => user().error(word, message),

@@ -214,7 +214,13 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
     leaf().save(place.path("leaf.png")).expect("a picture");
     let (blended, said) = of("\"alphaMode\": \"BLEND\",", "0.9");
-    has(&said, &["asks for blended transparency (alphaMode BLEND)", "what is half opaque or more is seen"]);
+    has(
+        &said,
+        &[
+            "asks for blended transparency (alphaMode BLEND)",
+            "points that are at least half opaque are drawn",
+        ],
+    );
     assert_eq!(blended, half);
     let (hidden, said) = of("\"alphaMode\": \"MASK\",", "0.25");
     has(&said, &["asks for transparency (alphaMode MASK)", "every surface is opaque"]);

@@ -92,7 +92,7 @@ fn what_is_wrong_with_a_sky_is_told() {
     has(&refused(&with("sky.hdr", "skies.hdr")), &["scene.toml:5", "did you mean `sky.hdr`?"]);
     has(&refused(&with("\"sky.hdr\"", "\"scene.toml\"")), &["is neither a Radiance HDR nor an OpenEXR"]);
     has(&refused(&with("strength = 0.5", "zenith = 1")), &["a sky is a picture, or has a zenith"]);
-    has(&refused(&with("picture = \"sky.hdr\"", "zenith = 1")), &["are those of a picture"]);
+    has(&refused(&with("picture = \"sky.hdr\"", "zenith = 1")), &["belong to a picture"]);
     has(
         &refused(&with("picture = \"sky.hdr\"\nstrength = 0.5\nturn_degrees = 30", "reach = 1")),
         &["a sky has a zenith or a picture"],

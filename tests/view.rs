@@ -195,7 +195,7 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
         .zip(expected.pixels())
         .flat_map(|(rgba, pixel)| [0, 1, 2].map(|channel| u64::from(rgba[channel].abs_diff(pixel[channel]))))
         .sum();
-    // 256 colours; neighbours share what a colour is off.
+    // 256 colours; the error of a colour is distributed over its neighbours.
     assert!(off < 6 * 3 * 640 * 368, "{off}");
 }
 

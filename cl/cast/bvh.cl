@@ -3,7 +3,7 @@
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
-// the working vector P, in the direction w_i.
+// the working vector P, in the direction w_i, so that the triangle that was just hit does not shadow itself.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
@@ -27,7 +27,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
     uint word = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // A leaf: its triangles are contiguous in leaf order.
+            // The triangles of a leaf are contiguous in leaf order.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++) {
 #if RECORDS_ONCE
@@ -39,8 +39,6 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 Hit hit;
 #if ANY_HIT
                 const Vec3 to_light = working_get(working, TO_LIGHT);
-                // The ray starts at a distance from the surface, so that the triangle that was just hit does not
-                // shadow itself.
                 const Vec3 start = along(working_get(working, POINT), (varying)(scene->bias), to_light);
                 if (intersect(&probe, start, to_light, row, t_max, &hit))
                     open &= !SOLID(&scene->textures, leaf_triangle(&scene->tree, place), hit);
@@ -59,16 +57,14 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #endif
             }
 #if ANY_HIT
-            // All shadow rays of this work-item are blocked.
             if (!ANY(open)) break;
 #endif
         } else {
             waiting = push_met_children(&box_probe, scene->tree.nodes + NODE_STRIDE * (size_t)word, REACH, stack, waiting);
         }
-        // The nearest child that may still contain a nearer hit.
 #if !ANY_HIT
         const varying reach = REACH;
-        // Children whose boxes are entered behind the nearest hits found meanwhile are dropped without a visit.
+        // Hits found since a child was pushed may be nearer than its box: it is dropped without a visit.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

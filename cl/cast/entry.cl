@@ -14,8 +14,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // Lanes outside the image have taken part so far, since all must reach the barriers; from here on they count as
-    // misses.
+    // Lanes outside the image took part so far, since all must reach the barriers. From here on they count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -38,8 +37,7 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
     const int first = (int)(get_global_id(1) * get_global_size(0) + get_global_id(0)) * WIDTH;
-    // The floats of the rays become seven vectors with one lane per ray (origin, direction, t_min). Lanes after the
-    // last ray repeat it.
+    // Seven vectors with one lane per ray: origin, direction, t_min. Lanes after the last ray repeat it.
     Lanes ray[7];
     IntLanes triangle;
     for (int lane = 0; lane < WIDTH; lane++) {

@@ -1,22 +1,26 @@
 // Every ray tests every triangle. Included twice: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0 closest_hit.
 //
-// A ray is read from the working vectors at each test, as in the paper's kernel; the strategy chooses the memory of
-// these vectors. A shadow ray runs from P to the light; with planes prepared for an origin, it runs from the light to
-// P.
+// All work-items test the same triangle at the same time, so that one load serves all of them. A ray is read from the
+// working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors. A shadow
+// ray runs from P to the light; with planes prepared for an origin, it runs from the light to P.
+//
+// If triangles are streamed through __local memory, the loop over them is unrolled by 8 (7% faster on a GPU than the 4
+// that its compiler chooses), or by 4 with planes of an origin (5% faster than 8, 2 and the compiler's choice).
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
-// the working vector P, in the direction w_i.
+// the working vector P, in the direction w_i, so that the triangle that was just hit does not shadow itself. `open` has
+// the lanes that have hit nothing yet: a lane is finished at its first hit on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
-    // Lanes that have hit nothing yet. A lane is finished at its first hit on any triangle.
     Mask open = wanted;
 #else
-// Finds the nearest hit at t > t_min for the rays in the working vectors.
+// Finds the nearest hit at t > t_min for the rays in the working vectors. Lanes that are not `wanted` begin with a
+// nearest hit at t = 0, so that they accept none.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;
-    nearest->t = SELECT(wanted, (varying)(FAR), (varying)(0.0f)); // other lanes accept no hit
+    nearest->t = SELECT(wanted, (varying)(FAR), (varying)(0.0f));
     nearest->triangle = (varying_int)(NO_HIT);
 #endif
 #if PLANES_OF_ORIGIN
@@ -27,29 +31,25 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         stage_tile(scene, origin, first);
         int end = min(TILE_STEP(scene), scene->geometry.count - first);
 #if ANY_HIT
-        // Nothing is left to find, but the loop over tiles continues: stage_tile has barriers, which all work-items
-        // must reach.
+        // Nothing is left to find, but the loop over tiles continues: all work-items must reach stage_tile's barriers.
         if (!ANY(open)) end = 0;
 #endif
 #if STREAM_TILES && PLANES_OF_ORIGIN
-#pragma unroll 4 // 5% faster on a GPU than 8 or 2, or what its compiler chooses
+#pragma unroll 4
 #elif STREAM_TILES
-#pragma unroll 8 // 7% faster on a GPU than the 4 its compiler chooses
+#pragma unroll 8
 #endif
         for (int k = 0; k < end; k++) {
-            // All work-items test the same triangle at the same time, so that one load serves all of them.
             const Row row = row_in_tile(scene, origin, first, k);
             Hit hit;
 #if ANY_HIT
             const Vec3 to_light = working_get(working, TO_LIGHT);
 #if PLANES_OF_ORIGIN
-            // These planes were prepared for rays from the light: the same segment, in the reverse direction.
+            // The planes were prepared for the reverse ray, from the light. They contain its origin: `from` is unused.
             const Vec3 direction = negate(to_light);
-            const Vec3 from = direction; // unused: the planes know their origin
+            const Vec3 from = direction;
 #else
             const Vec3 direction = to_light;
-            // The ray starts at a distance from the surface, so that the triangle that was just hit does not shadow
-            // itself.
             const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), to_light);
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;

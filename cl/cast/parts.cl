@@ -183,7 +183,6 @@ void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varyin
     y.all = pixels.y;
     inside.all = pixels.inside;
     number.all = numbers;
-    // Lanes outside the image have no place in the buffer.
     for (int lane = 0; lane < WIDTH; lane++)
         if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = number.each[lane];
 }

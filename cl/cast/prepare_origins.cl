@@ -1,17 +1,16 @@
-// The planes of every triangle (first dimension) for the eye and each light (second dimension).
+// The planes of every triangle (first dimension) for every origin (second dimension): origin 0 is the eye, origin i is
+// light i - 1.
 __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);
     if (triangle >= triangle_count) return;
-    // Origin 0 is the eye, origin i light i - 1.
     const Uniform3 from = origin ? LOAD3(lights + LIGHT_FLOATS * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     const __global float *at = soup + SOUP_STRIDE * triangle;
     Corners corners;
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // A shadow ray runs towards the light, but is tested from the light: faces that face away from the light are its
-    // front faces.
+    // A shadow ray is tested in reverse, from the light: its front faces are those that face away from the light.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     // Only rays from the eye form a grid of pixels.

@@ -1,9 +1,12 @@
 // Radiance towards the eye at a hit, from all lights that are visible from there.
 
 // Sums the light at the hits of `active` lanes, at distance t and with the weights in the working vectors, into the
-// working vector RADIANCE of these lanes.
+// working vector RADIANCE of these lanes. With w_i the direction to a light and w_o that to the eye:
+//
+//     P = origin + t w     n = w0 n0 + w1 n1 + w2 n2, of unit length
+//     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
+//     L_o += L_i f(w_i, w_o, n) (n . w_i), one light's term of the reflection equation
 void shade(Working *working, const Scene *scene, const Surface *surface, varying t, Mask active) {
-    // P = origin + t w, and n = w0 n0 + w1 n1 + w2 n2 of unit length.
     const Vec3 weights = working_get(working, WEIGHTS);
     const Vec3 direction = working_get(working, RAY_DIRECTION);
     working_set(working, POINT, along(working_get(working, RAY_ORIGIN), t, direction));
@@ -16,7 +19,6 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 
     for (int light = 0; light < scene->light_count; light++) {
         const __global float *at = scene->lights + LIGHT_FLOATS * light;
-        // w_i, and the cosine n . w_i. A light behind the surface contributes nothing and needs no shadow ray.
 #if SOFT
         const Pixels pixels = own_pixels((int2)(0, 0));
         const Vec3 position = add(splat(LOAD3(at)), off_middle(&scene->soft, light, pixels.x, pixels.y));
@@ -28,13 +30,13 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
-        // A light closer to the surface than the bias does not illuminate it.
+        // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. If tiles
+        // are streamed through __local memory, the work-item continues even so, since all must reach the barriers.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
-#if !STREAM_TILES // there, every work-item must reach the barriers
+#if !STREAM_TILES
         if (!ANY(lit)) continue;
 #endif
-        // The shadow ray ends at the distance `bias` before the light. Origins are counted from 1 for lights; 0 is
-        // the eye.
+        // The shadow ray ends at the distance `bias` before the light, whose number as an origin is 1 + light.
 #if SOFT && PLANES_OF_ORIGIN
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
@@ -42,13 +44,10 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #else
         lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif
-        // This must be here and not before the loop: if any_hit has barriers, a compiler for CPUs moves the negation
-        // behind them, and then uses the direction of another work-item that was left in a register.
+        // Before the loop, a compiler would move this behind any_hit's barriers, and read another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
-        // The power of a point light is spread over a sphere of radius r: L_i = power / (4 pi r^2).
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));
-        // One light's term of the reflection equation: L_o += L_i f(w_i, w_o, n) (n . w_i).
         const Vec3 f = reflectance(surface, working_get(working, TO_LIGHT), working_get(working, TO_EYE),
                                    working_get(working, NORMAL), lit);
         const Vec3 received = scale(multiply(working_get(working, INCOMING), f), cosine);

@@ -1,7 +1,7 @@
 // Shadow rays without a common origin: to points of a light with a radius, and to the sky.
 
 #if PLANES_OF_ORIGIN
-// Does the same as any_hit. Planes that were prepared for one origin cannot be used here, so every ray tests the
+// Tests like any_hit whether something blocks the rays. Planes that were prepared for one origin cannot be used here, so every ray tests the
 // triangles themselves.
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;

@@ -45,7 +45,7 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
     return solid.all;
 }
 
-// Does the same for rays whose weights are not known yet.
+// Returns those lanes of `hits` that hit the surface of a triangle, for rays whose weights are not known yet.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 way, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));

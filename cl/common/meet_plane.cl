@@ -1,6 +1,7 @@
 // Computes where rays with unit directions hit triangles: t and the weights. Edges are not tested, since the rays are
 // known to hit; every hit is therefore shaded in the same way, whichever test or rasteriser found it. In slivers,
-// rounding can give arbitrary weights: they are clamped to the triangle, and t follows from them.
+// rounding can give arbitrary weights: they are clamped to the triangle, so that the point stays on it and its normal
+// between those of the corners, and t follows from them.
 Hit meet_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
     // Moeller and Trumbore's solution of origin + t direction = v0 + w1 e1 + w2 e2, by Cramer's rule.
     const Vec3 s = subtract(origin, v0);
@@ -9,8 +10,6 @@ Hit meet_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
     const varying per_a = 1.0f / dot3(e1, q);
     const varying zero = (varying)(0.0f), one = (varying)(1.0f);
     Hit hit;
-    // Rounding can make a weight slightly less than 0 or more than 1. Clamped, the point stays on the triangle, and
-    // its normal between those of the corners.
     hit.w1 = min(max(dot3(s, q) * per_a, zero), one);
     hit.w2 = min(max(dot3(direction, r) * per_a, zero), one - hit.w1);
     hit.t = dot3(subtract(along(scale(e1, hit.w1), hit.w2, e2), s), direction);

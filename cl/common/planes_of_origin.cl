@@ -23,14 +23,16 @@ Row row_of_nothing() {
 // Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is
 // never hit. `front` is the sign of N.A of a front face. Edges are computed from the stored corners: differences of
 // corners relative to a distant origin would have lost their last digits.
+//
+// The planes are divided by a bound of the rounding error of edges, so that the overlap becomes 1. The bound is rounded
+// to a power of two, so that the division is exact.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume between the origin and the triangle; if it is near zero, the origin lies in the triangle's
-    // plane.
+    // Six times the volume between the origin and the triangle: near zero, the origin lies in the triangle's plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > 1e-5f * distance * size1 * size2;
@@ -39,8 +41,6 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 #endif
     if (!hit) return row_of_nothing();
 
-    // The planes are divided by a bound of the rounding error of edges, so that the overlap becomes 1. The bound is
-    // rounded to a power of two, so that the division is exact.
     const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
     // All three planes are oriented so that inside is positive, on whichever side the origin is.
     const float turn = height > 0.0f ? per_unit : -per_unit;

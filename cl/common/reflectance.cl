@@ -1,10 +1,10 @@
 // The reflectance of a surface: which part of a light's radiance it reflects towards the eye. From Hughes et al.,
 // Computer Graphics, 3rd ed., chapter 15. src/reference/ has the same in f64.
 
-// Returns base to the power of exponent, both not negative. The built-in pow handles more cases, and is less precise.
+// Returns base to the power of exponent, both not negative, as x^y = 2^(y log2 x). The logarithm of zero is infinite, so
+// that zero is a special case: 0^0 is 1, else 0. The built-in pow handles more cases, and is less precise.
 varying power_of(varying base, varying exponent) {
     const varying at_zero = SELECT(exponent > 0.0f, (varying)(0.0f), (varying)(1.0f));
-    // x^y = 2^(y log2 x). The logarithm of zero is infinite, so zero is a special case: 0^0 is 1, else 0.
     return SELECT(base > 0.0f, exp2(exponent * log2(base)), at_zero);
 }
 

@@ -16,11 +16,11 @@
 
 #define ITEM_BYTES (3 * ITEM_PIXELS)
 
-// Returns the displayed value of a channel. smallest: for each value, the smallest radiance that is displayed
-// brighter. at_least: for the upper bits of a radiance, a lower bound of its value. Both are in global memory:
-// work-items read different addresses, which __constant memory would serve one by one.
+// Returns the displayed value of a channel; radiance that is not positive, or not a number, is black. smallest: for each
+// value, the smallest radiance that is displayed brighter. at_least: for the upper bits of a radiance, a lower bound of
+// its value. Both are in global memory: work-items read different addresses, which __constant memory would serve one by
+// one.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
-    // Radiance that is not positive, or not a number, is black.
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];
     // At most one or two steps remain.
@@ -28,9 +28,9 @@ uchar shown(const float radiance, __global const float *smallest, __global const
     return (uchar)value;
 }
 
-// image: pixels, of which `count` are displayed, starting with `first`. rows: three bytes per pixel, then padding for
-// the last work-item. found: receives the number of pixels that hit something, and of pixels that are not finite, as
-// sums.
+// image: pixels, of which `count` are displayed, starting with `first`; the fourth channel is positive for a hit. rows:
+// three bytes per pixel, then padding for the last work-item. found: receives the number of pixels that hit something,
+// and of pixels that are not finite, as sums.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict found) {
@@ -47,7 +47,6 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         bytes[3 * i] = shown(pixel.x, smallest, at_least);
         bytes[3 * i + 1] = shown(pixel.y, smallest, at_least);
         bytes[3 * i + 2] = shown(pixel.z, smallest, at_least);
-        // The fourth channel is positive for a hit.
         own_hits += pixel.w > 0.0f;
         own_wrong += !(isfinite(pixel.x) && isfinite(pixel.y) && isfinite(pixel.z));
     }

@@ -1,4 +1,6 @@
-// Tests whether a device supports a set of lane operations: computes results for each lane that the host knows.
+// Tests whether a device supports a set of lane operations: computes results for each lane that the host knows. A wrong
+// result means that the operation does not work on this device. Lane i of group g uses the number (7 i + g) mod 32, which
+// is a different one in every lane.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"
@@ -13,11 +15,9 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     __local uint words[LOCAL_Y][GROUP_LANES];
     Group group;
     BIND_GROUP(group)
-    // Lane i of group g uses (7 i + g) mod 32, which is a different number in every lane.
     const uint own = (7u * (uint)forgotten(group.lane) + (uint)group.number) & 31u;
     __global uint *answer = answers + ANSWERS * (GROUP_LANES * group.number + group.lane);
-    // Eight results that src/device/lanes.rs knows. A wrong one means that the operation does not work on this
-    // device.
+    // Eight results that src/device/lanes.rs knows.
     answer[0] = lane_ballot(&group, own % 3u == 0u);
     answer[1] = lane_get(&group, own, 5);
     answer[2] = lane_least(&group, own + 100u);

@@ -32,7 +32,8 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
 
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
-// A corner in pixels, relative to the image's corner, across and down, both multiplied by its depth.
+// A corner in pixels, relative to the image's corner, across and down, both multiplied by its depth. Directions through
+// pixels have a depth of 1.
 typedef struct {
     float across, down, depth;
 } Projected;
@@ -44,7 +45,7 @@ Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     const float per_sx = 1.0f / exact_dot(sx, sx), per_sy = 1.0f / exact_dot(sy, sy);
     const Uniform3 n = uniform_cross(sx, sy);
     Projected q;
-    q.depth = exact_dot(p, n) / exact_dot(from, n); // directions through pixels have depth 1
+    q.depth = exact_dot(p, n) / exact_dot(from, n);
     q.across = (exact_dot(p, sx) - q.depth * exact_dot(from, sx)) * per_sx;
     q.down = (exact_dot(p, sy) - q.depth * exact_dot(from, sy)) * per_sy;
     return q;
@@ -59,8 +60,7 @@ typedef struct {
 
 int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
-    // Corners relative to the pixel, still multiplied by their depth. There is no division, so that corners behind
-    // the eye do no harm.
+    // Corners relative to the pixel, times their depth: without a division, corners behind the eye do no harm.
     const float ax = p[0].across - x * p[0].depth, ay = p[0].down - y * p[0].depth;
     const float bx = p[1].across - x * p[1].depth, by = p[1].down - y * p[1].depth;
     const float cx = p[2].across - x * p[2].depth, cy = p[2].down - y * p[2].depth;
@@ -96,9 +96,9 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
         const Uniform3 p = corners3[i], q = corners3[i == 2 ? 0 : i + 1];
         const float zp = uniform_dot(p, forward), zq = uniform_dot(q, forward);
         if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
-        // The edge crosses the near plane: its visible part ends there.
+        // The edge ends where it crosses the near plane. If that is the eye's own plane, it may be visible anywhere.
         if ((zp > z_near) == (zq > z_near)) continue;
-        if (z_near == 0.0f) { // the edge reaches the plane of the eye, and may be visible anywhere
+        if (z_near == 0.0f) {
             coverage->low = (int2)(0, 0);
             coverage->high = image_size;
             continue;
@@ -167,8 +167,7 @@ __kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
     FOR_COVERED_PIXELS(coverage) {
         const size_t pixel = (size_t)y * image_size.x + x;
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // The same arithmetic gives the same bits, so the triangle with the nearest depth recognises it. Of equal
-        // depths, the lowest triangle number is kept.
+        // The same arithmetic gives the same bits, by which a triangle recognises its depth. Of equals the first is kept.
         if (bits != NO_HIT && bits == depth[pixel]) atomic_min(nearest_triangle + pixel, triangle);
     }
 }

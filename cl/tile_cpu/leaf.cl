@@ -41,8 +41,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
             live &= ~done;
         } else {
             changed |= now;
-            // The nearest hit will be shaded, so its normals are fetched ahead. Without a branch, which the processor
-            // could not predict.
+            // Normals of hits are fetched ahead for shading, without a branch that could not be predicted.
             const __global float4 *surface = tree->surfaces + 3 * (size_t)(now ? first + lane : first);
             FETCH(surface), FETCH(surface + 2);
         }
@@ -50,7 +49,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
     return changed;
 }
 
-// Does the same for a whole leaf.
+// Tests all of a leaf's triangles with the live vectors, and returns the same vectors as test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

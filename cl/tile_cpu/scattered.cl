@@ -19,15 +19,13 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
     for (int part = 0; part < PARTS; part++) {
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // from the eye, a lower bound
         for (int axis = 0; axis < 3; axis++) {
-            // A shadow ray's direction vector ends at the hit, so the interval of directions is the box around the
-            // hits.
+            // A shadow ray's direction ends at the hit, so the interval of directions is the box around the hits.
             const float16 low = directions->low[axis][part], high = directions->high[axis][part];
             const float16 away = max(max(offset[axis] + low, -offset[axis] - high), 0.0f);
             apart = max(apart, high - low);
             distance_squared += away * away;
         }
-        // Compares squares, to avoid a square root: apart > 8 * (width of the block at the hits' distance from the
-        // eye).
+        // Squares are compared, to avoid a square root: apart > 8 * (width of the block at the hits' distance).
         const float most = SCATTERED * block_side;
         scattered |= LANE_BITS16(apart * apart > most * most * distance_squared) << (16 * part);
     }

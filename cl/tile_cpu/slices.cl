@@ -49,23 +49,22 @@ typedef struct {
     Children entry;
 } Boxes;
 
-// Converts intervals of directions to intervals of their reciprocals.
+// Converts intervals of directions to intervals of their reciprocals, extended by more than the rounding error of these.
+// 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
+// half-lines. An end at zero becomes infinity, represented by FAR.
 void invert_intervals(float16 *low, float16 *high) {
-    // 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
-    // half-lines.
     const float16 least = *low, most = *high;
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
     const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
-    // Extended by more than a reciprocal's rounding error. An end at zero becomes infinity, represented by FAR.
     const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
     const float16 b = SELECT(mixed & (most <= NO_DIRECTION), (float16)(FAR), up + RECIPROCAL_ROUNDING * fabs(up));
     *low = SELECT(none, (float16)(FAR), a);
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
+// Finds the minimum and the maximum over parts, lane by lane, then over lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
-    // The minimum and maximum over parts, lane by lane, then over lanes.
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
     *least = least_lane(l);
     *most = most_lane(h);
@@ -95,16 +94,14 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays that run towards smaller x reach the box's high side first. The cone's sign decides that for the whole
-        // tile.
+        // Rays towards smaller x reach the box's high side first. The cone's sign decides that for the whole tile.
         const int negative = cone->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (cone->mixed[axis]) {
-            // Mixed signs: rays may run in both directions, so this axis bounds the entry only if the origin lies
-            // outside.
+            // Rays may run in both directions, so this axis bounds the entry only if the origin lies outside.
             entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
         } else {
             // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.
@@ -112,7 +109,6 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
             leave = min(leave, max(far * cone->low[axis], far * cone->high[axis]) * OUTWARDS);
         }
     }
-    // A lane is a child: one bit for each that the cone meets before `reach`.
     boxes->entry = entry;
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
@@ -125,7 +121,6 @@ uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
-            // Interval arithmetic: products of the sides with both ends of 1 / d.
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
             if (cone->mixed[axis]) { // either side may be the near one, also within one vector
@@ -162,8 +157,7 @@ void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
         // The smallest 1 / t of a vector belongs to the ray that may still hit the farthest triangle.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // Selects a lane by an index at run time. A selection keeps the slices in registers; an address would
-            // not.
+            // Selects a lane by an index at run time, which keeps the slices in registers; an address would not.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

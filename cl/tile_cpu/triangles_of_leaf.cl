@@ -30,9 +30,10 @@ Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
 float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
 
 // Loads one corner of eight triangles. After a leaf's last triangle there are others, or padding.
+//
+// Rows are x y z and a word. Taking every second lane, twice, transposes eight of them:
+//     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
 Lanes3 load_corners(const __global float4 *rows) {
-    // Rows are x y z and a word. Taking every second lane, twice, transposes eight of them:
-    //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
     const float16 a = (float16)(rows[0], rows[3], rows[6], rows[9]);
     const float16 b = (float16)(rows[12], rows[15], rows[18], rows[21]);
     const float8 xz = a.even, xz2 = b.even, yw = a.odd, yw2 = b.odd;

@@ -7,14 +7,18 @@ typedef struct {
     uint live;
 } WaitingTile;
 
-// Prefetches the four cache lines with the bounds of eight children or the first triangles of a leaf.
+// Prefetches the four cache lines with the bounds of eight children or the first triangles of a leaf: it will be visited
+// soon, and the lines are loaded while other children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes onto the stack those children of a node that vectors of `live` meet, the nearest last.
+// Pushes onto the stack those children of a node that vectors of `live` meet, the nearest last. With `any`, the order
+// does not matter. A child's place is the number of children that lie below it, for example of those with entries 5 2 9:
+//
+//     5 has one greater entry below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
                   uint live, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
@@ -29,17 +33,14 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_meet(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
-        // The child will be visited soon: its cache lines are loaded while the others are tested.
         fetch_child(&tree->tree, as_uint(node[CHILD_ROW + child]));
         kept |= 1u << child;
     }
     for (uint left = kept; left; left &= left - 1) {
         const int child = LOWEST_BIT(left);
-        // A child's place on the stack is a count of those that lie below it: sorted without a loop over pairs.
-        //     entries 5 2 9: child 0 has one above 5 (the 9), child 1 has two, child 2 none  ->  stack, from below: 9 5 2
+        // Counting the children below this one sorts them without a loop over pairs.
         const uint before = kept & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
-        // For any hit, the order does not matter.
         const uint below =
             any ? before : (kept & CHILD_BITS(boxes.entry > entry)) | (before & CHILD_BITS(boxes.entry == entry));
         WaitingTile *place = stack + waiting + popcount(below);
@@ -63,8 +64,7 @@ void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *t
     int waiting = 1;
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // Since this entry was pushed, rays may have hit something: vectors that do not reach as far as this entry
-        // are left out.
+        // Vectors whose rays have all hit something nearer since this entry was pushed are left out.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {

@@ -41,7 +41,7 @@
 // A ray joins a pass if the axis has more than this fraction of its direction; the leader's has at least a third.
 #define ALONG_AXIS 0.25f
 // If rays are grouped: the largest distance from the leader, as a multiple of the distance between neighbouring rays.
-// It corresponds to the width of a tile.
+// It corresponds to the width of a tile: the largest difference between rays to one surface.
 #define NEIGHBOURS ((float)TILE_X)
 // A leader is first searched here, in the middle of the lanes' 8 x 4 pixels.
 #define MIDDLE_LANE 20
@@ -73,10 +73,9 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 // Returns the distance, in slopes, between the leader's ray and those of neighbouring pixels: the nearer neighbour in
 // its row and the nearer one in its column, and of these two the farther. `distance` is this lane's distance from the
-// leader's ray. FAR without neighbours.
+// leader's ray. FAR without neighbours. In a block of 8 x 4 lanes, neighbours are one lane beside, and eight above or
+// below; at an edge the index wraps around, which gives a more distant ray.
 INLINED float spacing_at(const Group *group, float distance, int leader) {
-    // Neighbours of a lane in its block: one beside it, eight above or below. At an edge the index wraps around,
-    // which gives a more distant ray.
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
     const float right = lane_get_float(group, distance, row | ((leader + 1) & 7));
@@ -101,10 +100,9 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
-    // The axis along which the leader runs most becomes the pass's z.
+    // The axis along which the leader runs most becomes the pass's z. Slopes are the other components, per unit of z.
     aim(group, tree, origin, way, shaft);
 
-    // Its slopes: the other two components per unit of z.
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
     const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
@@ -114,8 +112,6 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
         const float x = component(own.x, own.y, own.z, shaft->across) * per_depth;
         const float y = component(own.x, own.y, own.z, shaft->down) * per_depth;
-        // Distance between neighbouring rays, times the width of a tile: the largest difference between rays to one
-        // surface.
         const int beside = (todo & first) && depth > 0.0f;
         const float spacing = spacing_at(group, beside ? fabs(x - leader_x) + fabs(y - leader_y) : FAR, leader);
         tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
@@ -142,7 +138,6 @@ INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, con
         beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
         beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
     }
-    // The group's minimum and maximum over all lanes.
     widen(shaft, lane_min(group, low_x), lane_max(group, high_x), lane_min(group, low_y), lane_max(group, high_y));
     return joining;
 }

@@ -60,7 +60,7 @@ INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size
     return pixel;
 }
 
-// Does the same for the work-group's own row of the image, which may be a band of it.
+// Returns the pixel of a lane's ray in the work-group's own row of the image, which may be a band of it.
 INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
     return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
 }
@@ -74,7 +74,7 @@ INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel)
                 corner.z + x * step_x.z + y * step_y.z);
 }
 
-// Makes the tile's rays from the eye. Returns those inside the image.
+// Makes the tile's rays from the eye, which begin at the near plane and never end. Returns those inside the image.
 INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
     uint inside = 0;
     EACH_RAY(ray) {
@@ -83,14 +83,13 @@ INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size,
         ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
         inside |= pixel.inside ? 1u << ray : 0u;
     }
-    // Rays from the eye begin at the near plane and never end.
     ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
     ways->per_end = 0.0f;
     return inside;
 }
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
-// Returns the rays that hit.
+// Returns the rays that hit. Nearest hits stay in `beam.place` from pass to pass: a pass changes only those of its rays.
 INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     uint done = 0;
@@ -105,7 +104,6 @@ INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETER
         if (!lane_any(group, todo != 0)) break;
         const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
         if (!lane_any(group, active != 0)) break;
-        // Nearest hits stay in `beam.place` from pass to pass; only rays of this pass were changed.
         walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
         done |= active;
     }

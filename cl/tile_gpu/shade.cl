@@ -57,8 +57,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     }
 }
 
-// True if a pixel receives any light in a round: from lights that reach it or, in the round of the sky, from a picture of
-// it that shiny surfaces mirror.
+// True if a pixel receives any light in a round: from lights that reach it or, in the round of the sky, from the sky's
+// picture, which shiny surfaces mirror.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, place) ((reached) || ((place) != NO_HIT && SHOWS_SKY(sources)))

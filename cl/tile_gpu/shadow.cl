@@ -69,7 +69,7 @@ INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the same without the material: enough to know which lights the surface faces, and where rays to them begin.
+// Returns the hit without its material: enough to know which lights the surface faces, and where rays to them begin.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, Pixel pixel, int place) {
 #if PLANES_OF_ORIGIN // which give t and weights at once; in slivers their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;

@@ -51,8 +51,7 @@ INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 l
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
-    // The offsets at which this lane reads its child's box in a node of 32 columns (common/tree.cl), for these axes.
-    // A load then takes one addition.
+    // This lane's offsets in a node of 32 columns (common/tree.cl), for these axes. A load then takes one addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     // Rays that run backwards reach a box's high side first.

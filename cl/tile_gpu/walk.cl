@@ -13,8 +13,7 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
-    // The sides relative to the origin: lane i reads column i of each row, so that 32 lanes load 128 contiguous
-    // bytes.
+    // The sides relative to the origin: lane i reads column i of each row, and 32 lanes 128 contiguous bytes.
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
     const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
@@ -23,8 +22,7 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Between near and far the shaft is a frustum. At both of these depths its sides are slope times z; the box must
-    // overlap in x and in y.
+    // Between near and far, the shaft's sides are slope times z, farthest out at one of both. The box must overlap.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -44,16 +42,16 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
 //
 //     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
 //
+// If only one child was met, it is next, and the stack is unchanged.
+//
 // Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1,
 // lane 5 has 2.
 INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
-    // Only one was met: it is next, and the stack is unchanged.
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
     // An entry is not negative, so its bits have the same order. The lane's number in the last five makes it unique.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
     const int rank = sorted ? lane_rank(group, key, met) : BITS_BEFORE(group, met);
     const int others = popcount(met) - 1;
-    // The farthest lies lowest, the second nearest on top; rank 0 is not stored.
     if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
     *waiting += others;
     // Lanes read what others wrote.
@@ -123,10 +121,10 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
     return count != 0;
 }
 
-// The least 1/z that a hit must have to matter to any ray of the group.
+// The least 1/z that a hit must have to matter to any ray of the group: the smallest of its nearest hits. A ray
+// that has hit nothing counts with its end (0 for rays from the eye).
 INLINED float worst_of(const Group *group, const Beam *beam) {
     float worst = FAR;
-    // The group goes as far as the ray with the smallest 1 / z, or to the end where a ray has hit nothing (0).
     EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
     return lane_least_positive(group, worst);
 }
@@ -154,17 +152,15 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
             const Child child = meet_child(group, tree, shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, !any, stack, &waiting);
-        // Hits shrink the reach, so that boxes behind them are never opened.
         } else if (visit_leaf(group, tree, shaft, beam, word, worst, any, candidates)) {
             going = any ? lane_any(group, is_looking(beam)) : 1;
             if (!any) worst = worst_of(group, beam);
             reach = reach_of(worst);
         }
         if (met || !going) continue;
-        // Nothing to go on to: back to the nearest node or leaf that can still matter.
+        // Back to the nearest node or leaf that waits. Those that later hits made pointless are dropped without a visit.
         float entry = FAR;
         while (waiting && entry >= reach) {
-            // Entries that a hit has made pointless since they were pushed are dropped without a visit.
             const uint2 top = stack[--waiting];
             word = top.x;
             entry = as_float(top.y);
@@ -195,7 +191,6 @@ INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft,
             float per_depth;
             if (group->lane < LEAF_COUNT(word) &&
                 prepare(shaft, tree, LEAF_FIRST(word) + group->lane, nearest, 1, &own))
-                // One ray, 32 triangles: the same test with the roles of lanes and triangles exchanged.
                 hit = SOLID_IN_BEAM(tree, shaft, LEAF_FIRST(word) + group->lane, x, y,
                                     meets(&own, x, y, nearest, FAR, 1, &per_depth));
             blocked = lane_any(group, hit);

@@ -135,7 +135,7 @@ fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: B
     Some(cut)
 }
 
-/// Does the same as `cut`, on all cores.
+/// Cuts like `cut`, on all cores.
 fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<FINE>::new(region);

@@ -18,13 +18,13 @@ pub struct Args {
     before: PathBuf,
     /// The folder of the newer results
     after: PathBuf,
-    /// Report changes that are surely smaller than this as "same"
+    /// Report changes that are certainly smaller than this as "same"
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
     /// Compare the times themselves instead of their ratios to the anchor or the baselines of the same run
     #[arg(long)]
     times: bool,
-    /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is surely
+    /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is certainly
     /// slower by more than this, or if a point fails that did not fail before. At most one of 50 comparisons of equal
     /// programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]

@@ -117,7 +117,7 @@ enum Command {
     /// Make the documents' figures from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
-    /// Compare the rule by which `render` chooses with measurements, for contributors
+    /// Compare `render`'s choices of a strategy with measurements, for contributors
     #[command(hide = true)]
     Rule(rule::Args),
     /// Show or clear the cache: compiled programs, lists of devices

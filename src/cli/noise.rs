@@ -41,7 +41,7 @@ const FILES: [(&str, &str); 2] = [
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot make a temporary folder: {error}"))
-            .with_help("make room where temporary files lie, or name another folder in TMPDIR")
+            .with_help("free space in the folder of temporary files, or name another one in TMPDIR")
     };
     let folder = tempfile::tempdir().map_err(failed)?;
     unpack(folder.path()).map_err(failed)?;

@@ -16,7 +16,7 @@ pub fn print(text: impl std::fmt::Display) -> Result<()> {
     write(&printer::plain(&text.to_string()))
 }
 
-/// Does the same for a text that contains raycl's colours.
+/// Prints a text that contains raycl's colours.
 pub fn print_coloured(text: &str) -> Result<()> {
     write(&printer::coloured(text))
 }

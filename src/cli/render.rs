@@ -160,7 +160,7 @@ fn render(args: &Args) -> Result<()> {
         verified = args.verify.map(check).transpose()?;
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
-    // Kernels that somebody edits are not worth it.
+    // While kernels are edited, storing their programs is not worth it.
     let keeping = args.subject.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
     let keeping = keeping.then(|| KEEPING.to_owned());
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);

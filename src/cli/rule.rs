@@ -31,7 +31,7 @@ pub struct Args {
     /// Measure only cases whose name contains this
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Rounds, of which the least counts
+    /// Number of rounds; the least time of all rounds counts
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
     /// A note on the machine, stored beside the times

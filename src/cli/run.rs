@@ -103,7 +103,7 @@ pub struct Args {
     /// folder is compared with the first in the same rounds
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With two folders of kernels: exit with 1 if the second is surely slower by more than this
+    /// With two folders of kernels: exit with 1 if the second is certainly slower by more than this
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure one of several parts of the experiment, such as 3/16. With auto, both numbers come from the

@@ -104,7 +104,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
 
 const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
-    If a driver is installed, see that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
+    If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
 fn no_platform() -> Error {
     Error::run("no OpenCL platform was found: no driver is installed, or the loader cannot see it")

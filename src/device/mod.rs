@@ -172,7 +172,7 @@ impl DeviceInfo {
         format!("{}{twin}", self.model())
     }
 
-    /// Returns the same, without the parts that distinguish it from other devices of its model.
+    /// Returns the identity without the parts that distinguish the device from others of its model.
     fn model(&self) -> String {
         let Self { platform, platform_version, name, driver, .. } = self;
         format!("{platform} | {platform_version} | {name} | {driver}")

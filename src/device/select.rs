@@ -14,7 +14,7 @@ pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a 
     Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
 }
 
-/// Does the same for devices that another process found.
+/// Selects like [`select`], among devices that another process found.
 pub fn select_infos<'a>(infos: &'a [DeviceInfo], patterns: &[String]) -> Result<Vec<&'a DeviceInfo>> {
     let all: Vec<_> = infos.iter().collect();
     Ok(selected(&all, patterns)?.into_iter().map(|place| &infos[place]).collect())
@@ -27,7 +27,7 @@ pub fn pick_default(devices: &[Device]) -> Option<&Device> {
     preferred(&infos).map(|place| &devices[place])
 }
 
-/// Does the same for devices that are not open, and returns an index.
+/// Picks like [`pick_default`], among devices that are not open, and returns an index.
 pub fn default_place(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }

@@ -95,7 +95,7 @@ impl Folder {
     }
 }
 
-/// Returns the same path for every value of TMPDIR.
+/// Returns the path that all processes use, whatever their TMPDIR.
 fn shared_path() -> PathBuf {
     let temporary = if cfg!(unix) { PathBuf::from("/tmp") } else { std::env::temp_dir() };
     temporary.join("raycl-locks")

@@ -43,7 +43,9 @@ impl<'a> Query<'a> {
             operands.push((source.trim(), words.split_whitespace().collect()));
         }
         if operands.len() > 2 || operands[0].0.is_empty() {
-            return Err(format!("'{text}' is not a query; expected \"SOURCE: WORDS\", one or one / another"));
+            return Err(format!(
+                "'{text}' is not a query; expected \"SOURCE: WORDS\" or \"SOURCE: WORDS / WORDS\""
+            ));
         }
         let mut query = Self { operands, digits: None, factor: None };
         for modifier in parts {

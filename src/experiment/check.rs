@@ -121,7 +121,7 @@ impl<'a> Checker<'a> {
         record.image_hash = Some(Pictures::hash(&cast.image));
         let expected = self.references.reference(number, scene, record.image_size, cast.culling);
         let verdict = verify(&cast.image, cast.hits, expected, scene.display);
-        // A caster on the host counts none.
+        // A caster on the host does not count them.
         record.shadow_rays.get_or_insert((expected.hits * scene.shadow_rays_per_hit()) as u64);
         views::keep(&mut self.pictures, record, &cast.image, expected, scene, cast.culling)?;
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());

@@ -125,7 +125,7 @@ mod tests {
         assert_eq!((mean.clock_mhz, mean.throttled, record.throttled_samples), (Some(1500.0), true, Some(1)));
         assert!(record.warning.expect("a warning").contains("1 of 2 samples"));
     }
-    /// Where passes are timed apart, rays from the eye are no slower for the shadow rays after them.
+    /// If passes are timed separately, the rate of primary rays does not include the time of shadow rays.
     #[test]
     fn rates_are_of_the_pass_that_casts_the_rays() {
         let frame =

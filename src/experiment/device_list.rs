@@ -71,7 +71,7 @@ fn ask_with(
     Ok(serde_json::from_str(last).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);
         let last_words = words.lines().next_back().unwrap_or("it said nothing");
-        format!("a driver ended the process that asked ({}; {last_words})", output.status)
+        format!("a driver ended the process that listed its devices ({}; {last_words})", output.status)
     }))
 }
 

@@ -30,8 +30,8 @@ impl Run<'_> {
         })
     }
 
-    /// Does the same with groups of points distributed over the devices; `spawners[i]` starts the workers of
-    /// device `i`.
+    /// Measures the missing points like [`Self::execute`], with groups of points distributed over the devices;
+    /// `spawners[i]` starts the workers of device `i`.
     pub fn execute_spread(
         &self,
         results: &mut Results,

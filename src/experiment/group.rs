@@ -150,8 +150,8 @@ impl OpenGroup {
             ahead.order(&self.points);
         }
         for mut pending in std::mem::take(&mut self.points) {
-            // A check needs no lock, but it would disturb the process that holds it, so it waits until the
-            // device is free.
+            // A check needs no lock, but it would disturb the process that holds the lock, so it waits until
+            // the device is free.
             let interrupted = supervisor.interrupted();
             drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
             if let Some(ahead) = ahead {

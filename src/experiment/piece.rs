@@ -37,7 +37,7 @@ impl Plan {
         pieces(self.groups())
     }
 
-    /// Does the same with separate groups for each device and for the host.
+    /// Returns all groups of comparable points, with separate groups for each device and for the host.
     pub fn by_device(&self) -> Vec<Piece> {
         pieces(self.groups_by_device())
     }

@@ -67,7 +67,7 @@ impl Plan {
         self.points.chunk_by(|one, other| self.compares(one, other))
     }
 
-    /// Does the same for groups that are distributed over devices: casters on the host form their own groups.
+    /// Returns the groups if they are distributed over devices: casters on the host form their own groups.
     pub fn groups_by_device(&self) -> impl Iterator<Item = &[Point]> {
         self.points.chunk_by(|one, other| self.compares(one, other) && one.device == other.device)
     }

@@ -324,7 +324,7 @@ impl<'a> Supervisor<'a> {
     }
 }
 
-/// Ends workers at the same time. Dropping them waits for each.
+/// Tells all workers to end, so that they end at the same time; dropping a worker waits until it has ended.
 fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
     workers.iter_mut().for_each(|worker| worker.dismiss());
 }

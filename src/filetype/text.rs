@@ -93,7 +93,7 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         _ if word.starts_with('<') => xml(head).and_then(|(name, remedy)| named(name, remedy)),
         _ if word.starts_with(['{', '[']) && is_gltf(head) => Some(FileType::Mesh(MeshFormat::Gltf)),
         _ if word.starts_with(['{', '[']) => named("a JSON file", ""),
-        _ if is_binary(head) => named("a binary file of a kind unknown here", ""),
+        _ if is_binary(head) => named("a binary file of an unknown kind", ""),
         _ => None,
     }
 }
@@ -128,7 +128,7 @@ fn xml(head: &[u8]) -> Option<(&'static str, &'static str)> {
     match XML_ROOTS.iter().find(|(name, _)| *name == root) {
         Some((_, name)) => Some((name, EXPORT)),
         None if root.eq_ignore_ascii_case("html") => {
-            Some(("a web page (HTML), perhaps in the place of a download", ""))
+            Some(("a web page (HTML), perhaps instead of the file that was to be downloaded", ""))
         }
         None if root.eq_ignore_ascii_case("svg") => Some(("an SVG picture", "")),
         None => Some(("an XML file", "")),

@@ -51,7 +51,7 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
         let name = target.path().display();
         let message = format!(
-            "cannot write '{name}': {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} each way"
+            "cannot write '{name}': {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} in each direction"
         );
         let png = target.path().with_extension("png");
         return Err(Error::input(message).with_help(format!("name it '{}'", png.display())));
@@ -108,7 +108,7 @@ pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
 
-/// Does the same for [`save_rgb8`], which writes PNG only.
+/// Checks a target of [`save_rgb8`], which writes PNG only.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
@@ -247,7 +247,7 @@ mod tests {
         let check = |name: &str, size| check_target(&target(&folder.path().join(name), false), size);
         let refused = check("a.jpg", [65_536, 1]).unwrap_err();
         assert!(
-            refused.to_string().ends_with("65536 x 1 pixels; a JPEG has at most 65535 each way"),
+            refused.to_string().ends_with("65536 x 1 pixels; a JPEG has at most 65535 in each direction"),
             "{refused}"
         );
         assert!(refused.remedy().ends_with("a.png'") && refused.exit_code() == 2);

@@ -172,8 +172,8 @@ impl Caster {
         Ok(read.transpose()?)
     }
 
-    /// Casts one frame with one sample of every pixel that wants more than there are, and adds it to the mean
-    /// in the image.
+    /// Casts one frame with one sample of every pixel that needs more samples, and adds it to the mean in the
+    /// image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
         self.cast_together(camera, slice::from_ref(sample))
     }
@@ -247,7 +247,7 @@ impl Caster {
         Ok(hits.map(|hits| (picture, hits)))
     }
 
-    /// Does the same for a device with separate memory, which applies the display transform itself. `take`
+    /// Reads the shown image of a device with separate memory, which applies the display transform itself. `take`
     /// receives the rows from the top as red, green and blue, in multiples of `together` rows except for the
     /// last call.
     pub fn show(

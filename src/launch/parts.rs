@@ -121,8 +121,8 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// Shows the picture of the sky behind everything; `None` if it has none, or it is not seen. The kernel is
-    /// that of all rays of a picture, whatever its band is: it is short.
+    /// Shows the picture of the sky behind everything; `None` if the sky has no picture, or the picture is
+    /// not seen. The kernel processes the whole image even for a band, since it takes little time.
     pub fn show_sky(
         &self,
         image: &'a Buffer<Float4>,

@@ -42,7 +42,7 @@ impl Prepared {
         let records = Records::prepare(queue, program, strategy, scene.triangle_count, of_scene.clone())?;
         let mut arguments = soft_arguments(of_scene, scene, &self.workload)
             .with("bias", 0.0_f32)
-            .with("cone", Float4::zero()) // what is hit is not shaded
+            .with("cone", Float4::zero()) // hits are not shaded
             .with("rays", &packed)
             .with("ray_count", rays.len() as i32)
             .with("nearest_triangle", &nearest);

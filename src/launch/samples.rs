@@ -215,7 +215,8 @@ mod tests {
         }
     }
 
-    /// What is shown decides: differences beyond white are none, and a gamma of 2 makes those near black larger.
+    /// Differences count as displayed: beyond white there are none, and a gamma of 2 makes those near black
+    /// larger.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
         let marking = Marking::new();

@@ -95,8 +95,8 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
     Ok(())
 }
 
-/// Replaces the lights on a device by those of a scene with as many, and the sky, if it differs from the last scene's,
-/// by one with as large a picture.
+/// Replaces the lights on a device by those of a scene with equally many lights. Also replaces the sky, if it
+/// differs from the last scene's; its picture must have the same size.
 pub(super) fn light_anew(
     queue: &Queue,
     uploaded: &DeviceScene,
@@ -166,7 +166,7 @@ impl Workload {
         }
     }
 
-    /// Returns the same with several samples per pixel.
+    /// Returns this workload with several samples per pixel.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);

@@ -87,7 +87,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("material_count", surfaces.material_count as i32)
 }
 
-/// Returns the sky and the lights' radii, if they are sampled, for the first sample of one.
+/// Adds the sky and the lights' radii, if they are sampled, for a picture with one sample.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,

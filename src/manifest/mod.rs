@@ -94,8 +94,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Returns whether its registers and occupancy are reported for the strategy. They are for the kernel
-    /// that casts primary rays.
+    /// Returns whether its registers and occupancy are reported for the strategy. They are those of the
+    /// kernel that casts primary rays.
     pub fn is_main(&self) -> bool {
         matches!(self.role, Role::Frame | Role::Primary)
     }

@@ -5,11 +5,11 @@ use super::Interval;
 /// The result of a comparison with an earlier result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// Surely faster, by more than the threshold.
+    /// Certainly faster, by more than the threshold.
     Faster,
-    /// Surely slower, by more than the threshold.
+    /// Certainly slower, by more than the threshold.
     Slower,
-    /// Surely different by less than the threshold.
+    /// Certainly different by less than the threshold.
     Same,
     /// The interval includes both equal and different times.
     Unclear,

@@ -98,7 +98,7 @@ fn minorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left >= right)
 }
 
-/// Returns the same for the least concave majorant.
+/// Returns the indices at which the least concave majorant touches the distribution function.
 fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }

@@ -18,7 +18,7 @@ pub struct Instruction {
 }
 
 impl Instruction {
-    /// Returns its first word: what is done, without the operands.
+    /// Returns its first word: the operation, without the operands.
     pub fn opcode(&self) -> &str {
         opcode(&self.text)
     }

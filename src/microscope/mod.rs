@@ -48,12 +48,12 @@ pub struct Microscope {
 pub struct Listing {
     /// The kernel's name.
     pub kernel: String,
-    /// What its instructions are, and whose.
+    /// The kind of its instructions, and the compiler that made them.
     pub made_by: &'static str,
     /// Whether the driver made them, so that spills and occupancy are theirs too.
     #[serde(skip)]
     pub is_drivers: bool,
-    /// What a row of `rows` is.
+    /// The meaning of a row of `rows`.
     pub rows_are: RowsAre,
     /// Registers per work-item, if the assembler printed them.
     pub registers: Option<u32>,
@@ -73,7 +73,7 @@ pub struct Listing {
     pub code: Code,
 }
 
-/// What the rows of a listing are.
+/// The meaning of a listing's rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RowsAre {

@@ -9,7 +9,8 @@
 //!     .loc 1 3 9, function_name $L__info_string0, inlined_at 1 14 3
 //! ```
 //!
-//! A `.loc` is of all instructions up to the next one. For an inlined function it gives the function's line.
+//! A `.loc` applies to all instructions up to the next one. For an inlined function it gives the function's
+//! line.
 
 use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
@@ -41,7 +42,7 @@ fn numbered(line: &str, file: &str) -> Option<u32> {
 
 #[derive(Default)]
 struct Reader {
-    /// The number of the source's file, if the text has line numbers of it.
+    /// The number of the source's file, if the text has line numbers for it.
     file: Option<u32>,
     line: Option<u32>,
     part: String,

@@ -13,7 +13,7 @@ use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
 use super::tool::{Folder, Tool};
 
-/// The kernels, and what ptxas said.
+/// The kernels, and the output of ptxas.
 pub struct Assembled {
     /// The kernels.
     pub codes: Vec<Code>,

@@ -15,7 +15,7 @@ pub struct Tool {
     path: PathBuf,
 }
 
-/// What a program wrote.
+/// The output of a program.
 pub struct Written {
     /// Its output.
     pub stdout: String,
@@ -41,7 +41,7 @@ impl Tool {
         let ended = command.spawn().and_then(|child| output_within(child, LIMIT));
         let output = ended.map_err(|error| format!("{} could not be run: {error}", self.name))?;
         let Some(output) = output else {
-            return Err(format!("{} was not done after {} s", self.name, LIMIT.as_secs()));
+            return Err(format!("{} had not finished after {} s", self.name, LIMIT.as_secs()));
         };
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let written = Written { stdout: text(&output.stdout), stderr: text(&output.stderr) };

@@ -40,7 +40,7 @@ pub fn png() -> (usize, Vec<u8>) {
     (PNG_CHUNK, [&length[..], b"tEXt", &text, &[0; 4]].concat())
 }
 
-/// Returns the same, followed by a chunk with the frame's key.
+/// Returns [`png()`]'s offset and chunk, followed by a chunk with the frame's key.
 pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
     let (place, chunk) = png();
     let text = [b"tEXtComment\0".as_slice(), KEY_LABEL.as_bytes(), key.as_bytes()].concat();

@@ -147,8 +147,7 @@ fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -
     Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
 }
 
-/// Does the same as [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), for a
-/// handle.
+/// Is [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) for a device's handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions

@@ -5,7 +5,8 @@ use crate::device::DeviceInfo;
 
 /// The kind of these cache entries.
 const KIND: &str = "program";
-/// The kind of entries that name a program by what is known before its tree is built; their content is its key.
+/// The kind of entries that lead from a name, which is known before a program's tree is built, to the
+/// program's key.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.

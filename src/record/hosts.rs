@@ -29,11 +29,11 @@ pub struct AtHost {
     pub slower: Option<[f64; 3]>,
 }
 
-/// Two machines of one kind differ if one surely takes longer by more than this fraction.
+/// Two machines of one kind differ if one certainly takes longer by more than this fraction.
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
-    /// Returns whether it surely takes longer than the fastest machine.
+    /// Returns whether it certainly takes longer than the fastest machine.
     pub fn differs(&self) -> bool {
         self.slower.is_some_and(|[_, low, _]| low > 1.0 + DIFFERENT)
     }
@@ -87,7 +87,7 @@ fn name(record: &Record) -> String {
     format!("{}, {}, {}: {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
-/// Returns notes on machines of one kind that surely take different times for the same point: the largest
+/// Returns notes on machines of one kind that certainly take different times for the same point: the largest
 /// difference of each pair.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();

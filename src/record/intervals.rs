@@ -8,8 +8,8 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Gives the records of a journal the intervals of `records`, which were read from it. A record is stored
-/// when its group ends. Later groups also show how far launches lie apart, so the final interval is only
-/// known when the whole run has ended.
+/// when its group ends. Later groups also show how much launches differ, so the final interval is only known
+/// when the whole run has ended.
 ///
 /// The file is replaced as a whole, if any interval differs; all other lines stay as they are. The caller must hold
 /// the folder's lock, and open the journal again. Returns whether the file was replaced.

@@ -105,7 +105,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved. Times change with it, those of kernels that share data between work-groups most.",
+             probably moved. Times change with it, most of all those of kernels that share data between work-groups.",
             significant(low, 2),
             significant(high, 2)
         )
@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
-        // A single interrupted reading is no move.
+        // A single interrupted reading does not count as a move.
         let mut one = lines([60.0, 60.0], 0);
         one[3].core_to_core_ns = Some(900.0);
         assert_eq!(moved_processors(&one, &records), None);

@@ -19,7 +19,7 @@ pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }
 
-/// Does the same, with the anchors as further points.
+/// Finds each record's position like [`judge`], with the anchors as further points.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
@@ -149,7 +149,7 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the same ratio from their own times, without using the blocks' control points.
+/// Returns the ratio of two records' own times, without using the blocks' control points.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
 }
@@ -167,7 +167,7 @@ pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     Some((name, place.standing.ratio(anchor)))
 }
 
-/// Does the same for the mean of records that were measured together.
+/// Returns the ratio to the anchor's time for the mean of records that were measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
     let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.ratio(anchor))

@@ -213,7 +213,7 @@ pub struct Record {
     /// Number of frames per sample, if a single frame is too short for the device's timer.
     #[serde(default)]
     pub batch: Option<u32>,
-    /// Number of threads that the device cast with, if known, which it is for PoCL.
+    /// Number of threads that the device cast with, if known (PoCL reports it).
     #[serde(default)]
     pub threads: Option<u32>,
     /// Properties of the frame's compiled kernels, in their order.

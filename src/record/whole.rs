@@ -15,7 +15,8 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
 
-/// Does the same for data that is too large to be held at once: `write` writes it piece by piece.
+/// Writes a whole file like [`write_whole`], if it is too large to be held at once: `write` writes it piece by
+/// piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
         let mut file = std::io::BufWriter::new(file);
@@ -24,8 +25,8 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// Does the same for a file that can be made again from records, and need not be on the disk when this
-/// returns.
+/// Writes a whole file like [`write_whole`], if it can be made again from records: it need not be on the disk
+/// when this returns.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
@@ -45,7 +46,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or make room in this one")
+            .with_help("choose another folder with --out DIR, or free space in this one")
     })
 }
 
@@ -70,7 +71,7 @@ fn replace(
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or make room in this one")
+            .with_help("choose another folder with --out DIR, or free space in this one")
     })
 }
 

@@ -71,7 +71,7 @@ impl Beam {
         }
     }
 
-    /// Does the same for a triangle that may have holes: then no beam surely hits it.
+    /// Tests the beam like [`Self::meet`]. If the triangle may have holes, no beam certainly hits it.
     fn meet_surface(&self, indexed: &Indexed, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         match self.meet(corners, culling) {
             BeamHit::All(range) if indexed.has_holes => BeamHit::Some(range),
@@ -90,7 +90,7 @@ impl Beam {
         }
     }
 
-    /// Returns the triangle that all rays hit first beyond `near`, or that they hit nothing. No other
+    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. No other
     /// triangle may lie within the fraction `rival` of its distance behind it. `None` if the result is
     /// uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
@@ -222,7 +222,7 @@ mod tests {
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }
 
-    /// Squares across the z axis, two triangles each, so far down it.
+    /// Returns squares perpendicular to the z axis, of two triangles each, at these distances down the axis.
     fn squares(depths: &[f32]) -> Tree {
         let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
         for depth in depths {
@@ -259,7 +259,7 @@ mod tests {
         let stopped = |own: u32, least: f64| {
             down().is_stopped_on_the_way_here(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
         };
-        // The second square is looked at from the origin: the first is before it.
+        // From the origin, the first square is in front of the second one.
         assert_eq!(stopped(2, 1.9), Some(true));
         assert_eq!(stopped(0, 1.1), Some(false), "nothing else is as near");
         assert_eq!(stopped(0, 0.5), Some(false));

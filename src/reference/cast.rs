@@ -87,7 +87,7 @@ impl<'a, R: Real> Caster<'a, R> {
         self.shaded(seen, ray, hit, &|sight| self.reaches(sight, bias))
     }
 
-    /// Does the same with another test of whether a light is visible.
+    /// Returns the radiance like [`Self::radiance`], with another test of whether a light is visible.
     pub fn shaded(
         &self,
         seen: &Seen<'_>,
@@ -121,7 +121,7 @@ impl<'a, R: Real> Caster<'a, R> {
         self.reaches_within(sight, bias, sight.distance)
     }
 
-    /// Does the same, but ignores occluders beyond a distance.
+    /// Tests visibility like [`Self::reaches`], but ignores occluders beyond a distance.
     pub fn reaches_within(&self, sight: &Sight<R>, bias: R, distance: R) -> bool {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
@@ -191,12 +191,12 @@ pub fn cast_serial_f32(scene: &Scene, size: [u32; 2]) -> Radiance {
     cast_serial::<f32>(scene, size)
 }
 
-/// Does the same as [`cast_serial_f32`] in double precision.
+/// Casts like [`cast_serial_f32`], in double precision.
 pub fn cast_serial_f64(scene: &Scene, size: [u32; 2]) -> Radiance {
     cast_serial::<f64>(scene, size)
 }
 
-/// Does the same as [`cast_serial_f32`] on all cores, one row of pixels at a time.
+/// Casts like [`cast_serial_f32`], on all cores, one row of pixels at a time.
 pub fn cast_parallel_f32(scene: &Scene, size: [u32; 2]) -> Radiance {
     let caster = exhaustive::<f32>(scene, size);
     let mut image = Radiance::new(size[0], size[1]);

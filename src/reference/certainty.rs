@@ -29,7 +29,8 @@ const OFF_PLANE: f64 = 1e-6;
 /// Up to twice the angle by which rounding may turn the direction in which a pixel sees the sky, since its sines and
 /// its normal are rounded.
 const SKY_NUDGE: f64 = 1e-6;
-/// The same with a picture, whose texels are found by an arc tangent and a product with the picture's size.
+/// This angle for a sky with a picture, whose texels are found by an arc tangent and a product with the
+/// picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
 /// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
@@ -46,7 +47,7 @@ pub struct PixelSample {
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
     pub change: f64,
-    /// The same without wide nudges.
+    /// The largest change without wide nudges.
     pub near_change: f64,
     /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
     pub range: [DVec3; 2],
@@ -365,7 +366,7 @@ mod tests {
         one.divide(2.0);
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
-        // Of several samples one that surely hits is enough; one that may hit leaves it open.
+        // Of several samples one that certainly hits is enough; one that may hit leaves it open.
         let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
         for (samples, hit, turns) in [
             ([(true, false), (false, true)], true, false),

@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// products and sums in single precision can do, eight roundings.
 const ROUNDING: f64 = 1e-6;
 
-/// Finds the hits of another finder that lie on surfaces and in no holes.
+/// Returns those hits of another finder that lie on surfaces, and not in holes.
 pub struct Solid<'a, R: Real> {
     finder: Arc<dyn Finder<R> + 'a>,
     textures: Option<&'a Textures>,
@@ -28,7 +28,7 @@ impl<'a, R: Real> Solid<'a, R> {
         Self { finder: Arc::new(finder), textures, lean: 0.0 }
     }
 
-    /// Returns the same with holes that rounding made smaller, and larger; none if there are no holes.
+    /// Returns two finders, with holes that rounding made smaller and larger; none if there are no holes.
     pub fn leaning(&self) -> impl Iterator<Item = Self> {
         let leans = self.textures.map_or(&[][..], |_| &[1.0, -1.0]);
         leans.iter().map(|lean| Self { finder: Arc::clone(&self.finder), lean: *lean, ..*self })

@@ -71,7 +71,8 @@ pub fn normal_at(mesh: &Mesh, hit: &Hit<f64>) -> DVec3 {
     normal.normalize_or_zero()
 }
 
-/// The number of the object that a triangle is of, by the numbers of all objects' first triangles, in order.
+/// Returns the number of the object to which a triangle belongs; `object_starts` has the number of each object's
+/// first triangle, in order.
 pub fn object_of(object_starts: &[u32], triangle: u32) -> u32 {
     object_starts.partition_point(|start| *start <= triangle).saturating_sub(1) as u32
 }

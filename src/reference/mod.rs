@@ -93,8 +93,8 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Does the same for some pixels only, with the mean of several samples each, as many of `of_pixel` as
-/// `count` returns for the pixel. A pixel is certain if all its samples are. The other pixels are black and
+/// Casts some pixels only, each with the mean of several samples, as many of `of_pixel` as `count` returns for
+/// the pixel. A pixel is certain if all its samples are. The other pixels are black and
 /// uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,

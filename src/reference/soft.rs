@@ -33,7 +33,7 @@ impl<'a> Seen<'a> {
         Self { lights, sky, mirrored: [first, second], turn: DVec3::ZERO }
     }
 
-    /// Returns the same with the point of the sphere moved.
+    /// Returns this view with the point of the sphere moved.
     pub fn turned(&self, by: DVec3) -> Self {
         let sky = self.sky.map(|(sky, point)| (sky, point + by));
         Self { lights: self.lights.clone(), sky, mirrored: self.mirrored, turn: self.turn + by }
@@ -63,7 +63,7 @@ pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }
 
-/// Returns the sky's radiance in a direction: that of its picture; else, below the horizon, the horizon's.
+/// Returns the sky's radiance in a direction. Without a picture, it is the horizon's in all directions below it.
 pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
     if let Some(picture) = &sky.picture {
         return radiance_of_picture::<R>(sky, picture, way);

@@ -158,7 +158,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let (sureness, said) = match ranking.winners.len() {
         1 if launches(best) < 2 => ("unsure", format!("It beats all others; {rests}.{look}")),
         1 if may_be_faster(ranking) => ("unsure", "A point with too few samples may be as fast.".to_owned()),
-        1 => ("clear", format!("Every other point surely takes longer; {rests}.")),
+        1 => ("clear", format!("Every other point certainly takes longer; {rests}.")),
         several => (
             "tie",
             format!(

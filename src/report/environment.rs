@@ -69,9 +69,7 @@ fn program(environment: &Value) -> String {
             format!("raycl {version}: git checkout {commit}, then make build")
         }
         Some((commit, _)) => {
-            format!(
-                "raycl {version}, commit {commit} with changes that are in no commit: it cannot be built again"
-            )
+            format!("raycl {version}, commit {commit} with uncommitted changes: it cannot be built again")
         }
         None => format!("raycl {version}, built outside a git repository"),
     }
@@ -174,10 +172,7 @@ mod tests {
             ..Folder::default()
         };
         let view = view(&folder);
-        assert_eq!(
-            view.program,
-            "raycl 1, commit abc with changes that are in no commit: it cannot be built again"
-        );
+        assert_eq!(view.program, "raycl 1, commit abc with uncommitted changes: it cannot be built again");
         let made_of = &view.sections.iter().find(|(name, _)| name == "made of").expect("files").1;
         assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123".into()));
         assert_eq!(made_of[1], ("kernels built in".into(), "hash 4567".into()));

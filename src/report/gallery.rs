@@ -138,7 +138,7 @@ impl<'a> Pictures<'a> {
 }
 
 fn order(kind: &str) -> usize {
-    ["reference", "certain pixels", "cost: triangles, every one tested", "cost: triangles", "cost: nodes"]
+    ["reference", "certain pixels", "cost: triangles, without a tree", "cost: triangles", "cost: nodes"]
         .iter()
         .position(|known| kind.starts_with(known))
         .unwrap_or(9)
@@ -182,7 +182,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
 
 /// Describes how a strategy's rays find triangles.
 fn way(record: &Record) -> &'static str {
-    if record.tests_every_triangle() { "every one tested" } else { "in a tree" }
+    if record.tests_every_triangle() { "without a tree" } else { "with a tree" }
 }
 
 fn tests_caption(record: &Record) -> String {

@@ -13,7 +13,7 @@ use std::collections::HashMap;
 /// The file name of the page.
 pub const MICROSCOPE: &str = "microscope.html";
 
-/// What this page adds to the style sheet and the script of every page.
+/// The additions of this page to the style sheet and the script of every page.
 const OWN_STYLE: &str = include_str!("templates/microscope.css");
 const OWN_SCRIPT: &str = include_str!("templates/microscope.js");
 

@@ -267,7 +267,7 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // Of several folders, devices' names have the folders' beside them.
+        // With several folders, each device's name is followed by its folder's name.
         microscope: best.filter(|_| folders.len() == 1).and_then(microscope::command).unwrap_or_default(),
     }
 }

@@ -27,7 +27,7 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         let records: Vec<(&Group<'_>, &Record)> = own
             .flat_map(|group| group.ranking().all().into_iter().map(move |record| (group, record)))
             .collect();
-        // A device's name may have that of its folder behind it.
+        // A device's name may be followed by its folder's name.
         let is_its = |(labelled, peak): &&(String, Peak)| device == peak.device || device == labelled;
         let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
         roofline(&records, looks, device, peak, numbered("roofline", place))

@@ -147,8 +147,9 @@ mod tests {
             assert_eq!(fitted(&[], Class::SharedTiles, watertight), constants);
         }
     }
-    /// A choice that a device refused counts like one that takes a hundred times as long, and no more: else the constants would
-    /// not be compared where some case is refused whatever they are.
+    /// A choice that a device refused counts like one that takes a hundred times as long, and not as
+    /// infinite: otherwise a case in which every choice is refused would hide the differences between
+    /// constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];

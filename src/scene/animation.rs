@@ -145,15 +145,17 @@ impl Animation {
                 Err(error) => return error,
             };
             match toml::from_str::<SceneWire>(&document.text) {
-                // This track brought what an earlier one lacked.
+                // With this track, the document is valid again.
                 Ok(_) => wrong = None,
                 Err(found) => wrong = wrong.or(Some((track, document, found))),
             }
         }
         let Some((track, document, found)) = wrong else {
             // The document was a scene before any track.
-            let message =
-                format!("{} at frame {frame} is not a scene, and no track is the cause", self.document.name);
+            let message = format!(
+                "{} at frame {frame} is not a valid scene, although no track made it so",
+                self.document.name
+            );
             return Error::fault(message);
         };
         let told = toml_error(&document.name, &document.text, &found, KEYS);

@@ -69,7 +69,9 @@ impl Document {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
         let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
         let held = held.map_or("a scene (TOML)", MeshFormat::name);
-        (!usual).then(|| format!("{}: read as {held}, by its contents and not by its name", path.display()))
+        (!usual).then(|| {
+            format!("{}: read as {held}, because of its contents and despite its name", path.display())
+        })
     }
 
     /// Opens a file named in this document; a bare mesh is already open.
@@ -119,7 +121,11 @@ impl Document {
             return toml_error(&self.name, &self.text, error, KEYS);
         }
         let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
-        Error::withheld(&self.name, line, expectation(error).unwrap_or("what a scene may have there"))
+        Error::withheld(
+            &self.name,
+            line,
+            expectation(error).unwrap_or("a key or value that a scene may have there"),
+        )
     }
 
     /// Adds a location in this document to an error that has none.
@@ -133,7 +139,11 @@ impl Document {
             let line = line_of(&self.text, span.start);
             // Labels contain only raycl's own words.
             let label = if label == "here" { String::new() } else { format!(" ({label})") };
-            return Error::withheld(&self.name, line, &format!("what a scene may have there{label}"));
+            return Error::withheld(
+                &self.name,
+                line,
+                &format!("a key or value that a scene may have there{label}"),
+            );
         }
         Error::in_file(&self.name, self.text.as_str(), span, message, label).with_help(KEYS)
     }
@@ -161,7 +171,7 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
         opened.bytes(Kind::Toml).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
     if bytes.trim_ascii().is_empty() {
         return Err(Error::input(format!("{} is empty", path.display()))
-            .with_help("a scene has at least an [[object]]; docs/scenes.md has an example"));
+            .with_help("a scene needs at least one [[object]]; docs/scenes.md has an example"));
     }
     String::from_utf8(bytes).map_err(|error| {
         let line =

@@ -16,7 +16,7 @@ use toml::{Table, Value};
 /// The keys of an object that place and paint a mesh; the others make it.
 const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
-/// What is kept between frames; the default keeps nothing.
+/// Data that is kept between frames; the default keeps nothing.
 #[derive(Default)]
 pub(super) struct Kept {
     keeps: bool,
@@ -24,7 +24,7 @@ pub(super) struct Kept {
     keys: Vec<String>,
     /// The meshes of this frame's objects, before they were placed, by these texts.
     meshes: HashMap<String, MeshFile>,
-    /// The same of the frame before.
+    /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
     /// The text of all objects of this frame.
     objects: String,

@@ -64,15 +64,15 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
     load(path, overrides, Shot::SQUARE, true)
 }
 
-/// Does the same for given pictures: a bare mesh is framed to fill them.
+/// Loads a scene like [`load_scene_with`], for given pictures: a bare mesh is framed to fill them.
 ///
 /// # Errors As [`load_scene_with`].
 pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) -> Result<Loaded> {
     load(path, overrides, shot, true)
 }
 
-/// Does the same for a scene that is named in a file. Messages quote the scene only if it lies in that file's
-/// folder.
+/// Loads a scene like [`load_scene_for`] that is named in a file. Messages quote the scene only if it lies in
+/// that file's folder.
 ///
 /// # Errors As [`load_scene_with`].
 pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {

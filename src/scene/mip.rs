@@ -115,10 +115,11 @@ impl Covered {
     }
 }
 
-/// Returns the texels that texel `place` of the next level covers. Of an odd number of texels, those between two of
-/// the next level are divided.
+/// Returns the texels that texel `place` of the next level covers. If the number of texels is odd, a texel
+/// between two of the next level is divided between them.
 fn covered(side: u32, place: u32) -> Covered {
-    // In units in which all coordinates are whole: a texel is `next` long, one of the next level `side`.
+    // In units in which all coordinates are whole numbers, a texel is `next` long and one of the next level
+    // `side` long.
     let next = half(side);
     let (start, end) = (place * side, (place + 1) * side);
     let first = start / next;
@@ -213,7 +214,7 @@ mod tests {
         assert_eq!(of([green, clear, clear, clear], true), 0x4000_ff01);
         // Without a mask, alpha has no meaning.
         assert_eq!(of([green, clear, clear, clear], false), 0x4000_89e1);
-        // Where all is transparent, a colour is left.
+        // If all texels are transparent, a colour remains.
         assert_eq!(of([clear; 4], true), clear);
     }
 

@@ -44,7 +44,7 @@ impl Sampling {
     /// One sample per pixel.
     pub const ONE: Self = Self::all(1);
 
-    /// The same number of samples for every pixel.
+    /// Returns a sampling with `count` samples for every pixel.
     pub const fn all(count: u32) -> Self {
         Self { first: count, most: count }
     }
@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(shares(Sampling::ONE), [vec![1.0], vec![]]);
         assert_eq!(shares(Sampling::all(4)), [vec![0.5], vec![]]);
         assert_eq!(shares(Sampling::all(1024)), [vec![0.125], vec![]]);
-        // The first samples may stay the only ones of a pixel; with the others there are all.
+        // A pixel may get only the first samples, so their cones are as wide as if there were no others.
         assert_eq!(shares(Sampling { first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
     }
 

@@ -70,7 +70,10 @@ impl SkyPicture {
         let size =
             ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions().map_err(damaged)?;
         if size.0 == 0 || size.1 == 0 || size.0.max(size.1) > MOST_ACROSS {
-            return Err(format!("has {} x {} texels; expected 1 to {MOST_ACROSS} each way", size.0, size.1));
+            return Err(format!(
+                "has {} x {} texels; expected 1 to {MOST_ACROSS} in each direction",
+                size.0, size.1
+            ));
         }
         let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
         let mut limits = image::Limits::no_limits();

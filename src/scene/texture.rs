@@ -25,14 +25,14 @@ pub struct Texture {
     pub size: [u32; 2],
     /// How it continues across and down.
     pub wrap: [Wrap; 2],
-    /// As a mask: the least alpha, in 65535ths, of a point where the surface is. 0 for a colour.
+    /// As a mask: the least alpha, in 65535ths, of a point that is no hole. 0 for a colour.
     pub least_alpha: u16,
     /// Red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are any, follow the picture.
     pub texels: Arc<[u32]>,
 }
 
 impl Texture {
-    /// Returns the least alpha of a point where the surface is, in steps of an 8-bit channel. It is less by a
+    /// Returns the least alpha of a point that is no hole, in steps of an 8-bit channel. It is less by a
     /// small part of a step, so that rounding makes no holes where the alpha is the least one everywhere.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)

@@ -34,7 +34,7 @@ impl Scene {
         self.lights.iter().try_for_each(|light| brightness.check(light))
     }
 
-    /// Checks everything but the mesh and what its size allows.
+    /// Checks everything except the mesh and the limits that depend on its size.
     pub(super) fn validate_view(&self) -> Result<()> {
         let numbers = [
             ("the background", self.background.min_element(), self.background.is_finite()),
@@ -187,7 +187,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     let whole = |texture: &Texture| {
         !texture.size.contains(&0) && texture.level_start(texture.last_level() + 1) == texture.texels.len()
     };
-    require(list.iter().all(whole), || "a texture has not as many texels as its size says".to_owned())?;
+    require(list.iter().all(whole), || "a texture's number of texels does not match its size".to_owned())?;
     require(mapped.is_empty() || mapped.len() == mesh.triangles.len(), || {
         format!("{} triangles are mapped to textures, of {}", mapped.len(), mesh.triangles.len())
     })?;

@@ -24,7 +24,8 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
-/// Shells. A user types in one, or a script ends before the processes that it started.
+/// Shells, whose end does not mean that the launcher was lost: a user may type in one, and a script may end
+/// before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
 /// Checks in a thread for as long as the process runs. If the launcher is lost, that is recorded in the
@@ -114,7 +115,7 @@ fn parent() -> u32 {
     0
 }
 
-/// Reads a process from Linux. One that has ended but was not waited for counts as ended. Other systems
+/// Reads a process from Linux. A process that has ended but was not waited for counts as ended. Other systems
 /// return nothing.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)

@@ -182,9 +182,9 @@ file_axis! {
     }
 }
 axis! {
-    /// When the data that the ray-triangle test reads of a triangle is computed.
-    Records "records" "when the data that the test reads of a triangle is computed" {
-        EachTest "each-test" "at each test, or with each tile of triangles: the scene's own corners are all that is kept",
+    /// When the data of a triangle that the ray-triangle test reads is computed.
+    Records "records" "when the data of a triangle that a test reads is computed" {
+        EachTest "each-test" "at each test, or once per tile of triangles; memory holds only the scene's corners",
         Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
 }
@@ -204,7 +204,7 @@ axis! {
 }
 axis! {
     /// The number of rays that a work-item casts side by side.
-    Width "width" "rays a work-item casts side by side, in vector types" {
+    Width "width" "rays that a work-item casts side by side, in vector types" {
         W1 "1" "one, as the paper does",
         W2 "2" "2 x 1 pixels",
         W4 "4" "2 x 2 pixels",
@@ -215,16 +215,16 @@ axis! {
 axis! {
     /// The number of children of a tree node.
     NodeWidth "node_width" "children of a tree's node" {
-        N2 "2" "one ray walks these fastest",
+        N2 "2" "the fastest for single rays",
         N4 "4" "four",
-        N8 "8" "what a CPU's vectors test at once",
+        N8 "8" "as many as a CPU's vectors test at once",
         N16 "16" "sixteen",
-        N32 "32" "what a GPU's sub-group tests at once",
+        N32 "32" "as many as a GPU's sub-group tests at once",
     }
 }
 axis! {
     /// The largest number of triangles in a leaf.
-    LeafSize "leaf_size" "triangles that a tree's leaf holds at most" {
+    LeafSize "leaf_size" "the largest number of triangles in a leaf of the tree" {
         L4 "4" "few: a ray tests each of them",
         L8 "8" "eight",
         L16 "16" "sixteen",

@@ -61,18 +61,18 @@ pub struct Constants {
     pub tree_triangles: f64,
     /// From this number of triangles per pixel on, the rays of a tile share too little work.
     pub single_triangles_a_pixel: f64,
-    /// The same limit if surfaces lie all around the eye, since more surfaces then lie behind each other.
+    /// `single_triangles_a_pixel` if surfaces lie all around the eye, since more then lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
     /// From this number of pixels per compute unit on, there are enough tiles to keep it busy.
     pub single_pixels_a_unit: f64,
-    /// From this number of pixels on, and the next limit per triangle, large tiles are enough to keep the
+    /// From this number of pixels on, and that of `large_pixels_a_triangle`, large tiles are enough to keep the
     /// device busy, and share more work.
     pub large_pixels: f64,
-    /// The same limit per triangle.
+    /// The limit of `large_pixels`, per triangle.
     pub large_pixels_a_triangle: f64,
     /// From this number of pixels on, passes are separate.
     pub separate_pixels: f64,
-    /// The same limit if surfaces lie all around the eye.
+    /// `separate_pixels` if surfaces lie all around the eye.
     pub separate_pixels_inside: f64,
 }
 

@@ -39,14 +39,14 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "vectors",
         "memory",
-        "the memory that the host reserves for them",
+        "the memory in which working vectors lie",
         Takes::Words(&["private", "local", "scratch", "heap"]),
     ),
     key("vectors", "bytes_per_ray", "bytes of a ray's working vectors", Takes::Numbers(4..=4096, 4)),
     key(
         "triangles",
         "read_from",
-        "the memory that the host writes them to",
+        "the memory into which the host writes triangles",
         Takes::Words(&["global", "constant"]),
     ),
     key(

@@ -78,7 +78,7 @@ strategy! {
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,
-    /// When the data that the test reads of a triangle is computed.
+    /// When the data of a triangle that the test reads is computed.
     records: Records,
     /// Which faces are visible.
     culling: Culling,

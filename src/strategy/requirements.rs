@@ -97,7 +97,7 @@ impl Requirements {
     }
 }
 
-/// Returns the bytes that a test reads of a triangle.
+/// Returns the bytes of a triangle that a test reads.
 fn record_bytes(strategy: &Strategy) -> u64 {
     4 * strategy.intersector.record_floats() as u64
 }

@@ -30,6 +30,7 @@ impl Sum {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }
 
+    /// Returns an error if the sum exceeds the limit, with its arithmetic.
     pub fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         if self.bytes <= u128::from(limit_bytes) {
             return Ok(());
@@ -39,7 +40,7 @@ impl Sum {
         Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
     }
 
-    /// Does the same for each term separately.
+    /// Returns an error if a single term exceeds the limit, with that term's arithmetic.
     pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

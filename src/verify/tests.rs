@@ -213,7 +213,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
-/// Like a certain pixel, it may differ by a thousandth of the floor, which all that is darker is compared with.
+/// Like a certain pixel, it may differ by a thousandth of the floor, relative to which all darker pixels are
+/// compared.
 #[test]
 fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
     let mut reference = judged();

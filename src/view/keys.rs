@@ -28,9 +28,9 @@ pub enum Action {
     Zoom(f64),
     /// Let the eye go around the scene, or stop it.
     Spin,
-    /// Take the next strategy, or the one before.
+    /// Take the next or the previous strategy.
     Strategy(isize),
-    /// Take the next local size, or the one before.
+    /// Take the next or the previous local size.
     LocalSize(isize),
     /// Take the next device.
     Device,
@@ -93,12 +93,12 @@ pub const KEYS: &[Row] = &[
     Row { names: "space", about: "spin, or stop", keys: &[(Key::Char(' '), Action::Spin)] },
     Row {
         names: "s S",
-        about: "the next strategy, the one before",
+        about: "the next or the previous strategy",
         keys: &[(Key::Char('s'), Action::Strategy(1)), (Key::Char('S'), Action::Strategy(-1))],
     },
     Row {
         names: "w W",
-        about: "the next local size, the one before",
+        about: "the next or the previous local size",
         keys: &[(Key::Char('w'), Action::LocalSize(1)), (Key::Char('W'), Action::LocalSize(-1))],
     },
     Row { names: "d", about: "the next device", keys: &[(Key::Char('d'), Action::Device)] },

@@ -49,8 +49,7 @@ Vec3 kept(volatile varying *at, Vec3 value) {
 // otherwise there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // The index at which vectors begin. It is always 0, since no coordinate of a scene is that large, but the
-    // compiler cannot know this.
+    // The index at which vectors begin: always 0, but the compiler cannot know that no coordinate is that large.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));

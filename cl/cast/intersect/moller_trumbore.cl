@@ -36,18 +36,17 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 
 // Each weight is allowed its rounding error, so that a ray along an edge does not fall through between two triangles. The
 // error grows with the distance to the corner and with the edge in the cross product. (Only the watertight test promises
-// this for every ray.) For a triangle nearly edge-on, rounding leaves no digit of a.
+// this for every ray.) For a triangle nearly edge-on, rounding leaves no digit of a. The paper's guards are constants;
+// the others are proportional to the triangle's size, like the rounding errors that they allow for.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
     row.b = uniform_difference(corners.b, corners.a);
     row.c = uniform_difference(corners.c, corners.a);
 #if PAPER_EPSILONS
-    // The paper's guards are constants, independent of the size of scene and triangle.
     SLACK1(row) = SLACK2(row) = 1e-10f;
     EDGE_ON(row) = 1e-7f;
 #else
-    // These guards are proportional to the triangle's size, like the rounding errors that they allow for.
     const float size1 = uniform_size(row.b), size2 = uniform_size(row.c);
     SLACK1(row) = ROUNDING * size2;
     SLACK2(row) = ROUNDING * size1;
@@ -63,8 +62,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Here numerators get the sign of a and are compared with |a|. This avoids the division, and treats front and
-    // back faces alike.
+    // Here numerators get the sign of a and are compared with |a|: no division, and the same test for both faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
     // 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
@@ -87,8 +85,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // A ray within the edges hits only if the triangle is not seen edge-on, and the hit lies behind t_min and is
-    // nearer than the best so far.
+    // A ray within the edges still misses a triangle seen edge-on, and one before t_min or behind the best hit so far.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

@@ -5,8 +5,8 @@
 // operations: 6
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
-// The same with planes of primary rays as functions of the pixel: a ray through pixel (x, y) is (x, y, 1), so that neighbours
-// in a row or a column share terms. Operations: three planes of 2.
+// The common-origin test with planes of primary rays as functions of the pixel: a ray through pixel (x, y) is (x, y, 1),
+// so that neighbours in a row or a column share terms. Operations: three planes of 2.
 
 #include "cast/planes_of_origin.cl"
 

@@ -20,6 +20,8 @@ typedef struct {
     Vec3 x, y, z;
 } Probe;
 
+// With dominant axis k, and the others cyclically after it, the rows are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., and
+// e_k / d_k. All three shears are computed and one is selected: lanes may differ, and a branch would take every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
     // The largest component becomes z, so that no division makes the shear large.
@@ -29,10 +31,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const varying one = (varying)(1.0f);
     const Vec3 per = vec3(1.0f / direction.x, 1.0f / direction.y, 1.0f / direction.z);
 
-    // With dominant axis k, and the others cyclically after it: rows e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., e_k / d_k.
     Probe probe;
     probe.t_min = t_min;
-    // All three shears are computed and one is selected: lanes may differ, and a branch would take every path.
     const Vec3 x_for_z = vec3(one, zero, -direction.x * per.z);
     const Vec3 y_for_z = vec3(zero, one, -direction.y * per.z);
     const Vec3 x_for_x = vec3(-direction.y * per.x, one, zero);
@@ -67,13 +67,11 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
-    // Edge functions: twice the signed areas of the triangles between each edge and the ray, which is now the point
-    // (0, 0).
+    // Edge functions: twice the signed areas of the triangles between each edge and the ray, now the point (0, 0).
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
-    // The ray is inside if no two have opposite signs. A zero counts as inside on both sides of an edge, so that
-    // nothing leaks.
+    // Inside, no two have opposite signs. A zero is inside on both sides of an edge, so that nothing leaks.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;

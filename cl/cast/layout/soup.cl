@@ -1,7 +1,7 @@
 // meaning: 104 bytes per triangle, nothing shared, as the paper has it
 // index_bits: none
 //
-// 26 floats (104 bytes) a triangle, nothing shared, as the paper has it:
+// 26 floats (104 bytes) per triangle, nothing shared, as the paper has it:
 // three corners (9), three normals (9), k_L (3), k_G (3), s, kind.
 
 #ifndef SOUP_STRIDE

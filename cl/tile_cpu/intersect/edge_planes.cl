@@ -40,20 +40,18 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 // Returns the largest powers of two that are not greater; division of planes by them does not round.
 float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
 
-// Prepares the triangles from `first` on. Returns those that a ray can hit, one bit each.
+// Prepares the triangles from `first` on. Returns those that a ray can hit, one bit each. Edges are computed from the
+// stored corners: differences of corners relative to a distant origin would have lost their last digits.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
-    // Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost
-    // their last digits.
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
     // The origin is shared by all rays, so that the subtraction is done once per tile and not once per ray.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // The origin's height above the plane, times |n|. Its sign shows on which side the origin is, and orients all
-    // planes.
+    // The origin's height above the plane, times |n|. Its sign shows the origin's side, and orients all planes.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
@@ -66,7 +64,6 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
     store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
-    // If |d . n| is less than this, only rounding errors are left of it: the triangle is seen edge-on.
     vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
     // Shadow rays run from the light, where front faces look like back faces.

@@ -16,9 +16,9 @@
 // Half of the overlap of triangles in other tests, as in edge_planes.cl.
 #define OVERLAP 0.5f
 
-// Returns the largest value of each of four planes over an interval of slopes.
+// Returns the largest value of each of four planes over an interval of slopes: p times the middle, plus |p| times half
+// the width.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
-    // The largest p s for a slope s in an interval: p times the middle, plus |p| times half the width.
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
     most.x = MULTIPLY_ADD(fabs(plane.x), half_width, MULTIPLY_ADD(plane.x, middle, rest.x));
@@ -43,18 +43,17 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     triangle->c.y = MULTIPLY_ADD(shaft->sign, along.y, overlap);
     triangle->c.z = MULTIPLY_ADD(shaft->sign, along.z, overlap);
     triangle->c.w = shaft->sign * along.w;
-    // Four functions at once: three edges, and 1 / z.
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
     // No ray of the shaft can hit if all are outside some edge, or if the triangle is behind every nearest hit.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
-// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where.
+// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where. Eight
+// multiply-adds give three edges and 1/z.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
-    // Eight multiply-adds: three edges, and 1 / z.
     const float u = MULTIPLY_ADD(a.x, x, MULTIPLY_ADD(b.x, y, c.x));
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
@@ -74,11 +73,9 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // A shadow ray runs towards its light, in the reverse of the direction tested here: front faces face away from
-    // the light.
+    // A shadow ray is tested in reverse, from its light: front faces are those that face away from the light.
     const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
-    // Transposed: a quad holds one component of all four vectors.
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);
     quads[count] = (float4)(row.a.y, row.b.y, row.c.y, row.v);
     quads[2 * (size_t)count] = (float4)(row.a.z, row.b.z, row.c.z, row.w);

@@ -18,29 +18,30 @@ INLINED float per_power_of_two_below(float positive) {
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
 // than `worst`.
+//
+// Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost their
+// last digits. `height` is six times the volume between origin and triangle; its sign shows which side is visible, and
+// 1 / z = (x, y, 1) . n / height. With culling, the side is reversed for shadow rays, which run towards their light but
+// are tested from it, and for rays that run against their axis, since everything is mirrored there.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
-    // Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost
-    // their last digits.
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a), e3 = uniform_difference(b, c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume between origin and triangle; its sign shows which side is visible.
     const float height = uniform_dot(a, n);
     const float size = uniform_size(a) * max(uniform_size(e1), uniform_size(e2));
     const float per_unit = per_power_of_two_below(0.5f * SHARED_EDGE_SLACK * shaft->longest * size);
     const float turn = height > 0.0f ? per_unit : -per_unit;
     const Uniform3 u = edge_between(e3, b, c, turn), v = edge_between(e2, c, a, turn);
     const Uniform3 w = edge_between(uniform_scale(e1, -1.0f), a, b, turn);
-    // 1 / z = (x, y, 1) . n / height.
     const Uniform3 per_z = uniform_scale(n, reciprocal(height));
     triangle->a = quad(u, per_z.x);
     triangle->b = quad(v, per_z.y);
     triangle->c = quad(w, per_z.z);
     // A triangle seen edge-on is not hit, as in common/planes_of_origin.cl.
     int wanted = used & (fabs(height) > 1e-5f * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
-#if CULL_BACK // a shadow ray runs towards its light, in the reverse of the direction tested here; against its axis everything is mirrored
+#if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
     // No ray of the shaft can hit if all are outside some edge, or if the triangle is behind every nearest hit.

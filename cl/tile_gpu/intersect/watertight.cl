@@ -2,7 +2,8 @@
 // sheared along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis
 // is used instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all
 // triangles, so that a shared corner is sheared in the same way. A candidate contains the corners along the pass's
-// axes, relative to the origin; a's fourth component is the sign of det for front faces.
+// axes, relative to the origin; a's fourth component is the sign of det for front faces, which is reversed for rays
+// that run against the axis, since everything is mirrored there.
 
 // Returns the largest value of v . (x, y, 1) in a shaft, with v's sign changed by `turn`.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
@@ -16,7 +17,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
     a = seen(shaft, a), b = seen(shaft, b), c = seen(shaft, c);
-    triangle->a = quad(a, any ? -shaft->sign : shaft->sign); // against its axis everything is mirrored
+    triangle->a = quad(a, any ? -shaft->sign : shaft->sign);
     triangle->b = quad(b, 0.0f);
     triangle->c = quad(c, 0.0f);
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
@@ -24,7 +25,6 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     const Uniform3 v = uniform_cross(e2, a), w = uniform_cross(a, e1), n = uniform_cross(e1, e2);
     const Uniform3 u = uniform_difference(uniform_difference(n, v), w);
     const float distance = uniform_size(a), size1 = uniform_size(e1), size2 = uniform_size(e2);
-    // Bounds of the rounding error of the functions below: this test may keep too many triangles, never too few.
     const float rounding = 16.0f * ROUNDING * shaft->longest;
     const float slack = rounding * (distance + size1 + size2) * (size1 + size2);
     const float doubt = rounding * (distance + size1 + size2) * size1 * size2;

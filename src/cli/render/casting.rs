@@ -36,7 +36,7 @@ pub struct Cast {
     pub read_ms: f64,
     /// Number of samples per pixel.
     pub sampling: Sampling,
-    /// How many the pixels got, if that differs.
+    /// Numbers of samples that pixels got, if pixels differ.
     pub counts: Option<SampleCounts>,
 }
 
@@ -56,8 +56,8 @@ impl Cast {
 /// used if it is longer than this, so that both are negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-/// Returns whether the first frame is one of the requested ones. Who wants a single picture does not wait for a second
-/// frame.
+/// Returns whether the first frame is one of the requested ones. For a single picture, no second frame is
+/// cast.
 fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }

@@ -25,7 +25,8 @@ use std::time::Instant;
 /// Frames per second, if neither an option nor the scene says how many.
 const USUAL_RATE: u16 = 30;
 
-/// The heading of these options in the help. Each names it, since a heading of all would apply to later options too.
+/// The heading of these options in the help. Every option names the heading, since one for the group would
+/// also apply to the options after it.
 const HEADING: &str = "Moving pictures";
 
 /// Options for moving pictures.

@@ -21,7 +21,7 @@ pub struct Report {
     pub lights: usize,
     /// The device's name.
     pub device: String,
-    /// Number of threads that the device cast with, if known, which it is for PoCL.
+    /// Number of threads that the device cast with, if known (PoCL reports it).
     pub threads: Option<u32>,
     /// The preset; null if an axis differs from it.
     pub preset: Option<&'static str>,

@@ -190,7 +190,7 @@ fn text(report: &Report) -> String {
     lines.extend(report.strategy.iter().map(|strategy| format!("strategy  {strategy}")));
     lines.push(format!("size      {width} x {height} pixels\n{table}"));
     lines.push(format!(
-        "frame     {:.2} ms, the longest device's (median of {}); transfers {:.2} ms up, {:.2} ms down",
+        "frame     {:.2} ms on the slowest device (median of {}); transfers {:.2} ms up, {:.2} ms down",
         report.frame_ms, report.frames, report.upload_ms, report.read_ms
     ));
     lines.extend(

@@ -38,7 +38,7 @@ impl Timeline {
         self.ends_with(part, &[]);
     }
 
-    /// Does the same if some of that time belongs to other parts.
+    /// Ends a part if some of its time belongs to other parts.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

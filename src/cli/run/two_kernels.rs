@@ -7,10 +7,10 @@ use crate::record::Folder;
 use crate::report::Comparison;
 use std::path::PathBuf;
 
-/// Changes that are surely smaller than this fraction count as equal.
+/// Changes that are certainly smaller than this fraction count as equal.
 const THRESHOLD: f64 = 0.02;
 
-/// Prints how the points of the second folder compare with the first one's. A point that is surely slower by
+/// Prints how the points of the second folder compare with the first one's. A point that is certainly slower by
 /// more than `limit_percent` is an error: exit code 1.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);

@@ -2,7 +2,8 @@
 
 use toml::Value;
 
-/// The heading of these options in the help. Each names it, since a heading of all would apply to later options too.
+/// The heading of these options in the help. Every option names the heading, since one for the group would
+/// also apply to the options after it.
 const HEADING: &str = "View of the scene";
 
 /// The view of a scene: direction, background and normals.

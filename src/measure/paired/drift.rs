@@ -14,7 +14,7 @@ const MOST_NEIGHBOURS: usize = 6;
 /// The method is a median polish (Tukey 1977) of the model log time = level of the point + drift at that
 /// time. The drift is not one value per round but the running median over neighbours in time, so that a
 /// change of speed within a round is followed too. Every sample is thus compared with samples taken just
-/// before and after it, and what slows all points alike cancels.
+/// before and after it, and a change that slows all points equally cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = (0..points).filter(|point| samples.iter().any(|sample| sample.point == *point)).count();
@@ -66,7 +66,7 @@ mod tests {
             assert!((left - reference - expected).abs() < 1e-9, "{sample:?}: {left}");
         }
     }
-    /// A point that a launch has no sample of tells nothing of the machine then.
+    /// A point without a sample at some time gives no information about the machine at that time.
     #[test]
     fn only_points_with_samples_count_as_neighbours() {
         // One of two points takes longer and longer, then all of a sudden as long as before.

@@ -15,7 +15,7 @@ impl Paired {
         Some(self.standing(point)?.ratio(&self.standing(other)?))
     }
 
-    /// Returns the fastest point, and those that are not surely slower by more than `resolution`.
+    /// Returns the fastest point, and those that are not certainly slower by more than `resolution`.
     pub(super) fn ranking(&self, resolution: f64) -> Ranking<usize> {
         let level = |place: usize| self.points[place].as_ref().map(Point::level);
         let ties = |place: usize, best: usize| {

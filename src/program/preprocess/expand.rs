@@ -173,7 +173,7 @@ impl Expander<'_> {
     }
 }
 
-/// Returns whether two adjacent tokens would be read as different ones.
+/// Returns whether two adjacent tokens would be read differently without a space between them.
 fn glued(before: &Token, after: &Token) -> bool {
     if !before.is_code() || !after.is_code() {
         return false;

@@ -131,7 +131,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     let Some(peak) = found.peak() else {
         return Line::cannot(
             format!("no latency of {name}"),
-            "`raycl run configs/figure-8.toml --peak`, whose folder has it".to_owned(),
+            "`raycl run configs/figure-8.toml --peak`, which writes it into its folder".to_owned(),
         );
     };
     let figure = match memory {

@@ -200,7 +200,7 @@ mod tests {
             "{held:?}"
         );
         assert_eq!(told(false, &records).verdict, Verdict::NotHeld);
-        // Where it runs at none, its smallest size is named.
+        // If it runs at no size, the smallest size is named.
         let neither = told(false, &[records[3].clone(), records[0].clone()]);
         assert_eq!(neither.verdict, Verdict::Held);
         assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");

@@ -36,7 +36,7 @@ impl Ratio {
         (!ratios.is_empty()).then_some(Self { sure, n: ratios.len(), frame_ms })
     }
 
-    /// Returns whether the ratio is surely in `held`, surely not, or unclear. If an end of the interval
+    /// Returns whether the ratio is certainly in `held`, certainly not, or unclear. If an end of the interval
     /// touches a bound, the result is unclear.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());

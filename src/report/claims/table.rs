@@ -33,7 +33,7 @@ pub struct Row {
 /// A kind of test with its numbers, as documented in `claims.toml`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-#[allow(missing_docs, reason = "the table's own head documents each")]
+#[allow(missing_docs, reason = "the first lines of claims.toml document each")]
 pub enum Test {
     Ratio { of: Vec<Point>, to: Point, at_least: Option<f64>, at_most: Option<f64> },
     Rises { over: Vec<Point>, at_least: f64 },

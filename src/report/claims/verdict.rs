@@ -42,7 +42,7 @@ impl Verdict {
     }
 
     /// Returns the verdict of a claim with several parts. It holds if all parts hold, and does not hold if
-    /// one part surely does not. It cannot be tested if no part can. Otherwise it is unclear.
+    /// one part certainly does not. It cannot be tested if no part can. Otherwise it is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {

@@ -5,9 +5,9 @@ use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
-/// Returns the ratio of the second time of `pair` to the first, and what it is relative to. That is the
-/// anchor of the device; else baselines that were measured in the rounds of both and are the same program;
-/// else those points of the rounds that changed by similar factors. `None` if there is nothing to compare
+/// Returns the ratio of the second time of `pair` to the first, and the time by which both are divided. These are
+/// times of the device's anchor; else of baselines that were measured in the rounds of both and are the same program;
+/// else of those points of the rounds that changed by similar factors. `None` if there is nothing to compare
 /// with, or too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;

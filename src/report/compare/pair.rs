@@ -17,7 +17,7 @@ pub struct Pair {
     pub after: Record,
     /// The verdict on the second record.
     pub verdict: Verdict,
-    /// The ratio of the second time to the first, and what it is relative to; `None` if it cannot be
+    /// The ratio of the second time to the first, and the time by which both are divided; `None` if it cannot be
     /// computed.
     pub change: Option<(Interval, Against)>,
 }
@@ -35,7 +35,7 @@ pub enum Against {
     PointsInCommon,
     /// Nothing: plain times.
     BareTimes,
-    /// The same rounds: both were measured in one run.
+    /// Nothing is needed: both were measured in the same rounds of one run.
     SameRounds,
 }
 

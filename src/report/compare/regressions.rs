@@ -1,5 +1,5 @@
 //! Finds regressions: single points, the mean of every strategy's points, and the mean of all points, if they
-//! are surely too slow. The means detect many small slowdowns of which none is certain alone, as when a file
+//! are certainly too slow. The means detect many small slowdowns of which none is certain alone, as when a file
 //! changed that all strategies share.
 
 use super::Comparison;
@@ -17,7 +17,7 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let slower = |what: &str, change: Interval, tests: usize| {
         let sure = change.surely_above(RISK / 3.0 / tests as f64);
         let [middle, sure_percent] = [change.middle, sure].map(percent);
-        (sure > limit).then(|| format!("{what} {middle:.1}% slower (surely {sure_percent:.1}%)"))
+        (sure > limit).then(|| format!("{what} {middle:.1}% slower (at least {sure_percent:.1}%)"))
     };
     let kernels: Vec<&Pair> =
         comparison.pairs.iter().filter(|pair| pair.change.is_some() && !pair.before.is_baseline()).collect();

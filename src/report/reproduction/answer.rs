@@ -220,8 +220,9 @@ fn against(best: &[(&str, String)], naive: &[(&str, String)]) -> String {
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
-    let ratio =
-        ratio.map_or(String::new(), |ratio| format!("naive at its best takes {} as long, ", ratio.text()));
+    let ratio = ratio.map_or(String::new(), |ratio| {
+        format!("naive at its best local size takes {} as long, ", ratio.text())
+    });
     let tie = match contest.ranking.winners.len() {
         1 => "no other point ties".to_owned(),
         several => format!("{several} of {} points tie", contest.ranking.ranked.len()),
@@ -266,9 +267,9 @@ mod tests {
             found.why
         );
         assert!(
-            found
-                .sure
-                .contains("naive at its best takes 4.44 times (4.44 to 4.44, n = 10) as long, no other"),
+            found.sure.contains(
+                "naive at its best local size takes 4.44 times (4.44 to 4.44, n = 10) as long, no other"
+            ),
             "{}",
             found.sure
         );

@@ -81,7 +81,7 @@ fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Ch
         },
         x_label: "block size".into(),
         y_label: if as_shapes {
-            "time, as a multiple of the curve's least".into()
+            "time, as a multiple of the curve's least time".into()
         } else {
             "time, ms".into()
         },

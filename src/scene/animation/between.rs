@@ -76,8 +76,8 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     value.clamp(from.min(to), from.max(to))
 }
 
-/// Returns the slope at a keyframe: 0 at a turning point, else a harmonic mean of those of the lines to its
-/// neighbours, so that the curve does not overshoot.
+/// Returns the slope at a keyframe: 0 at a turning point, else a harmonic mean of the slopes of the lines to
+/// its neighbours, so that the curve does not overshoot.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);
@@ -98,8 +98,9 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe: that of the parabola through three, where it does not
-/// overshoot (Moler, Numerical Computing with MATLAB, 2004, section 3.6). The nearer line comes first.
+/// Returns the slope at the first or the last keyframe: that of the parabola through three keyframes, where
+/// it does not overshoot (Moler, Numerical Computing with MATLAB, 2004, section 3.6). The nearer line comes
+/// first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

@@ -29,7 +29,11 @@ impl Track {
             return Err(document.error(path.span(), "a track cannot change the animation", "this path"));
         }
         if path.get_ref().split('.').count() > MAX_DEPTH {
-            return Err(document.error(path.span(), "no value of a scene has so long a path", "this path"));
+            return Err(document.error(
+                path.span(),
+                "this path is longer than that of any value of a scene",
+                "this path",
+            ));
         }
         if values.get_ref().is_empty() {
             return Err(document.error(values.span(), "a track without values", "expected at least one"));
@@ -75,7 +79,7 @@ impl Track {
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns where the file has the value that a frame's follows from.
+    /// Returns the location in the file of the keyframe's value from which a frame's value is computed.
     pub fn value_span(&self, frame: u32) -> std::ops::Range<usize> {
         self.values[self.last_keyframe(f64::from(frame))].span()
     }
@@ -86,7 +90,7 @@ impl Track {
     }
 }
 
-/// The remedy where no value lies between two others.
+/// The remedy for values that cannot be interpolated.
 pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
 
 /// Returns the frames of `at`, which has to have one for each value.
@@ -115,10 +119,10 @@ fn given(
     Ok(list.iter().map(|frame| f64::from(*frame.get_ref())).collect())
 }
 
-/// Returns as many places from the first frame to the last, at equal distances.
+/// Returns `values` places from the first frame to the last, at equal distances.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
-    // In this order, places that are whole frames are exact.
+    // The multiplication comes before the division, so that whole frames are exact.
     (0..values).map(|place| 1.0 + length * place as f64 / steps).collect()
 }
 
@@ -136,7 +140,7 @@ fn checked(
     }
     if let (false, Some(given)) = (numeric, given) {
         let message = "only numbers and lists of numbers have values in between";
-        let error = document.error(given.span(), message, "these values can only step");
+        let error = document.error(given.span(), message, "these values cannot be interpolated");
         return Err(error.with_help(STEPS));
     }
     let first = values[0].get_ref();

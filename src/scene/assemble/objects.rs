@@ -42,7 +42,7 @@ pub(super) fn make(
         (None, None, Some(vertices)) => made(inline(document, wire, vertices)?),
         _ => {
             let message = "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces";
-            return Err(document.error(span, message, "none or several of them here"));
+            return Err(document.error(span, message, "this object has none or several of them"));
         }
     };
     normals::complete(&mut file.mesh, wire.crease.as_ref().map(|crease| crease.get_ref().0).or(crease));
@@ -260,7 +260,11 @@ fn check_lengths(document: &Document, faces: &Faces, normals: &Faces) -> Result<
     match faces.iter().zip(lists).find(|(face, list)| face.get_ref().len() != list.get_ref().len()) {
         Some((_, list)) => {
             let mistake = |list: &Spanned<Vec<u32>>| -> Error {
-                document.error(list.span(), "not as many normals as the face has corners", "here")
+                document.error(
+                    list.span(),
+                    "the number of normals differs from the number of corners",
+                    "here",
+                )
             };
             Err(mistake(list))
         }

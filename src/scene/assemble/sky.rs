@@ -31,7 +31,7 @@ pub(super) fn build(
             Some(Arc::new(SkyPicture { size, texels, ahead: SkyPicture::middle(up, turn_degrees), is_seen }))
         }
         (None, _) if wire.strength.is_some() || wire.turn_degrees.is_some() => {
-            return refused("strength and turn_degrees are those of a picture", "no picture here");
+            return refused("strength and turn_degrees belong to a picture", "no picture here");
         }
         (None, None) => return refused("a sky has a zenith or a picture", "neither of them here"),
         (None, Some(_)) => None,

@@ -39,7 +39,7 @@ impl Usage {
         Self { wrap, least_alpha: 0 }
     }
 
-    /// Returns the use as a mask: the surface is where alpha is at least this much, from 0 to 1.
+    /// Returns the use as a mask: where alpha is less than this, from 0 to 1, there is a hole.
     pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
         Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
     }
@@ -121,7 +121,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
     let (width, height) = size;
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
-        return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} each way"));
+        return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
     // Needed twice: as decoded, and as stored.
     let needed = 8 * u64::from(width) * u64::from(height);

@@ -27,8 +27,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     }
     let mut file = parts.mesh(name, &header)?;
     if strange > 0 {
-        file.notes
-            .push(format!("ignored {} of the header that PLY does not define", counted(strange, "line")));
+        file.notes.push(format!("ignored {} in the header, not defined by PLY", counted(strange, "line")));
     }
     Ok(file)
 }
@@ -131,7 +130,7 @@ impl Parts {
         let mut notes = Vec::new();
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
-            notes.push(format!("{textures} TextureFile asks for textures, which raycl does not support: each triangle has one colour"));
+            notes.push(format!("{textures} comments (TextureFile) name textures, which raycl does not support: each triangle has one colour"));
         }
         let of_faces = header.elements.get("face").filter(|face| face.properties.contains_key("red"));
         if let Some(face) = of_faces {

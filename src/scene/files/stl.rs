@@ -57,7 +57,8 @@ fn binary(bytes: &[u8]) -> Vec<DVec3> {
     rows(bytes).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
-/// Does the same for text. It uses only `vertex x y z`, three before each `endfacet`. The error has the line.
+/// Returns three corners per triangle of a text file. It uses only `vertex x y z`, three before each `endfacet`.
+/// The error has the line.
 fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
     let mut corners = Vec::new();
     let lines = || bytes.split(|&byte| byte == b'\n');

@@ -41,18 +41,18 @@ impl Wish {
     /// Returns the feature, and what raycl does instead.
     fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "only a material's colour may have one"),
+            Self::Texture => ("textures", "only a material's colour may have a texture"),
             Self::TextureOption => ("options of textures", "they are ignored"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Blending => {
-                ("blended transparency", "what is half opaque or more is seen, the rest is a hole")
+                ("blended transparency", "points that are at least half opaque are drawn, others are holes")
             }
-            Self::Emission => ("emitted light", "only lights of the scene shine"),
-            Self::Reflection => ("mirror reflections", "surfaces show lights only"),
+            Self::Emission => ("emitted light", "only the scene's lights illuminate"),
+            Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),
             Self::Refraction => ("refraction", "every surface is opaque"),
-            Self::Unlit => ("a colour without light", "it is lit like any other"),
-            Self::NoHighlight => ("no highlight", "a Ks that is not zero makes one"),
-            Self::ShadowCatcher => ("an invisible surface for shadows", "it is seen"),
+            Self::Unlit => ("a colour without light", "the surface is lit like any other"),
+            Self::NoHighlight => ("no highlight", "there is a highlight if Ks is not zero"),
+            Self::ShadowCatcher => ("an invisible surface for shadows", "the surface is drawn"),
             Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
             Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),
@@ -63,7 +63,7 @@ impl Wish {
             Self::Lines => ("lines", "only faces are drawn"),
             Self::Points => ("points", "only faces are drawn"),
             Self::FreeForm => ("curves and surfaces", "only faces are drawn"),
-            Self::Attribute => ("display attributes", "all faces are drawn alike"),
+            Self::Attribute => ("display attributes", "all faces are drawn in the same way"),
             Self::OtherFile => ("another file or command", "it is neither read nor run"),
             Self::Unknown => ("unknown things", "they are ignored"),
         }

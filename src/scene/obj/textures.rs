@@ -13,7 +13,7 @@ use glam::Vec3;
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
-/// The alpha, or brightness, from which on a surface is where its `map_d` is.
+/// The least alpha, or brightness, of a `map_d` at which there is surface and no hole.
 const LEAST_ALPHA: f32 = 0.5;
 
 /// The textures of a material.
@@ -26,7 +26,7 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// Makes a material's textures. Both are placed on a triangle in the same way, that of the colour.
+    /// Makes a material's textures. The mask is placed on a triangle in the same way as the colour.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
         if let [Some(colour), Some(mask)] = places
@@ -42,7 +42,7 @@ impl Maps {
         self.place().is_some()
     }
 
-    /// Returns the map that says where the textures are on a triangle.
+    /// Returns the map whose settings decide where the textures are on a triangle.
     fn place(&self) -> Option<&Map> {
         self.colour.as_ref().or(self.mask.as_ref())
     }
@@ -127,12 +127,12 @@ impl Map {
         Some(map)
     }
 
-    /// Returns the same with the line's location, and whether its material has no colour.
+    /// Adds the line's location, and whether its material has no colour.
     pub fn told(self, at: String, alone: bool) -> Self {
         Self { at, alone, ..self }
     }
 
-    /// Returns what decides where the picture is on a triangle.
+    /// Returns the settings that decide where the picture is on a triangle.
     fn placing(&self) -> ([f32; 2], [f32; 2], Wrap) {
         (self.scale, self.offset, self.wrap)
     }

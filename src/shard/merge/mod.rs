@@ -56,7 +56,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
-    // Written first, so that the folder is known to be a merge's.
+    // Written first, so that the folder is recognised as one that a merge wrote.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;
@@ -196,7 +196,8 @@ fn write_renumbered<T: Serialize + DeserializeOwned>(
     })
 }
 
-/// Writes the peak rates that attempts measured. If several have one device's, the first is used.
+/// Writes the peak rates that attempts measured. If several attempts measured those of one device, the first
+/// is used.
 fn write_peak(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     for attempt in attempts {

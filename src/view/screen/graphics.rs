@@ -186,7 +186,7 @@ mod tests {
             .pixels()
             .zip(shown.pixels.chunks_exact(4))
             .flat_map(|(pixel, rgba)| [0, 1, 2].map(|channel| pixel[channel].abs_diff(rgba[channel])));
-        // Sixels have colours in per cent, and neighbours share what a colour is off.
+        // Sixels have colours in per cent, and the error of a colour is distributed over its neighbours.
         assert!(off.clone().all(|off| off <= 24), "{:?}", off.max());
     }
 }

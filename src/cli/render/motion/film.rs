@@ -8,7 +8,7 @@ use crate::strategy::Strategy;
 use glam::Vec3;
 use std::sync::Arc;
 
-/// What moves from frame to frame.
+/// The kind of movement from frame to frame.
 pub enum Film {
     /// The eye, once around the scene.
     Turntable { scene: Arc<Scene>, orbit: Orbit, count: u32 },
@@ -48,7 +48,7 @@ impl Film {
         }
     }
 
-    /// Refuses frames whose values make no scene.
+    /// Refuses frames whose values do not make a valid scene.
     pub fn check(&self, first: u32, last: u32) -> Result<()> {
         match self {
             Self::Turntable { .. } => Ok(()),

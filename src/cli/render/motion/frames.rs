@@ -25,7 +25,7 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
 }
 
 impl Frames {
-    /// Returns the same range, if there are that many frames.
+    /// Returns this range, or an error if there are fewer frames.
     pub fn within(self, count: u32) -> Result<Self> {
         if self.last <= count {
             return Ok(self);

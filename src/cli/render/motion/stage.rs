@@ -22,7 +22,7 @@ pub struct Stage<'a> {
     pub program: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree that was built while the device was opened, and its mesh.
     pub tree: Option<(Arc<Mesh>, (Strategy, HostTree))>,
-    /// What cast the last frame.
+    /// The caster of the last frame.
     pub ready: Option<Ready>,
 }
 

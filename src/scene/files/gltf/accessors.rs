@@ -107,7 +107,7 @@ impl<'a> Numbers<'a> {
         // Such elements take no bytes in the file, so their number must be limited.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
         if count > held.max(1 << 16) {
-            return Err(format!("{} elements that no buffer holds", accessor.count.0));
+            return Err(format!("{} elements without data in any buffer", accessor.count.0));
         }
         Ok(vec![[0.0; N]; count])
     }
@@ -167,6 +167,6 @@ fn components(accessor: &Accessor) -> Parsed<usize> {
         Checked::Valid(Type::Vec3) => Ok(3),
         Checked::Valid(Type::Vec4) => Ok(4),
         Checked::Valid(Type::Mat4) => Ok(16),
-        _ => Err("a type of elements that no mesh has".to_owned()),
+        _ => Err("an element type that meshes do not use".to_owned()),
     }
 }

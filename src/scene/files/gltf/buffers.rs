@@ -35,7 +35,7 @@ pub(super) fn load<'a>(
 
 fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) -> Parsed<Cow<'a, [u8]>> {
     let Some(uri) = &buffer.uri else {
-        return binary.ok_or_else(|| "it has no uri, and the file no binary part".to_owned());
+        return binary.ok_or_else(|| "it has no uri, and the file has no binary part".to_owned());
     };
     if uri.starts_with("data:") {
         return decoded(uri).map(Cow::Owned);

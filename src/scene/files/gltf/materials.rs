@@ -24,10 +24,10 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// A surface that the file wants blended with what is behind it is opaque where its alpha is at least this.
+/// A surface that the file wants blended with its background is opaque where its alpha is at least this.
 const BLENDED: f32 = 0.5;
 
-/// Returns the least alpha of a texel where the surface is, from 0 to 1; 0 if all of it is there.
+/// Returns the least alpha, from 0 to 1, of a texel that is no hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
         Checked::Valid(AlphaMode::Mask) if !is_hidden(wire) => cutoff(wire) / factor(wire),

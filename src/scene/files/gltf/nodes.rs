@@ -253,7 +253,7 @@ impl LeftOut {
     fn notes(&self) -> impl Iterator<Item = String> {
         let notes = [
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
-            (self.spots, "spot light", "shown as lights in all directions"),
+            (self.spots, "spot light", "shown as lights that shine in all directions"),
             (self.skins, "skinned mesh", "shown as stored, without its joints"),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 /// The first words of a header's lines.
 const WORDS: [&[u8]; 7] =
     [b"ply", b"format", b"comment", b"obj_info", b"element", b"property", b"end_header"];
-/// What a line becomes that begins with none of them.
+/// The kind of a line that begins with none of them.
 const COMMENT: &[u8] = b"comment ";
 /// Longest header that is looked through, in bytes. The reader refuses what is wrong in a longer one.
 const MAX_BYTES: usize = 1 << 20;
