@@ -70,3 +70,26 @@ fn a_broken_mean_is_a_wrong_picture() {
         place.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
     }
 }
+
+/// A tile that casts several samples of its pixels at once: one of them at another place, counted twice, or left out.
+#[test]
+fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    for (file, from, to, samples) in [
+        ("tile_cpu/camera.cl", "(LANE_Y & last) << bits", "(LANE_Y & last) << 1", "16"),
+        ("tile_cpu/camera.cl", "sample_of_lane(samples->bits) < samples->count", "samples->count > 0", "14"),
+        ("tile_cpu/camera.cl", "pixels.sample_y = samples->y", "pixels.sample_y = samples->x", "16"),
+        ("tile_cpu/shade.cl", "sum_of_lanes(hit)", "sum_of_lanes(hit) * 0.0f", "16"),
+        (
+            "tile_cpu/shade.cl",
+            "const float2 c = b.lo + b.hi;\n    return c.x + c.y;\n}\n\n// Returns the sums",
+            "const float2 c = b.lo + b.hi;\n    return c.x + c.x;\n}\n\n// Returns the sums",
+            "16",
+        ),
+        ("tile_cpu/shade.cl", "across.s0145 + across.s2367", "across.s0145 + across.s0167", "4"),
+        ("tile_cpu/shade.cl", "(sum - (float)count * *mean)", "(sum - *mean)", "20"),
+        ("tile_cpu/shade.cl", "(float4)(r.w, g.w, b.w, h.w)", "(float4)(r.z, g.z, b.z, h.z)", "4"),
+    ] {
+        place.notices((file, from, to), "tile", &["--verify", "--samples", samples]);
+    }
+}

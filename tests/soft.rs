@@ -172,12 +172,11 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
             "tile",
         ),
         ("tile_cpu/soft.cl", "const float first = negative ?", "const float first = !negative ?", "tile"),
-        (
-            "tile_cpu/sky.cl",
-            "[counts[class]++] = (ushort)ray;",
-            "[counts[class]++] = (ushort)(ray & ~1);",
-            "tile",
-        ),
+        ("tile_cpu/sky.cl", "open &= !are_stopped_alone", "open &= are_stopped_alone", "tile"),
+        ("tile_cpu/single_ray.cl", "(2 * axis + negative) * NODE_WIDTH", "2 * axis * NODE_WIDTH", "tile"),
+        ("tile_cpu/single_ray.cl", "min(min(x2, y2), z2)", "min(x2, y2) * 0.0f", "tile"),
+        ("tile_cpu/single_ray.cl", "flip_sign8(lanes_dot(way, r), sign)", "lanes_dot(way, r)", "tile"),
+        ("tile_cpu/single_ray.cl", "(t > 0.0f)", "(t < 0.0f)", "tile"),
         ("tile_gpu/soft.cl", "faces_it && !is_stopped", "faces_it && is_stopped", "tile-group"),
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
@@ -185,7 +184,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
 }
 
 /// A floor between three walls: in every tile some rays to the sky are stopped and some are
-/// not, and their number is no multiple of a packet.
+/// not, and their number is no multiple of a vector.
 const HALF_OPEN: &str = "[camera]
 position = [0, 1.5, 4]
 look_at = [0, 0.5, 0]

@@ -62,9 +62,20 @@ fn number_of_lane(bits: u32, lane: usize) -> usize {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::pixel_samples;
+    use crate::device::discover;
+    use crate::image::Radiance;
+    use crate::launch::{Caster, Session};
+    use crate::program::Sources;
+    use crate::scene::{Sampling, Scene, load_scene, pixel_samples};
+    use crate::strategy::preset;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// Sides that are multiples of no block's.
+    const SIZE: [u32; 2] = [75, 61];
 
     #[test]
     fn each_sample_of_a_frame_has_a_sub_pixel() {
@@ -98,6 +109,52 @@ mod tests {
             let cast: Vec<_> = frames(&samples, MOST_BITS).into_iter().flatten().copied().collect();
             assert_eq!(cast, samples);
             assert!(frames(&samples, 0).iter().all(|frame| frame.len() == 1));
+        }
+    }
+
+    /// Casts a picture of a scene with `cast`, with tiles of vectors.
+    fn picture(name: &str, count: u32, cast: impl Fn(&Caster, &Scene)) -> (Radiance, usize) {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+        let strategy = preset("tile").unwrap().strategy;
+        let prepared = session.sampling(Sampling::all(count)).prepare(&strategy, SIZE, [1, 1]);
+        let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+        let caster = caster.map_err(|refused| refused.reason()).unwrap();
+        cast(&caster, &scene);
+        caster.read().unwrap()
+    }
+
+    /// Rays differ by rounding, so that a sample on an edge may hit another triangle.
+    #[test]
+    fn samples_cast_together_are_those_cast_one_by_one() {
+        let pixels = (SIZE[0] * SIZE[1]) as usize;
+        for (scene, counts) in [("scenes/still-life.toml", [3, 16, 19]), ("scenes/table.toml", [4, 12, 16])] {
+            for count in counts {
+                let together = picture(scene, count, |caster, scene| {
+                    caster.cast_samples(&scene.camera, &Sampling::all(count)).unwrap();
+                });
+                let singly = picture(scene, count, |caster, scene| {
+                    for sample in pixel_samples(count) {
+                        caster.cast_sample(&scene.camera, &sample).unwrap();
+                    }
+                });
+                let apart = |(a, b): (&[f32; 3], &[f32; 3])| {
+                    (0..3).any(|channel| {
+                        (a[channel] - b[channel]).abs() > 1e-3 * (a[channel] + b[channel]) + 1e-6
+                    })
+                };
+                let different =
+                    together.0.pixels.iter().zip(&singly.0.pixels).filter(|pair| apart(*pair)).count();
+                assert!(different * 200 < pixels, "{scene}, {count} samples: {different} of {pixels} pixels");
+                assert!(
+                    together.1.abs_diff(singly.1) * 1000 < pixels,
+                    "{} and {} hits",
+                    together.1,
+                    singly.1
+                );
+            }
         }
     }
 }
