@@ -64,7 +64,7 @@ fn a_broken_mean_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     for (file, from, to, strategy) in [
         ("common/samples.cl", "(float)((earlier) + 1)", "(float)((earlier) + 2)", "bvh"),
-        ("common/samples.cl", "x / SAMPLED_BLOCK] > earlier", "x / SAMPLED_BLOCK] > earlier + 1", "tile"),
+        ("common/samples.cl", "x / SAMPLED_BLOCK] > earlier", "x / SAMPLED_BLOCK] > earlier + 3", "tile"),
         ("common/mark_rough.cl", "? most : first;", "? most : most + 1;", "bvh"),
     ] {
         place.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
@@ -76,7 +76,7 @@ fn a_broken_mean_is_a_wrong_picture() {
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     for (file, from, to, samples) in [
-        ("tile_cpu/camera.cl", "(LANE_Y & last) << bits", "(LANE_Y & last) << 1", "16"),
+        ("tile_cpu/camera.cl", "(LANE_Y & last) << bits", "(LANE_Y & last) << 1", "14"),
         ("tile_cpu/camera.cl", "sample_of_lane(samples->bits) < samples->count", "samples->count > 0", "14"),
         ("tile_cpu/camera.cl", "pixels.sample_y = samples->y", "pixels.sample_y = samples->x", "16"),
         ("tile_cpu/shade.cl", "sum_of_lanes(hit)", "sum_of_lanes(hit) * 0.0f", "16"),
