@@ -58,7 +58,7 @@ pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample
 /// Returns the number in the frame of the sample that a lane casts. cl/tile_cpu/camera.cl has the same.
 fn number_of_lane(bits: u32, lane: usize) -> usize {
     let last = (1 << bits) - 1;
-    lane % SIDE & last | (lane / SIDE & last) << bits
+    ((lane % SIDE) & last) | ((lane / SIDE) & last) << bits
 }
 
 #[cfg(test)]
