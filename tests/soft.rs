@@ -165,12 +165,6 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("cast/soft.cl", "open &= !SOLID_ON_RAYS", "open &= SOLID_ON_RAYS", "wide-common-origin"),
         ("cast/soft.cl", "multiply(surface->lambertian,", "multiply(surface->glossy,", "deferred"),
         ("tile_cpu/soft.cl", "end = first + LEAF_COUNT(word);", "end = first + 1;", "tile"),
-        (
-            "tile_cpu/soft.cl",
-            "min(near * bounds->per_low[axis], near * bounds->per_high[axis])",
-            "near * bounds->per_low[axis]",
-            "tile",
-        ),
         ("tile_cpu/soft.cl", "const float first = negative ?", "const float first = !negative ?", "tile"),
         ("tile_cpu/sky.cl", "open &= !are_stopped_alone", "open &= are_stopped_alone", "tile"),
         ("tile_cpu/single_ray.cl", "(2 * axis + negative) * NODE_WIDTH", "2 * axis * NODE_WIDTH", "tile"),
@@ -181,6 +175,14 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
+    // It shows where a packet's rays to a large light pass many small boxes.
+    let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
+    let narrower = (
+        "tile_cpu/soft.cl",
+        "min(near * bounds->per_low[axis], near * bounds->per_high[axis])",
+        "near * bounds->per_low[axis]",
+    );
+    Place::with(&[("scene.toml", &fine)]).notices(narrower, "tile", &["--verify", "--samples", "2"]);
 }
 
 /// A floor between three walls: in every tile some rays to the sky are stopped and some are
